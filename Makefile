@@ -1,7 +1,7 @@
 # PatchNet for Blender: `make demo` and `make test` are all it takes on a bare Debian 12 with Python 3.11.
 #
 #   make demo     install what is missing, then build, bake, encode and refine the demo scene into out/demo
-#   make test     lint, types and all tests
+#   make test     lint, types and all tests: about 15 minutes on two cores
 #   make lint     lint and types alone
 #   make test-blender   the extension in a real Blender 5.2, with a window: BLENDER=/path/to/blender, or one is fetched
 #   make docs     the site of the documentation into out/docs; its tutorial runs in Blender meanwhile

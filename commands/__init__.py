@@ -91,15 +91,12 @@ def modules_of(names: Iterable[str] = NAMES) -> dict[str, ModuleType]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Argument parser that reports what it does not understand as an event where programs listen."""
+    """Argument parser that says in one sentence what it does not understand, without its usage."""
 
     def error(self, message: str) -> NoReturn:
-        from ..patchnet_addon.runtime.log import is_json
         from .shared.lines import say_error
 
-        if not is_json():
-            super().error(message)
-        say_error(message, EXIT_ERROR)
+        say_error(f"error: {message}; `{self.prog} --help` lists what there is", EXIT_ERROR)
         self.exit(EXIT_ERROR)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import PatchNetError
+from ..patchnet_addon.runtime.quantities import counted
 from ..training.settings import SAMPLES, VIEWS
 from .shared.arguments import add_number, add_out, check_octrees
 
@@ -82,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
         drawn += samples.views.shape[0] * samples.views.shape[1]
         save_samples(samples, path, octree, settings, args.out / (name + SUFFIX))
     seconds = time.monotonic() - start
-    text = f"{drawn:,} samples of {len(names)} octrees in {seconds:.0f} s ({drawn / seconds:,.0f}/s)"
+    text = f"{counted(drawn, 'sample')} of {counted(len(names), 'octree')} in {seconds:.0f} s"
+    text += f" ({drawn / seconds:,.0f}/s)"
     say_result(text, file=args.out, samples=drawn)
     return 0

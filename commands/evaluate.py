@@ -14,6 +14,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE, EVALUATION_TABLES
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out, check_octrees, named_file
 from .shared.lines import say_result
@@ -85,15 +86,15 @@ def run(args: argparse.Namespace) -> int:
         octrees = _octrees(args)
         if args.prepare:
             drain(prepare(octrees, settings, args.out), bars.show)
-            say_result(f"{args.out}: {len(octrees)} scenes are prepared", file=args.out, scenes=len(octrees))
+            say_result(f"{args.out}: prepared {counted(len(octrees), 'scene')}", file=args.out, scenes=len(octrees))
             return 0
         if args.part is not None:
             count = drain(evaluate_part(octrees, settings, args.out, *args.part), bars.show)
-            say_result(f"{args.out}: {count} blocks of frames are there", file=args.out, blocks=count)
+            say_result(f"{args.out}: finished {counted(count, 'block')} of frames", file=args.out, blocks=count)
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
     _write_results(args, settings, scenes)
-    say_result(f"{args.out / REPORT}: {len(scenes)} scenes", file=args.out / REPORT, scenes=len(scenes))
+    say_result(f"{args.out / REPORT}: {counted(len(scenes), 'scene')}", file=args.out / REPORT, scenes=len(scenes))
     return 0
 
 

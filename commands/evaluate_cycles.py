@@ -16,6 +16,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
 from ..patchnet_addon.runtime.outputs import check_outputs
 from ..patchnet_addon.runtime.progress import Steps, drain, labelled
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.replace import replaced_file
 from .shared.arguments import add_number, add_out
 from .shared.job_arguments import require_blender
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
             found[scene.name] = {"light": scene.light} | second_truth_results(scene.name, coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
             _write(args.out, settings, found)  # scene by scene: each takes long
-    say_result(f"{args.out / RESULTS}: {len(found)} scenes", file=args.out / RESULTS, scenes=len(found))
+    say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
 
 

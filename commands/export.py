@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.quantities import counted
 from .shared.arguments import add_number, add_out
 from .shared.lines import make_parent, say_result
 
@@ -41,6 +42,6 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     with ProgressBars() as bars:
         count = drain(steps, bars.show)
-    text = f"{args.out}: {count:,} voxels of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB"
+    text = f"{args.out}: {counted(count, 'voxel')} of level {level}, {args.out.stat().st_size / 2**20:.1f} MiB"
     say_result(text, file=args.out, octree_level=level, voxels=count)
     return 0

@@ -8,6 +8,7 @@ import shlex
 from pathlib import Path
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.quantities import counted
 from .shared.arguments import add_number, add_out, scene_kind
 from .shared.job_arguments import require_blender
 from .shared.lines import make_parent, say_note, say_result
@@ -61,5 +62,5 @@ def run(args: argparse.Namespace) -> int:
     if composed.role == "test":
         say_note("this library is for testing only: nothing is to be trained on this scene")
     count = len(composed.plan.placements)
-    say_result(f"{args.out}: {count} pieces; credits are in {credits_file}", file=args.out, pieces=count)
+    say_result(f"{args.out}: {counted(count, 'piece')}; credits are in {credits_file}", file=args.out, pieces=count)
     return 0

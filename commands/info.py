@@ -10,6 +10,7 @@ from typing import Any
 
 from ..patchnet_addon.runtime.files import FileHeader
 from ..patchnet_addon.runtime.log import event
+from ..patchnet_addon.runtime.quantities import counted
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -60,8 +61,8 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         octree = load_octree(path)
         share = octree.look_ahead(load_weights(weights).lookahead).sum() / octree.node_count
         return [
-            f"depth {octree.depth}, {octree.leaf_count:,} voxels of side {octree.grid.voxel_size_world:.4g}, "
-            f"{octree.node_count:,} nodes",
+            f"depth {octree.depth}, {counted(octree.leaf_count, 'voxel')} of side {octree.grid.voxel_size_world:.4g}, "
+            f"{counted(octree.node_count, 'node')}",
             exposure_text(octree).lower(),
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
             f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
@@ -73,6 +74,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         return [
             f"network {held.kind.name}, encoder {held.encoder_kind.name}, look-ahead {held.lookahead}",
             f"hash {held.hash}",
+            f"{'with' if held.plus else 'without'} an estimator of pixel errors of its own",
         ]
     if header.kind == "codes":
         arrays = header.arrays
@@ -88,7 +90,7 @@ def _lines(values: dict[str, Any], indent: str = "") -> list[str]:
         if isinstance(value, dict):
             lines += [f"{indent}{name}:", *_lines(value, indent + "  ")]
         elif isinstance(value, list) and len(value) > 8:
-            lines.append(f"{indent}{name}: {len(value)} values")
+            lines.append(f"{indent}{name}: {counted(len(value), 'value')}")
         else:
             lines.append(f"{indent}{name}: {value}")
     return lines

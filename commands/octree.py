@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
@@ -101,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     octree = made.octree
     if args.view:
         say_unseen(octree, view_cameras(args))
-    text = f"{args.out}: depth {octree.depth}, {octree.leaf_count:,} voxels, {octree.nbytes / 2**20:.1f} MiB"
+    text = f"{args.out}: depth {octree.depth}, {counted(octree.leaf_count, 'voxel')}, {octree.nbytes / 2**20:.1f} MiB"
     say_exposure(octree)
     say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)
     if args.timings:
@@ -132,13 +133,14 @@ def _settings(args: argparse.Namespace) -> JobSettings:
 
 def _recipe(args: argparse.Namespace) -> Recipe:
     """Recipe beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
-    from ..operators.pipeline.lit_octree import Recipe
+    from ..operators.pipeline.lit_octree import Recipe, given_cameras
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
     bisect = _bisect(args)
     if bisect is not None:
         notes["bisect"] = args.bisect
-    return Recipe(cameras=lambda _: view_cameras(args), rotation=args.rotate, bisect=bisect, provenance=notes)
+    cameras = given_cameras(lambda: view_cameras(args))
+    return Recipe(cameras=cameras, rotation=args.rotate, bisect=bisect, provenance=notes)
 
 
 def check_out(args: argparse.Namespace) -> None:

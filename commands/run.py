@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime.errors import SettingError
+from ..patchnet_addon.runtime.quantities import counted, error_text
 from .shared.arguments import add_out
 from .shared.cycles import print_cycles
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
@@ -78,12 +79,15 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 
 def print_result(result: JobResult, settings: JobSettings) -> None:
     """Warnings, the octree, the views, and with a reference what is left of the error by strategy."""
+    from ..operators.pipeline.output_files import OVERVIEW_NAME
+
+    assert settings.out is not None
     for warning in result.warnings:
         say_note(warning)
     octree = result.report["octree"]
     depth = f"{'up to ' if octree['fitted'] else ''}{octree['depth']}"
     print(
-        f"Octree: depth {depth}, {octree['leaves']:,} voxels, {octree['nodes']:,} nodes, "
+        f"Octree: depth {depth}, {counted(octree['leaves'], 'voxel')}, {counted(octree['nodes'], 'node')}, "
         f"{(octree['bytes'] + octree['codes_bytes']) / 2**20:.1f} MiB with codes"
     )
     say_exposure(result.coded.octree)
@@ -91,7 +95,7 @@ def print_result(result: JobResult, settings: JobSettings) -> None:
         _print_view(view, settings.view)
     views = [_view_figures(view) for view in result.report["frames"]]
     figures = {"depth": octree["depth"], "leaves": octree["leaves"], "views": views}
-    say_result(f"Results are in {settings.out}", file=settings.out, **figures)
+    say_result(f"Results are in {settings.out}: look at {settings.out / OVERVIEW_NAME}", file=settings.out, **figures)
 
 
 def _print_view(view: dict[str, Any], wanted: ViewSettings) -> None:
@@ -107,23 +111,25 @@ def _print_view(view: dict[str, Any], wanted: ViewSettings) -> None:
         print(title)
     print(f"  {refined['spent']:.4g} samples per active pixel by priority ({wanted.strategy}): {spread} pixels")
     if "mse" in refined:
-        print(f"  Error then {refined['mse']:.2e}; as many rays as a share of 1,024 each {refined['mse_of_share']:.2e}")
+        share = error_text(refined["mse_of_share"])
+        print(f"  Error of refined.png {error_text(refined['mse'])}; as many rays as a share of 1,024 each {share}")
     print_cycles(view.get("cycles"))
 
 
 def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> None:
     """Error of every strategy, and of pictures that none refines."""
+    from ..patchnet_addon.sampling.registry import STRATEGIES
     from ..patchnet_addon.sampling.report import shown_figures
 
     shown = shown_figures(view)
-    print(
-        f"{title}, error {shown['mse_unrefined']:.2e}, after refining {wanted.budget:.0%} of {view['active_pixels']}:"
-    )
+    print(f"{title}, error {error_text(shown['mse_unrefined'])} (mean squared, x 10,000)")
+    print(f"  after {wanted.budget:.0%} of {view['active_pixels']:,} pixels are without error, chosen by")
     for name, value in sorted(shown["mse"].items(), key=lambda item: item[1]):
-        print(f"  {name:<24} {value:.2e}{' <' if name == wanted.strategy else ''}")
+        chosen = " <" if name == wanted.strategy else ""
+        print(f"  {name:<24} {error_text(value):>6}  {STRATEGIES[name].cost}{chosen}")
     pictures = {"preview": view["mse_unrefined"], "predicted": view["predicted"]["mse_unrefined"]}
     pictures |= {f"{side} x {side} rays": error for side, error in view.get("uniform", {}).items() if side != "1"}
-    print(f"  Unrefined: {', '.join(f'{name} {error:.2e}' for name, error in pictures.items())}")
+    print(f"  Unrefined: {', '.join(f'{name} {error_text(error)}' for name, error in pictures.items())}")
 
 
 def _view_figures(view: dict[str, Any]) -> dict[str, Any]:

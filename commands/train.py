@@ -14,7 +14,7 @@ from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
-from ..training.run.run_files import WEIGHTS, check_run
+from ..training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run
 from ..training.settings import (
     LOSSES,
     PRECISIONS,
@@ -28,7 +28,7 @@ from ..training.settings import (
 )
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
-from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch
+from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch, say_written
 
 _PRESET = "improved"
 
@@ -161,8 +161,22 @@ def run(args: argparse.Namespace) -> int:
         return 0
     save_weights(weights, path)
     write_card(args.out, datasets, settings, weights.metadata, weights.hash, validation)
+    _print_errors(args.out / LOG)
+    say_written(args.out, RUN_FILES)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
     return 0
+
+
+def _print_errors(log: Path) -> None:
+    """Print the last errors of what was learned from, and of each data set that was validated on."""
+    from ..training.run.model_card import read_log
+
+    curve, validations = read_log(log)
+    found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
+    print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
+    for name, errors in found.items():
+        figures = [f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance") if key in errors]
+        print(f"  {name:<24} {' '.join(figures)}")
 
 
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:

@@ -18,6 +18,7 @@ from typing import Any
 
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.quantities import counted
 from ..training.evaluation.networks.names import NAMES
 from .shared.arguments import add_number, add_out, check_octrees
 from .shared.lines import say_result
@@ -78,5 +79,5 @@ def run(args: argparse.Namespace) -> int:
     with ProgressBars() as bars:
         frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)
         path = drain(train_maps(frames, key, settings, options), bars.show)
-    say_result(f"{path}: learnt from {len(frames):,} frames", file=path, frames=len(frames))
+    say_result(f"{path}: learnt from {counted(len(frames), 'frame')}", file=path, frames=len(frames))
     return 0

@@ -30,6 +30,7 @@ from ..patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.quantities import counted
 from ..training.networks_of_paper.plan import KINDS, planned_networks
 from ..training.settings import LOSSES, PRESETS, preset_with
 from .shared.arguments import add_device, add_number, add_out, check_octrees
@@ -116,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
         {"samples": args.samples, "least_level": args.least_level, "voxels": args.voxels} | asdict(work.settings),
         rows,
     )
-    say_result(f"{args.out}: {len(rows)} networks", file=args.out, networks=len(rows))
+    say_result(f"{args.out}: {counted(len(rows), 'network')}", file=args.out, networks=len(rows))
     for words in next_commands(args.out, octrees, plans, [scene.name for scene in scenes], args.every):
         print(shlex.join(["patchnet", *words]))
         if args.evaluate:

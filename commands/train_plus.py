@@ -5,7 +5,9 @@ Frames of camera tracks of the octrees are rendered, references once: give sever
 All forms, and the same without the network, are trained at once, within minutes:
 
     patchnet train-plus OCTREE... --weights run/patchnet.safetensors --out plus
+    patchnet run SCENE --weights plus/patchnet.safetensors
 
+The weights file in --out holds both the given weights and the estimator, which is used wherever that file is.
 The octrees should be those that PatchNet's weights were trained on, or others, but none that is evaluated.
 """
 
@@ -19,10 +21,11 @@ from typing import Any
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.progress import drain
+from ..patchnet_addon.runtime.quantities import counted
 from .shared.arguments import add_number, add_out, check_octrees
 from .shared.lines import say_result
 from .shared.track_arguments import add_track
-from .shared.training_run import require_torch
+from .shared.training_run import require_torch, say_written
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -52,7 +55,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Render what is missing, train, and say where the weights are; returns 0; raises PatchNetError."""
-    from ..training.plus.run_files import REFERENCES, check_plus_run
+    from ..training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
 
     check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
     check_octrees(args.octrees)
@@ -61,11 +64,13 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     import torch
 
-    from ..patchnet_addon.network.weights import load_weights
+    from ..patchnet_addon.network.weights import load_weights, save_weights
     from ..patchnet_addon.octree.file import load_octree, octree_hash
+    from ..patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ..training.plus.frames import TrackSettings
     from ..training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
     from ..training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from ..training.run.run_files import WEIGHTS, log_lines
     from .shared.progress_bars import ProgressBars
 
     torch.set_num_threads(args.threads)
@@ -81,5 +86,10 @@ def run(args: argparse.Namespace) -> int:
     with ProgressBars() as bars:
         table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
         path = drain(train_plus(table, settings, options), bars.show)
-    say_result(f"{path}: learnt from {len(table):,} pixels", file=path, pixels=len(table))
+    save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)
+    losses = log_lines(args.out / LOG)[-1]["loss"]
+    print(f"Losses, where 1 is a constant guess: {', '.join(f'{name} {loss:.3f}' for name, loss in losses.items())}")
+    say_written(args.out, RUN_FILES)
+    text = f"{args.out / WEIGHTS}: weights and their estimator, learned from {counted(len(table), 'pixel')}"
+    say_result(text, file=args.out / WEIGHTS, pixels=len(table))
     return 0

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.quantities import counted
 from .shared.arguments import add_number, add_out
 from .shared.training_run import require_torch
 
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         with replaced_file(args.out, ERRORS) as target:
             target.write(json.dumps({"errors": found}, indent=1).encode())
-    say_result(f"{len(files)} files, {len(found)} weights", file=args.out)
+    say_result(f"{counted(len(files), 'file')}, {len(found)} weights", file=args.out)
     return 0
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
@@ -33,7 +34,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         with BakePageCache() as kept:
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
-        seconds["light"] = clock.seconds["light"] + clock.seconds["voxelize"]
+        seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "denoise", "voxelize"))
         result = SceneResult(
             made.octree,
             before.scope,
@@ -46,7 +47,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         results.keep(context.scene, result, "light")
         for warning in made.warnings:
             tell(self, "WARNING", warning)
-        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light.kind})"
+        return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind})"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

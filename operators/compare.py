@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import error_text
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
 from .render_preview import look
@@ -28,7 +29,8 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
             tell(self, "WARNING", warning)
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
-        return f"{found.view}: error {found.unrefined:.2e}, best {best.name} with {best.error:.2e}"
+        before, after = error_text(found.unrefined), error_text(best.error)
+        return f"{found.view}: error x 10,000 {before}, best {best.name} with {after}"
 
 
 CLASSES = (PATCHNET_OT_compare,)

@@ -9,6 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted
 from .jobs.polls import VoxelJob
 from .session import results
 from .settings.job_settings import JobSettings
@@ -93,7 +94,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         check_outputs({path: format_of(path).kind}, scene_inputs(), makes_folders=False)
         self._file = path
         count = yield from export_octree(octree, path, level)
-        return f"{path.name}: {count:,} voxels of level {level}"
+        return f"{path.name}: {counted(count, 'voxel')} of level {level}"
 
     def _ending(self) -> str:
         """Format that the file's ending names, or ""."""

@@ -12,6 +12,7 @@ from bpy.props import StringProperty
 
 from ..patchnet_addon.runtime.errors import CodesFileError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.worker import computed
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
@@ -83,7 +84,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
         if made.stale:
             tell(self, "WARNING", f"{path.name} does not fit the scene: {made.why(min(made.stale))}")
         more = ", with look-ahead" if coded else ""
-        return f"{path.name}: {octree.leaf_count:,} voxels, depth {octree.depth}{more}"
+        return f"{path.name}: {counted(octree.leaf_count, 'voxel')}, depth {octree.depth}{more}"
 
 
 def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell
@@ -35,7 +36,7 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         results.keep(context.scene, results.without_view(made), "codes")
         for warning in encoding.warnings:
             tell(self, "WARNING", warning)
-        return f"{coded.coded_count:,} voxels with look-ahead, by {encoding.text}"
+        return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}"
 
 
 CLASSES = (PATCHNET_OT_precompute_codes,)

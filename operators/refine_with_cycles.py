@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted, error_text
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
 from .render_preview import look
@@ -48,16 +49,15 @@ def summary(view: CyclesView) -> str:
     """Sentence with the figures of a view."""
     report = view.report
     seconds = report["seconds"]
-    count = len(view.regions)
     text = (
-        f"{view.camera.name}: Cycles rendered {report['pixels_share']:.1%} of the pixels in {count} "
-        f"region{'s' if count != 1 else ''} with {report['priority_share']:.0%} of the priority, "
+        f"{view.camera.name}: Cycles rendered {report['pixels_share']:.1%} of the pixels in "
+        f"{counted(len(view.regions), 'region')} with {report['priority_share']:.0%} of the priority, "
         f"{seconds['regions']:.1f} s"
     )
     if view.full is None:
         return text
-    mse = report["mse"]
-    errors = f"error {mse[report['unrefined']]:.2e} -> {mse['composited']:.2e}, of the full render {mse['full']:.2e}"
+    mse = {name: error_text(value) for name, value in report["mse"].items()}
+    errors = f"error x 10,000 {mse[report['unrefined']]} -> {mse['composited']}, of the full render {mse['full']}"
     return f"{text}, all of them {seconds['full']:.1f} s; {errors}"
 
 

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
@@ -40,7 +41,8 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
         if errors is None:
             return f"{result.camera.name}: refined {refined}, {result.report['refined']['spent']:.3g} samples a pixel"
-        return f"{result.camera.name}: error {errors[0]:.2e}, {errors[1]:.2e} after refining {refined}"
+        before, after = map(error_text, errors)
+        return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -49,12 +51,13 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     compare: measure all strategies. Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
-    from .scene.cameras import choose_cameras
+    from .scene.cameras import looking_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     depsgraph = context.evaluated_depsgraph_get()
-    camera = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, bounds)[0]
+    wanted = settings.view
+    camera = (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds, coded.octree))[0]
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)

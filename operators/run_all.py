@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
@@ -58,10 +59,11 @@ class PATCHNET_OT_run_all(
         overlay.show(context, result.views, settings.view)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
-        errors = "" if first.errors is None else "; {}: error {:.2e} -> {:.2e}".format(first.camera.name, *first.errors)
+        errors = "" if first.errors is None else "; {}: error x 10,000 {} -> {}".format(
+            first.camera.name, *map(error_text, first.errors)
+        )
         where = f", files in {settings.out}" if settings.out else ""
-        count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"
-        return f"{count}{errors}{where}"
+        return f"{counted(len(result.views), 'view')}{errors}{where}"
 
 
 CLASSES = (PATCHNET_OT_run_all,)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
@@ -34,7 +35,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         for warning in made.warnings:
             tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
-        return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}"
+        return f"{counted(octree.leaf_count, 'voxel')} of {side}, depth {octree.depth}"
 
 
 CLASSES = (PATCHNET_OT_voxelize,)

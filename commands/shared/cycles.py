@@ -7,6 +7,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.quantities import counted, error_text
 from .arguments import add_number
 
 if TYPE_CHECKING:
@@ -72,8 +73,8 @@ def print_cycles(report: dict[str, Any] | None) -> None:
     if report is None:
         return
     seconds = report["seconds"]
-    text = f"Cycles on {report['pixels_share']:.1%} of pixels in {len(report['regions'])} regions: "
+    text = f"Cycles on {report['pixels_share']:.1%} of pixels in {counted(len(report['regions']), 'region')}: "
     text += f"{seconds['regions']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
     print(text + (f"; full render {seconds['full']:.1f} s" if "full" in seconds else ""))
     for name, value in report.get("mse", {}).items():
-        print(f"  {_TITLES[name]:<24} {value:.2e}")
+        print(f"  {_TITLES[name]:<24} {error_text(value):>6}")

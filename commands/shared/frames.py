@@ -68,13 +68,14 @@ def print_frames(result: AnimationResult, out: Path) -> None:
 
 
 def _figures(entry: dict[str, Any]) -> str:
+    from ...patchnet_addon.runtime.quantities import counted, error_text
     from ...patchnet_addon.sampling.report import shown_errors
 
     octree = entry["octree"]
-    figures = [f"depth {octree['depth']}, {octree['leaves']:,} voxels"]
+    figures = [f"depth {octree['depth']}, {counted(octree['leaves'], 'voxel')}"]
     for view in entry["views"]:
         errors = shown_errors(view)
         samples = f"{view['refined']['spent']:.3g} samples a pixel"
-        error = "" if errors is None else f", error {errors[0]:.2e} -> {errors[1]:.2e}"
+        error = "" if errors is None else f", error {error_text(errors[0])} -> {error_text(errors[1])}"
         figures.append(f"{view['camera']} {samples}{error}")
     return "; ".join(figures)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .arguments import add_device, add_number
 from .cycles import add_cycles, cycles_settings
 
@@ -70,7 +71,8 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         "spp",
         "reference",
     )
-    parser.add_argument("--strategy", default="patchnet-plus", help="what is refined first (patchnet-plus)")
+    costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
+    parser.add_argument("--strategy", default=DEFAULT, help=f"what is refined first ({DEFAULT}): {costs}")
     add_settings(parser, "unrefined", "background")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
@@ -85,8 +87,11 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
 
 def require_blender() -> None:
     """Raise PatchNetError that says what to install if Blender is not there as a Python module."""
+    from .quiet import quiet_import
+
     try:
-        import bpy  # noqa: F401
+        with quiet_import():
+            import bpy  # noqa: F401
     except ImportError as cause:
         raise PatchNetError(
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "

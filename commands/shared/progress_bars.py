@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Progress of a job on stderr: one bar for all of it, or one a step.
 
-Plain lines where there is no tqdm (Blender), or events of the log.
+Plain lines where stderr is no terminal, or there is no tqdm (Blender), or events of the log.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.remaining import Remaining, left_text
 
 _FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
 _WHOLE = "the whole job"
-_PAUSE_S = 10.0  # between two lines of one step
+_PAUSE_S, _LOG_PAUSE_S = 10.0, 60.0  # between two lines of one step, at a terminal and in a file
 
 
 class ProgressBars:
@@ -29,8 +29,10 @@ class ProgressBars:
         self._bars: _Bars | None = None
         if is_json():
             self.show = ProgressLog("").see
+        elif sys.stderr is None or not sys.stderr.isatty():
+            self.show = _Lines(_LOG_PAUSE_S).show
         elif importlib.util.find_spec("tqdm") is None:
-            self.show = _Lines().show
+            self.show = _Lines(_PAUSE_S).show
         else:
             self._bars = _Bars()
             self.show = self._bars.show
@@ -48,15 +50,15 @@ class ProgressBars:
 class _Lines:
     """Progress lines: one when a step begins, and one now and then while it lasts."""
 
-    def __init__(self) -> None:
-        self._label = ""
+    def __init__(self, pause_s: float) -> None:
+        self._label, self._pause_s = "", pause_s
         self._said = 0.0
         self._remaining = Remaining()
 
     def show(self, progress: Progress) -> None:
         self._remaining.see(progress)
         now = time.monotonic()
-        if progress.label == self._label and now - self._said < _PAUSE_S:
+        if progress.label == self._label and now - self._said < self._pause_s:
             return
         text = progress.label
         if progress.label == self._label:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -15,3 +17,20 @@ def quiet_stdout() -> Iterator[None]:
     """Silence stdout of the process within the block, whether Python or compiled code writes to it."""
     with open(os.devnull, "wb") as nowhere, diverted(stdout=nowhere):
         yield
+
+
+@contextmanager
+def quiet_import() -> Iterator[None]:
+    """Leave out the line about /etc/mtab that Blender prints at its import where there is none, as in containers.
+
+    Only its file browser reads that file. All else that the block prints goes to stderr at its end.
+    """
+    with tempfile.TemporaryFile() as said:
+        try:
+            with diverted(stdout=said, stderr=said):
+                yield
+        finally:
+            said.seek(0)
+            for line in said:
+                if b"list of mounted file-systems" not in line:
+                    sys.stderr.write(line.decode(errors="replace"))

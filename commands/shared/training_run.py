@@ -7,6 +7,8 @@ import argparse
 import ctypes
 import os
 import sys
+from collections.abc import Iterable
+from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
@@ -47,3 +49,8 @@ def require_torch() -> None:
         import torch  # noqa: F401
     except ImportError as cause:
         raise SettingError("Training needs torch: install it with `pip install 'patchnet-blender[train]'`") from cause
+
+
+def say_written(out: Path, names: Iterable[str]) -> None:
+    """Print which of the files that a run may write are in its folder."""
+    print(f"{out} holds {', '.join(name for name in names if (out / name).exists())}")

@@ -18,6 +18,8 @@ from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps
+from ...patchnet_addon.runtime.quantities import counted
+from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ..pipeline.output_folder import output_folder
 from ..pipeline.reports import REPORT_NAME, write_json
 from ..pipeline.versions import machine, versions
@@ -60,7 +62,7 @@ class AnimationResult:
         """Summary of what was done."""
         made, skipped = len(self.made), len(self.skipped)
         there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
-        return f"{made} frame{'' if made == 1 else 's'} made{there}"
+        return f"{counted(made, 'frame')} made{there}"
 
 
 def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
@@ -220,6 +222,7 @@ class _Animation:
         common, out = self._common, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {
+            "error_unit": ERROR_UNIT,
             "complete": complete,
             "reference": self._reference,
             "exposure": common.exposure,

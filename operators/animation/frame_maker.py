@@ -19,7 +19,7 @@ from ..pipeline.camera_folders import view_folders
 from ..pipeline.output_files import job_files, job_inputs, scene_inputs
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
-from ..scene.cameras import camera_name, choose_cameras
+from ..scene.cameras import camera_name, looking_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
@@ -87,8 +87,8 @@ class JobMaker(FrameMaker):
         self.exposure, self.bakes = light.exposure, light.is_baked
 
     def settings_text(self, common: SharedSettings) -> str:
-        """Text of the job's settings, with weights and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.hash} {self._painted}"
+        """Text of the job's settings, with weights, their estimator and importance by their contents."""
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.whole_hash} {self._painted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the cameras that are named, or of all that are the active one at some frame."""
@@ -113,7 +113,8 @@ class JobMaker(FrameMaker):
         if settings.surface.has_given_depth or settings.surface.fit:
             return None
         depsgraph = context.evaluated_depsgraph_get()
-        cameras = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, source.bounds_world)
+        wanted = settings.view
+        cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, source.bounds_world, source)
         choice = yield from choose_grid(source, cameras, settings)
         return choice.grid.voxel_size_world, bool(choice.warnings)
 

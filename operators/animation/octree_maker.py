@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
-from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.progress import Steps, drain
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ..pipeline.lit_octree import LitOctree, Recipe, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME
@@ -54,7 +54,7 @@ class OctreeMaker(FrameMaker):
 
         if made.layout is None or self._recipe.cameras is None:
             return []
-        return why_unseen_by(made.octree, self._recipe.cameras(made.source))
+        return why_unseen_by(made.octree, drain(self._recipe.cameras(made.source)))
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

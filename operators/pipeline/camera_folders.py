@@ -20,7 +20,7 @@ _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # no fol
 def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, str]:
     """Folder of each camera that is looked through, by its name; raises SceneError if there is no such camera."""
     chosen = camera_names(scene, cameras)
-    folders = camera_folders(chosen if list(cameras) == [AUTO] else scene_cameras(scene))
+    folders = camera_folders(chosen if list(cameras) == [AUTO] else [*scene_cameras(scene), *chosen])
     return {name: folders[name] for name in chosen}
 
 

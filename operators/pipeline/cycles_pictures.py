@@ -12,6 +12,7 @@ from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.image.outlines import outlined
+from ...patchnet_addon.runtime.quantities import counted, error_text
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
 from .cycles_figures import COMPOSITED, FULL
 from .cycles_regions import CyclesView
@@ -66,15 +67,15 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
     mse, seconds, count, unrefined = report["mse"], report["seconds"], len(view.regions), report["unrefined"]
     regions = outlined(colormap(view.priority / np.float32(maximum), map_name), view.regions)
     titles = [
-        f"{unrefined.capitalize()} mse {mse[unrefined]:.5f}",
-        f"{count} region{'s' if count != 1 else ''}, {report['pixels_share']:.1%}",
-        f"Cycles {seconds['regions']:.1f} s mse {mse[COMPOSITED]:.5f}",
-        f"Full {seconds['full']:.1f} s mse {mse[FULL]:.5f}",
+        f"{unrefined.capitalize()} error {error_text(mse[unrefined])}",
+        f"{counted(count, 'region')}, {report['pixels_share']:.1%}",
+        f"Cycles {seconds['regions']:.1f} s error {error_text(mse[COMPOSITED])}",
+        f"Full {seconds['full']:.1f} s error {error_text(mse[FULL])}",
     ]
     lit = {"preview": view.preview, "composited": view.composited, "full": view.full}
     preview, composited, full = (opaque(_shown(view, light, item)) for item, light in lit.items())
     row = [preview, regions, composited, full]
-    name = f"{view.camera.name}: {report['samples']} samples, mse against {report['reference_samples']} samples"
+    name = f"{view.camera.name}: {report['samples']} samples, error x 10,000 against {report['reference_samples']}"
     return contact_sheet([row], [name], titles)
 
 
@@ -87,6 +88,6 @@ def _shown(view: CyclesView, light: np.ndarray, name: str) -> np.ndarray:
 def _errors(view: CyclesView) -> np.ndarray:
     names = view.report["unrefined"], COMPOSITED, FULL
     views = [magnify(colormap(view.errors[name] / np.float32(ERROR_MAXIMUM))) for name in names]
-    titles = [f"{name}: mse {view.report['mse'][name]:.5f}" for name in names]
+    titles = [f"{name}: error {error_text(view.report['mse'][name])}" for name in names]
     ticks = [f"{ERROR_MAXIMUM * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return with_legend(views, titles, colormap, ticks, "luminance error against Cycles")
+    return with_legend(views, titles, colormap, ticks, "luminance error against Cycles; above: squared x 10,000")

@@ -14,6 +14,7 @@ from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
@@ -139,7 +140,8 @@ def _rendered(
     if regions:
         with region_renders(context, *wanted, sun=sun) as cycles:
             yield from cycles.synced()
-            result.regions = yield from cycles.pictures(regions, f"{camera.name}: Cycles, {len(regions)} regions")
+            label = f"{camera.name}: Cycles, {counted(len(regions), 'region')}"
+            result.regions = yield from cycles.pictures(regions, label)
             result.sync_seconds, result.seconds = cycles.sync_seconds, cycles.seconds
     if settings.compare:
         whole = Region(0, 0, camera.width_px, camera.height_px)

@@ -12,10 +12,10 @@ import bpy
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
-from ...patchnet_addon.runtime.quantities import bytes_text, count_text
+from ...patchnet_addon.runtime.quantities import bytes_text, count_text, counted
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import choose_cameras
+from ..scene.cameras import looking_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
@@ -79,7 +79,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     source, state = read_scene(context.evaluated_depsgraph_get(), settings.surface.scope), read_state(context.scene)
     depsgraph = context.evaluated_depsgraph_get()
     views, bounds_world = settings.view, settings.surface.bounds_world(source)
-    cameras = choose_cameras(depsgraph, views.cameras, views.size, bounds_world)
+    cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
     device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
     steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
     found = replace((yield from steps), state=state)
@@ -145,7 +145,7 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
     objects = f"'{names.pop()}'" if len(names) == 1 else f"{len(names):,} objects"
     views = f"camera '{cameras[0].name}'" if len(cameras) == 1 else f"{len(cameras)} cameras"
     size = f"{cameras[0].width_px} x {cameras[0].height_px}"
-    return f"{objects}, {source.triangle_count:,} triangles", f"{views[:1].upper()}{views[1:]} at {size}"
+    return f"{objects}, {counted(source.triangle_count, 'triangle')}", f"{views[:1].upper()}{views[1:]} at {size}"
 
 
 def estimate_lines(found: Estimate, voxel_side: str) -> list[str]:

@@ -27,8 +27,8 @@ _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
 _VIEW_RAYS = 60  # what first rays, finer ones and the network take, in rays of a refined pixel
 # Seconds a unit on two cores of a server, for the first job on a machine.
 _ELSEWHERE = {
-    "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "voxelize": 1.5e-6, "codes": 2e-6, "views": 2e-8,
-    "cycles": 2e-6,
+    "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "denoise": 2e-5, "voxelize": 1.5e-6, "codes": 2e-6,
+    "views": 2e-8, "cycles": 2e-6,
 }  # fmt: skip
 
 
@@ -62,6 +62,7 @@ def work_of(figures: JobFigures, settings: JobSettings) -> dict[str, float]:
         "read": surface,
         "depth": surface,
         "light": figures.texels * (light.samples + 4.0),
+        "denoise": float(figures.texels) if light.denoise else 0.0,
         "voxelize": figures.leaves + surface,
         "codes": float(figures.leaves),
         "views": figures.pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),

@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
-from ..scene.cameras import choose_cameras, track_cameras
+from ..scene.cameras import AUTO, looking_cameras, track_cameras
 from ..scene.precision import thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..state.scene_state import SceneState
 
-FitCameras = Callable[[SceneMesh], Sequence[Camera]]  # the cameras that the octree's depth is chosen for
+FitCameras = Callable[[SceneMesh], Steps[Sequence[Camera]]]  # the cameras that the octree's depth is chosen for
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,8 @@ def build_lit_octree(
 ) -> Steps[LitOctree]:
     """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
 
-    clock: takes the stages "read", "depth", "light" and "voxelize". kept: finds pages of a stopped bake, and keeps its
-    own.
+    clock: takes the stages "read", "depth", "light", "denoise" and "voxelize". kept: finds pages of a stopped bake,
+    and keeps its own.
     """
     recipe = recipe or Recipe()
     if settings.light.is_baked and not recipe.unlit:
@@ -102,27 +102,28 @@ def build_lit_octree(
     with clock.stage("depth"):
         choice, cameras = yield from _choice(context, source, settings, recipe)
         if settings.light.is_baked and not recipe.unlit and not cameras:
-            cameras = _lookers(context, settings, source, recipe)
+            cameras = yield from _lookers(context, settings, source, recipe)
     if recipe.after_grid is not None:
         yield from recipe.after_grid(source, choice)
     with recipe.baking():
-        with clock.stage("light"):
-            assumed: tuple[str, ...] = ()
-            notes: dict[str, Any] = {}
-            if recipe.unlit:
+        assumed: tuple[str, ...] = ()
+        notes: dict[str, Any] = {}
+        if recipe.unlit:
+            with clock.stage("light"):
                 shade = yield from unlit(source, settings.light)
-            else:
-                shade, assumed, notes = yield from lit(
-                    context,
-                    source,
-                    choice,
-                    settings.light,
-                    settings.compute,
-                    kept=kept,
-                    depsgraph=recipe.depsgraph,
-                    rotation=recipe.rotation,
-                    cameras=cameras,
-                )
+        else:
+            shade, assumed, notes = yield from lit(
+                context,
+                source,
+                choice,
+                settings.light,
+                settings.compute,
+                clock,
+                kept=kept,
+                depsgraph=recipe.depsgraph,
+                rotation=recipe.rotation,
+                cameras=cameras,
+            )
         with clock.stage("voxelize"):
             if recipe.bisect is not None:
                 shade = bisected(shade, source, *recipe.bisect)
@@ -137,17 +138,27 @@ def build_lit_octree(
     return LitOctree(octree, choice.layout, light, source, state, warnings)
 
 
-def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> list[Camera]:
+def given_cameras(cameras: Callable[[], Sequence[Camera]]) -> FitCameras:
+    """Cameras of a recipe that are known without the surface."""
+
+    def steps(_source: SceneMesh) -> Steps[Sequence[Camera]]:
+        yield from ()
+        return cameras()
+
+    return steps
+
+
+def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:
     """Cameras that the settings' depth is chosen for: none where it is given, at all frames where settings track them.
 
     Raises SceneError.
     """
     wanted = settings.view.cameras, settings.view.size, settings.surface.bounds_world(source)
-    if settings.surface.track:
+    if settings.surface.track and list(settings.view.cameras) != [AUTO]:  # which stand still
         return track_cameras(context, *wanted)
     if settings.surface.has_given_depth:
         return []
-    return choose_cameras(context.evaluated_depsgraph_get(), *wanted)
+    return (yield from looking_cameras(context.evaluated_depsgraph_get(), *wanted, source))
 
 
 def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> SceneState:
@@ -175,15 +186,19 @@ def _choice(
     if recipe.grid is not None:
         _check_inside(source.bounds_world, recipe.grid.grid)
         return recipe.grid, ()
-    cameras = fit_cameras(context, settings, source) if recipe.cameras is None else recipe.cameras(source)
+    choose = fit_cameras(context, settings, source) if recipe.cameras is None else recipe.cameras(source)
+    cameras = yield from choose
     return (yield from choose_grid(source, cameras, settings)), cameras
 
 
-def _lookers(context: bpy.types.Context, settings: JobSettings, source: SceneMesh, recipe: Recipe) -> Sequence[Camera]:
+def _lookers(
+    context: bpy.types.Context, settings: JobSettings, source: SceneMesh, recipe: Recipe
+) -> Steps[Sequence[Camera]]:
     """Cameras that look where none are needed for the depth; none if the scene has none."""
     depsgraph, wanted = recipe.depsgraph or context.evaluated_depsgraph_get(), settings.view
     try:
-        return choose_cameras(depsgraph, wanted.cameras, wanted.size, settings.surface.bounds_world(source))
+        bounds_world = settings.surface.bounds_world(source)
+        return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source))
     except SceneError:
         return ()
 

@@ -21,8 +21,9 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import choose_cameras, focus_warnings
+from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import save_png
 from ..settings.groups import ViewSettings
@@ -126,11 +127,10 @@ def _compute(
     cameras: list[Camera] = []
     surface, wanted = settings.surface, settings.view
 
-    def fit_to(source: SceneMesh) -> list[Camera]:
-        cameras[:] = choose_cameras(
-            context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, surface.bounds_world(source)
-        )
-        return fit_cameras(context, settings, source) if surface.track else cameras
+    def fit_to(source: SceneMesh) -> Steps[list[Camera]]:
+        depsgraph, bounds_world = context.evaluated_depsgraph_get(), surface.bounds_world(source)
+        cameras[:] = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
+        return (yield from fit_cameras(context, settings, source)) if surface.track else cameras
 
     def after_grid(source: SceneMesh, choice: GridChoice) -> Steps[None]:
         with clock.stage("depth"):
@@ -162,7 +162,7 @@ def _compute(
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
-    others = estimators_warning(wanted.strategy, coded.weights_hash)
+    others = estimators_warning(wanted.strategy, coded.weights)
     focus = focus_warnings(context.scene, cameras)
     warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *focus, *unseen)
     report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
@@ -192,6 +192,7 @@ def job_report(
         },
         "timings_s": timings_s,
         "frames": [item.report for item in views],
+        "error_unit": ERROR_UNIT,
         "strategy": settings.strategy,
         "light": octree.provenance,
         "warnings": list(warnings),

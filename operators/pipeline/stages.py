@@ -17,6 +17,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
@@ -122,6 +123,7 @@ def lit(
     choice: GridChoice,
     light: LightSettings,
     compute: ComputeSettings,
+    clock: StageClock,
     *,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
@@ -130,28 +132,31 @@ def lit(
 ) -> Steps[tuple[ShadingFn, tuple[str, ...], dict[str, Any]]]:
     """Surface in the light of the settings, sentences about what had to be assumed, and notes for reports.
 
-    choice: the leaves that the light is for; texels follow them.
+    choice: the leaves that the light is for; texels follow them. clock: takes the stages "light" and "denoise".
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     depsgraph: what `source` was read from; None takes the context's.
     rotation: seed of the direction of two lights, 0 for their usual one.
     cameras: those that look, see `bake_luminance`.
     """
     if not light.is_baked:
-        return (yield from two_lights(source, light, rotation)), (), {}
+        with clock.stage("light"):
+            return (yield from two_lights(source, light, rotation)), (), {}
     from ..cycles.bake import bake_luminance
 
     coarse = light_warnings(source, choice.grid)
     if light.daylight is None:
         light = replace(light, daylight=not has_light(depsgraph or context.evaluated_depsgraph_get()))
-    texel_world = yield from computed(
-        lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
-    )
-    atlas = yield from bake_luminance(
-        context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph, cameras=cameras
-    )
-    if light.denoise:
-        atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
-    shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
+    with clock.stage("light"):
+        texel_world = yield from computed(
+            lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
+        )
+        atlas = yield from bake_luminance(
+            context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph, cameras=cameras
+        )
+    with clock.stage("denoise"):
+        if light.denoise:
+            atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
+        shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
     return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())), atlas.notes
 
 

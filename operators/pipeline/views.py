@@ -18,6 +18,7 @@ from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import error_picture, heatmap, overlay, tint
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, UNREFINED
@@ -288,7 +289,8 @@ def overview(views: Sequence[View]) -> np.ndarray:
     names = []
     for item in views:
         errors = item.errors
-        names.append(item.camera.name + ("" if errors is None else f": mse {errors[0]:.5f} -> {errors[1]:.5f}"))
+        figures = "" if errors is None else ": error x 10,000 {} -> {}".format(*map(error_text, errors))
+        names.append(item.camera.name + figures)
     return contact_sheet(rows, names, tuple(titles.values()))
 
 

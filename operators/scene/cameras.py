@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender cameras as the tracer's cameras, and three views of a scene that has none."""
+"""Blender cameras as the tracer's cameras, views given by numbers, and three views of a scene that has none."""
 
 from __future__ import annotations
 
@@ -10,8 +10,13 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.runtime.worker import run_in_worker
+from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..scene_access.temporary import sync_view_layers, temporary
@@ -22,6 +27,7 @@ AUTO = "auto"
 _AUTO_DISTANCES = {"Far": 2.2, "Middle": 1.0, "Close": 0.45}
 _AUTO_DIRECTION = np.array([0.62, -1.0, 0.48])  # from the scene to the camera: in front, to the right, above
 _AUTO_FOV = np.radians(50.0)
+_AUTO_INSIDE = ("View 1", "View 2", "View 3")  # as `viewpoints` names them
 
 
 def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tuple[int, int]:
@@ -117,10 +123,29 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
     ]
 
 
+def numbered_camera(text: str, size: tuple[int, int]) -> Camera | None:
+    """Camera given as "X Y Z > X Y Z", position and target, or "... @ DEGREES" high; None for other text.
+
+    Raises SceneError for numbers that are no view.
+    """
+    places, _, degrees = text.partition("@")
+    try:
+        position, target = (np.array([float(word) for word in part.split()]) for part in places.split(">"))
+        fov = float(degrees) if degrees.strip() else np.degrees(_AUTO_FOV)
+    except ValueError:
+        return None
+    values = np.array([*position, *target, fov])
+    if len(position) != 3 or len(target) != 3 or not np.isfinite(values).all() or not 0.0 < fov < 180.0:
+        raise SceneError(f"'{text}' is no view: write X Y Z > X Y Z, and after @ an angle between 0 and 180 degrees")
+    if (position == target).all():
+        raise SceneError(f"The view '{text}' looks at its own place: give another target")
+    return Camera.look_at(position, target, fov=np.radians(fov), size_px=size, name=text)
+
+
 def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
-    """Names of the cameras that `choose_cameras` gives; raises SceneError if there is no such camera."""
+    """Names that cameras of `looking_cameras` may have; raises SceneError if there is no such camera."""
     if list(names) == [AUTO]:
-        return list(_AUTO_DISTANCES)
+        return [*_AUTO_DISTANCES, *_AUTO_INSIDE]
     known = scene_cameras(scene)
     if list(names) == [ALL]:
         chosen = sorted(known)
@@ -131,9 +156,9 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
         active = camera_name(scene, scene.camera)
         chosen = [active] if active else []
     if not chosen:
-        raise SceneError("The scene has no camera: add one, or use the cameras 'auto' that frame the scene")
+        raise SceneError("The scene has no camera: add one, or use the cameras 'auto', or give one as X Y Z > X Y Z")
     for name in chosen:
-        if name not in known:
+        if name not in known and numbered_camera(name, (1, 1)) is None:
             there = ", ".join(f"'{camera}'" for camera in sorted(known)) or "none"
             raise SceneError(f"There is no camera '{name}' in scene '{scene.name}': its cameras are {there}")
     return chosen
@@ -156,13 +181,41 @@ def camera_name(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> str:
     return next((name for name, item in scene_cameras(scene).items() if item == camera), "")
 
 
+def looking_cameras(
+    depsgraph: bpy.types.Depsgraph,
+    names: Sequence[str],
+    size: tuple[int, int],
+    bounds_world: np.ndarray,
+    surface: MeshSource | Octree,
+) -> Steps[list[Camera]]:
+    """Cameras of `choose_cameras`, but `auto` stands inside a surface that encloses its free space, such as a room.
+
+    surface: what is looked at, or its octree. Raises SceneError if there is no such camera.
+    """
+
+    def inside() -> Steps[list[Camera]]:
+        from ...patchnet_addon.lod.depth import coarse_octree
+        from ...patchnet_addon.tracing.viewpoints import encloses, viewpoints
+
+        octree = surface
+        if not isinstance(octree, Octree):
+            octree = yield from coarse_octree(octree, bounds_world=bounds_world)
+        with limit_threads(1):  # of many small pictures, threads for each cost more than they save
+            if not encloses(octree):
+                return []
+            return (yield from viewpoints(octree, len(_AUTO_INSIDE), camera_size_px(depsgraph.scene, size), lit=False))
+
+    placed = (yield from run_in_worker(inside, Progress(0, 1, "Placing cameras"))) if list(names) == [AUTO] else []
+    return placed or choose_cameras(depsgraph, names, size, bounds_world)
+
+
 def choose_cameras(
     depsgraph: bpy.types.Depsgraph,
     names: Sequence[str],
     size: tuple[int, int],
     bounds_world: np.ndarray,
 ) -> list[Camera]:
-    """Cameras by name; `all` are those of the scene, `auto` frames the bounds, nothing means the active camera.
+    """Cameras by name or numbers; `all` are those of the scene, `auto` frames the bounds, nothing the active camera.
 
     Raises SceneError if there is no such camera.
     """
@@ -171,7 +224,9 @@ def choose_cameras(
     if list(names) == [AUTO]:
         return framing_cameras(bounds_world, camera_size_px(scene, size))
     cameras = scene_cameras(scene)
-    return [replace(_view(cameras[name], depsgraph, size), name=name) for name in chosen]
+    size_px = camera_size_px(scene, size)
+    numbered = {name: numbered_camera(name, size_px) for name in chosen if name not in cameras}
+    return [numbered.get(name) or replace(_view(cameras[name], depsgraph, size), name=name) for name in chosen]
 
 
 def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
-from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.runtime.wording import named_are, named_list
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners
@@ -63,9 +63,9 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
 
 def _partly_transparent(materials: Sequence[Material]) -> list[str]:
     """Sentence about materials that are partly transparent."""
-    listed = named_list(material.name for material in materials if is_partly_transparent(material))
-    what = "partly transparent: where less than half opaque it is left out, elsewhere it is solid"
-    return [f"Material {listed} is {what}; Refine with Cycles shows it"] if listed else []
+    these = named_are("Material", (material.name for material in materials if is_partly_transparent(material)))
+    what = "partly transparent: left out where less than half opaque, solid elsewhere; Refine with Cycles shows it"
+    return [f"{these} {what}"] if these else []
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:

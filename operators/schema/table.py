@@ -185,9 +185,11 @@ _NETWORK = (
 _VIEWS = (
     Setting(
         "cameras", "Cameras",
-        "Cameras that look: one, all of the scene, or auto to frame the scene; several have commas between. Empty for "
-        "the active camera",
-        CAMERAS, Kind.TEXT, argument="--cameras", help="names with commas between, all, or auto (the active camera)",
+        "Cameras that look: one, all of the scene, auto for views of the scene, inside where it is a room; or a "
+        "place and its target as X Y Z > X Y Z. Several have commas between. Empty for the active camera",
+        CAMERAS, Kind.TEXT, argument="--cameras",
+        help="names with commas between, all, auto for views of the scene, inside where it is a room, or place and "
+        "target as 'X Y Z > X Y Z', with '@ DEGREES' for an angle of view (the active camera)",
     ),
     Setting(
         "size", "Picture Size",

@@ -19,7 +19,7 @@ from ..cycles.camera_render import Reference
 from ..cycles.halves import render_halves
 from ..pipeline.lit_octree import build_lit_octree
 from ..pipeline.versions import machine, versions
-from ..scene.cameras import camera_size_px, choose_cameras
+from ..scene.cameras import camera_size_px, looking_cameras
 from .check_settings import CheckSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -93,7 +93,8 @@ def _cameras(
 
         size = camera_size_px(context.scene, wanted.size)
         return (yield from viewpoints(octree, settings.viewpoints, size))
-    return choose_cameras(context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, bounds_world)
+    depsgraph = context.evaluated_depsgraph_get()
+    return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, octree))
 
 
 def check_camera(

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..runtime.errors import SettingError
+from ..runtime.quantities import error_text
 from .colormaps import colormap, red_ramp
 from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
 from .tone import gray
@@ -72,9 +73,10 @@ def error_picture(
 ) -> np.ndarray:
     """Absolute luminance errors (H, W) of the picture called `unrefined` and of the refined one, side by side."""
     views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
-    titles = [f"{name}: mse {value:.5f}" for name, value in zip((unrefined, "refined"), mse, strict=True)]
+    titles = [f"{name}: error {error_text(value)}" for name, value in zip((unrefined, "refined"), mse, strict=True)]
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return with_legend(views, titles, lambda position: colormap(position, map_name), ticks, "luminance error")
+    legend = "luminance error; above: squared x 10,000"
+    return with_legend(views, titles, lambda position: colormap(position, map_name), ticks, legend)
 
 
 def with_legend(

@@ -8,6 +8,7 @@ import functools
 import numpy as np
 
 from ..runtime.errors import SettingError
+from ..runtime.quantities import counted
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_color import color_of_fragments
@@ -33,7 +34,7 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
     """
     if len(atlas.charts.page) != source.triangle_count:
         raise SettingError(
-            f"The baked light has {len(atlas.charts.page)} triangles, the surface {source.triangle_count}: "
+            f"The baked light has {counted(len(atlas.charts.page), 'triangle')}, the surface {source.triangle_count}: "
             "bake the light again"
         )
     channels = atlas.texels.shape[1]

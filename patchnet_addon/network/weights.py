@@ -22,6 +22,7 @@ from .kinds import KINDS, PAPER, WIDTH_STEP, NetworkKind
 
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
 KIND = "weights"
+_PLUS = "plus."  # before the names of an estimator's arrays
 
 
 def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = MLP) -> dict[str, Any]:
@@ -58,12 +59,15 @@ class Weights:
     order z, y, x, channel of a patch, 8x8x8x5 for two levels (methods 7.9).
     decoder: linear layers, sizes and order of inputs of its kind (`kinds.py`).
     metadata: how the weights were trained, plain JSON values; not part of the hash.
+    plus: arrays of an estimator of pixel errors that has learned from these weights (methods 12), with its metadata in
+    `metadata["plus"]`; empty for none. Not part of the hash, since codes do not depend on it.
     """
 
     encoder: tuple[Layer, ...]
     decoder: tuple[Layer, ...]
     metadata: dict[str, Any] = field(default_factory=dict)
     encoder_kind: EncoderKind = MLP
+    plus: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def lookahead(self) -> int:
@@ -83,8 +87,13 @@ class Weights:
         """Hash of all values: codes and reports name the weights they were made with."""
         return content_hash(self.arrays())
 
+    @property
+    def whole_hash(self) -> str:
+        """Hash of all values, those of the estimator among them: rankings depend on both."""
+        return content_hash(self.arrays() | _named_plus(self.plus)) if self.plus else self.hash
+
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name: encoder.0.weight, encoder.0.bias, ..., decoder.3.bias."""
+        """Arrays of the network by name: encoder.0.weight, encoder.0.bias, ..., decoder.3.bias."""
         parts = {"encoder": self.encoder, "decoder": self.decoder}
         return {
             f"{part}.{index}.{name}": array
@@ -111,7 +120,8 @@ class Weights:
         layers = _shaped_layers(arrays, "encoder", encoder.shapes(lookahead))
         if kind.mixes:
             kind = kind.of_width(_width_of(arrays, "decoder", WIDTH_STEP, DECODER_WIDTH))
-        return cls(layers, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}), encoder)
+        plus = {name.removeprefix(_PLUS): array for name, array in arrays.items() if name.startswith(_PLUS)}
+        return cls(layers, layers_of(arrays, "decoder", kind.decoder), dict(metadata or {}), encoder, plus)
 
     @classmethod
     def random(
@@ -149,10 +159,14 @@ class Weights:
         return cls(first, last, {"random_seed": seed}, encoder)
 
 
+def _named_plus(plus: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {f"{_PLUS}{name}": array for name, array in plus.items()}
+
+
 def save_weights(weights: Weights, path: str | Path) -> None:
     """Write weights to a file; raises PatchNetError if that fails."""
     stated = network(weights.lookahead, weights.kind, weights.encoder_kind)
-    write_arrays(path, weights.arrays(), {**weights.metadata, "network": stated}, KIND)
+    write_arrays(path, weights.arrays() | _named_plus(weights.plus), {**weights.metadata, "network": stated}, KIND)
 
 
 def load_weights(path: str | Path | None = None) -> Weights:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -23,6 +24,9 @@ class JobTime:
     Seconds left are said once the pace of the step that takes most of them says within a factor of two the same: what
     is expected of a scene that is unlike those before may be far off.
 
+    What is left does not rise when a stage goes from one step to the next: the plan of a stage whose main step was
+    faster than expected is not taken up again.
+
     Stages come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. Each
     second counts once, whatever labels and fractions the steps of a stage have, and the share never falls.
     """
@@ -35,6 +39,7 @@ class JobTime:
         self._begun = self._seen = self._label_begun = clock()
         self._label_first = self._whole = 0.0
         self._sure = False
+        self._own = self._most = math.inf  # seconds left of the stage: by the last report, and when its step began
         self.compiled: set[str] = set()  # stages in which kernels were compiled, whose seconds tell nothing
 
     def expect(self, seconds: Mapping[str, float]) -> None:
@@ -47,6 +52,7 @@ class JobTime:
         self._spent[stage] = self._spent.get(stage, 0.0) + (now - self._seen)
         self._seen = now
         if progress.label != self._label or stage != self._stage or progress.fraction < self._label_first:
+            self._most = self._own if stage == self._stage and stage not in self._again else math.inf
             self._stage, self._label = stage, progress.label
             self._label_begun, self._label_first = now, progress.fraction
         if progress.note or is_compiling():
@@ -65,7 +71,8 @@ class JobTime:
         for index, (name, seconds) in enumerate(self._expected.items()):
             rest = max(seconds - self._spent.get(name, 0.0), 0.0)
             if name == stage:
-                own = self._left_of_step(progress, seconds, max(rest, _LEAST_LEFT * seconds), now)
+                rest = max(min(rest, self._most - (now - self._label_begun)), _LEAST_LEFT * seconds)
+                own = self._own = self._left_of_step(progress, seconds, rest, now)
             elif index > at or name in self._again:
                 left += rest
         by_pace = self._by_pace(progress, now)
@@ -80,6 +87,8 @@ class JobTime:
         by_pace = self._by_pace(progress, now)
         if by_pace is None:
             return rest
+        if self._stage in self._again:  # there are more such steps
+            return max(rest, by_pace)
         trust = progress.fraction * min((now - self._label_begun) / max(_MAIN_STEP * seconds, 1e-9), 1.0)
         return (1.0 - trust) * rest + trust * by_pace
 

@@ -18,3 +18,14 @@ def count_text(number: float) -> str:
         if number >= limit:
             return f"{number / limit:.1f}{unit}"
     return f"{number:,.0f}"
+
+
+def counted(number: int, noun: str) -> str:
+    """Count with its noun, such as 1 view, 2,000 views."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def error_text(mse: float) -> str:
+    """Mean squared error times 10,000, such as 404, 24.7, 0.031: the one unit in which users read errors."""
+    value = 1e4 * mse
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 1.0 or not value else f"{value:.2g}"

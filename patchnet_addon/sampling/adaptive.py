@@ -231,6 +231,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
         behind_hit=_joined([band.behind_hit for band in bands]),
         reference_alpha=_joined([band.reference_alpha for band in bands]),
         unrefined=bands[0].unrefined,
+        estimators=bands[0].estimators,
     )
 
 

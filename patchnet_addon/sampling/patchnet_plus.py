@@ -13,6 +13,7 @@ from .staged_strategy import SUFFIX
 from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
+    from ..network.weights import Weights
     from .plus.weights import Estimators
 
 _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
@@ -35,22 +36,21 @@ def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -
     return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
-def estimators_warning(name: str, weights_hash: str) -> str | None:
+def estimators_warning(name: str, weights: Weights) -> str | None:
     """Sentence for a strategy whose estimator has not learned from the outputs of these weights; None for all others.
 
-    name: of the strategy. weights_hash: of the PatchNet weights in use.
+    name: of the strategy. weights: PatchNet's in use.
     """
-    from .plus.weights import shipped_estimators
+    from .plus.weights import estimators_of
 
     if name.removesuffix(SUFFIX) not in {strategy.name for strategy in STRATEGIES}:
         return None
-    learned = shipped_estimators().metadata.get("patchnet")
+    learned, weights_hash = estimators_of(weights).metadata.get("patchnet"), weights.hash
     if learned == weights_hash:
         return None
     return (
         f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
-        "so its priorities may be worse: choose patchnet-behind, or the shipped weights, or train its estimator anew "
-        "with patchnet train-plus"
+        "so its priorities may be worse: choose patchnet-behind, or weights that patchnet train-plus has written"
     )
 
 
@@ -64,7 +64,7 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
         from .plus.weights import shipped_estimators
 
         chosen = predicted if predicted is not None and buffers.shows_predicted else form
-        return estimated_error(buffers, shipped_estimators(), chosen)
+        return estimated_error(buffers, buffers.estimators or shipped_estimators(), chosen)
 
     return Strategy(
         name=name,

@@ -15,6 +15,7 @@ from .predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
     from ..tracing.render import Hits
+    from .plus.weights import Estimators
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,7 @@ class PixelBuffers:
     child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
     cube_side_world: side of the octree's cube, which makes distances comparable between scenes.
     scene_luminance: mean luminance of the octree's surfaces, which its root has.
+    estimators: of pixel errors, that came with the weights; None: those that are shipped.
     importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
     """
 
@@ -62,6 +64,7 @@ class PixelBuffers:
     behind_hit: np.ndarray | None = None
     reference_alpha: np.ndarray | None = None
     unrefined: str = PREVIEW
+    estimators: Estimators | None = None
 
     @property
     def height(self) -> int:

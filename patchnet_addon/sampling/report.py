@@ -13,6 +13,8 @@ from .pixel_buffers import PixelBuffers
 from .predicted import PREDICTED
 from .ranking import Ranking
 
+ERROR_UNIT = "mean squared error of linear luminance, in which white is 1"  # of all errors in JSON files
+
 
 def shown_errors(report: dict[str, Any]) -> tuple[float, float] | None:
     """Errors in a view's report of the picture that was asked for: unrefined, and refined; None without a reference."""

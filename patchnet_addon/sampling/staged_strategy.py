@@ -33,6 +33,11 @@ class StagedStrategy(Strategy):
 
     plan: Callable[[float], Plan] = lambda _budget: Plan(())
 
+    @property
+    def cost(self) -> str:
+        """Cost of the score in words: rays of pixels that are looked at once, and of those that get all looks."""
+        return f"2 to {1 + self.extra_rays} rays a pixel"
+
     def first_look(self) -> Strategy:
         """Strategy that needs what the first score within a budget does, the finer ray of every pixel."""
         return replace(self, needs=frozenset({FINE}))
@@ -44,7 +49,8 @@ class StagedStrategy(Strategy):
         """
         from .plus.weights import shipped_estimators
 
-        return staged_scores(buffers, looks, self.plan(budget), budget, shipped_estimators())
+        estimators = buffers.estimators or shipped_estimators()
+        return staged_scores(buffers, looks, self.plan(budget), budget, estimators)
 
 
 def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:

@@ -53,6 +53,13 @@ class Strategy:
     group: Group = "screen-space"
     extra_rays: int = 0
 
+    @property
+    def cost(self) -> str:
+        """Cost of the score in words: its rays per pixel, or what an oracle reads."""
+        if self.group == "oracle":
+            return f"oracle: needs the {'reference' if REFERENCE in self.needs else 'exact patch'}"
+        return f"{1 + self.extra_rays} rays a pixel" if self.extra_rays else "1 ray a pixel"
+
     def scores(self, buffers: PixelBuffers) -> np.ndarray:
         """(P,) float32 scores of a view; raises SettingError as `check`."""
         self.check(buffers)

@@ -55,6 +55,7 @@ def trace_view(
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
     from ..tracing.render import fine_rays, hit_colors, node_colors
+    from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
     if check_unrefined(unrefined) == PREDICTED:
@@ -93,6 +94,7 @@ def trace_view(
         behind_color=node_colors(octree, behind_node) if colored and behind_node is not None else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
+        estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,
     )
 
 

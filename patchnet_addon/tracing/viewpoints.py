@@ -31,6 +31,11 @@ _BRIGHT = 0.1  # exposed luminance from which a view is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
 _MIN_BRIGHTNESS = 0.5  # of what the small picture shows
 _MIN_QUALITY = 0.25  # of the best view's
+_SEES_OUT = 0.02  # of the places; fewer may see through cracks
+_ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+_ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
+_ENCLOSED = 0.8  # of all directions in which the front of a surface is met: a room with windows
+_INSIDE = 0.5  # of the free places: a room has 0.9, a hall without a roof 0.7, objects, courtyards, gardens below 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +48,54 @@ class _Trial:
     cells: np.ndarray
 
 
-def viewpoints(octree: Octree, count: int, size_px: tuple[int, int]) -> Steps[list[Camera]]:
+def encloses(octree: Octree) -> bool:
+    """Return whether most places in the surface's bounds that have room see surfaces that face them all around.
+
+    It is one seen from inside then. A closed object, such as a ball, shows its free space nothing but backs.
+    """
+    facing, _ = _surroundings(octree, free_positions(octree, _ROUND_POSITIONS))
+    return bool(np.mean(facing > _ENCLOSED) > _INSIDE)
+
+
+def _surroundings(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+    """Shares (2, n) of all directions from positions (n, 3): where a surface faces them, and where there is none."""
+    shares = np.zeros((2, len(positions_world), len(_ROUND)))
+    for row, position in enumerate(positions_world):
+        for column, side in enumerate(_ROUND):
+            hits = first_hits(octree, Camera.look_at(position, position + side, fov=np.pi / 2, size_px=_ROUND_PX))
+            shares[:, row, column] = np.count_nonzero(_facing(octree, hits)) / len(hits.hit), 1.0 - hits.hit.mean()
+    return shares.mean(axis=2)
+
+
+def _in_rooms(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+    """(n,) bool: places inside that see out through a window or a hole in a roof, as what is hollow in walls does not.
+
+    All that are inside if hardly any sees out, and all if none is inside.
+    """
+    facing, empty = _surroundings(octree, positions_world)
+    inside = facing > _ENCLOSED
+    sees_out = inside & (empty > 0.0)
+    return sees_out if np.count_nonzero(sees_out) > _SEES_OUT * len(inside) else inside | (not inside.any())
+
+
+def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: bool = True) -> Steps[list[Camera]]:
     """Choose `count` upright perspective cameras View 1, View 2, ... in free space; none in a voxel or beside one.
 
-    Fewer if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is
-    free or shows anything.
+    lit: dark views count less; False for an octree without light, where they stand in rooms, see `_in_rooms`. Fewer
+    if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is free or
+    shows anything.
     """
     if not 1 <= count <= MAX_VIEWPOINTS:
         raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
     positions = free_positions(octree)
+    if not lit:
+        positions = positions[_in_rooms(octree, positions)]
     trials: list[_Trial] = []
     extent = float(np.ptp(_bounds(octree), axis=0).max())
     for number, position in enumerate(positions):
         yield Progress(number, len(positions), "Placing cameras")
-        trials += [_tried(octree, camera, extent) for camera in _around(position)]
-    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count)
+        trials += [_tried(octree, camera, extent, lit=lit) for camera in _around(position)]
+    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count, lit=lit)
     if not chosen:
         raise SceneError("No place in the scene has room and a view: add cameras, or use the cameras 'auto'")
     return [_named(trial.camera, index, size_px) for index, trial in enumerate(chosen, 1)]
@@ -136,19 +174,26 @@ def _around(position_world: np.ndarray) -> list[Camera]:
     ]
 
 
-def _tried(octree: Octree, camera: Camera, extent: float) -> _Trial:
+def _facing(octree: Octree, hits: Hits) -> np.ndarray:
+    """(n,) bool: of the rays that hit something, whether it is no back."""
+    hit = hits.hit
+    facing: np.ndarray = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
+    return facing
+
+
+def _tried(octree: Octree, camera: Camera, extent: float, *, lit: bool) -> _Trial:
     hits = first_hits(octree, camera)
     hit = hits.hit
     if not hit.any():
         return _Trial(camera, 0.0, 0.0, np.empty(0, np.int64))
     distance = hits.t_world[hit] / extent
-    facing = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
+    brightness = float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if lit else 1.0
     quality = (
         float(hit.mean()) ** 2
         * float(np.mean(distance > _NEAR)) ** 4
         * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
-        * float(facing.mean()) ** 2
-        * (brightness := float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0)))) ** 2
+        * float(_facing(octree, hits).mean()) ** 2
+        * brightness**2
     )
     return _Trial(camera, quality, brightness, _cells_seen(hits))
 
@@ -162,7 +207,7 @@ def _cells_seen(hits: Hits) -> np.ndarray:
     return np.unique((cells[:, 0] << 2 * _LEVEL) | (cells[:, 1] << _LEVEL) | cells[:, 2])
 
 
-def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
+def _chosen(octree: Octree, trials: list[_Trial], count: int, *, lit: bool) -> list[_Trial]:
     """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best.
 
     None in which the finest voxels are dark, either: in a hollow wall, coarse ones shine with the light outside.
@@ -178,7 +223,7 @@ def _chosen(octree: Octree, trials: list[_Trial], count: int) -> list[_Trial]:
         if not gains[best] > 0:
             break
         trial = trials.pop(best)
-        if _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
+        if lit and _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
             dark.append(trial)
             continue
         chosen.append(trial)

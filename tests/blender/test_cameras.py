@@ -9,8 +9,18 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
-from patchnet.operators.scene.cameras import choose_cameras, focus_warnings, tracing_camera
+from patchnet.operators.pipeline.camera_folders import view_folders
+from patchnet.operators.scene.cameras import (
+    camera_names,
+    choose_cameras,
+    focus_warnings,
+    looking_cameras,
+    tracing_camera,
+)
+from patchnet.operators.scene.read import read_scene
+from patchnet.patchnet_addon.lod.depth import coarse_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.patchnet_addon.runtime.progress import drain
 
 
 @pytest.fixture
@@ -133,6 +143,36 @@ def test_framing_cameras_see_the_scene(camera: bpy.types.Object, size: tuple[int
         if view.name != "Close":
             assert points.min() >= 0.0 and points.max() <= 1.0
     assert widths[0] < 0.6 * widths[1] and widths[1] > 0.5
+
+
+@pytest.mark.parametrize("inwards", [True, False])
+def test_auto_goes_inside_a_room(inwards: bool) -> None:
+    """Of a room whose walls face inwards; of the same box from outside otherwise. The octree says the same."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add(size=4.0, location=(10.0, 0.0, 2.0))
+    if inwards:
+        bpy.context.object.data.flip_normals()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    source = read_scene(depsgraph, "VISIBLE")
+    for surface in (source, drain(coarse_octree(source, 6))):
+        cameras = drain(looking_cameras(depsgraph, ["auto"], (64, 48), source.bounds_world, surface))
+        low, high = source.bounds_world
+        inside = [bool(((low < view.position_world) & (view.position_world < high)).all()) for view in cameras]
+        assert inside == [inwards] * 3 and {view.width_px for view in cameras} == {64}
+        assert {view.name for view in cameras} <= set(camera_names(bpy.context.scene, ["auto"]))
+
+
+def test_a_camera_by_numbers(camera: bpy.types.Object) -> None:
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    bounds = np.array([[-1.0] * 3, [1.0] * 3])
+    eye, own = choose_cameras(depsgraph, ("Eye", "1 -5 1.5 > 1 0 1.5 @ 90"), (64, 32), bounds)
+    assert eye.name == "Eye" and own.name == "1 -5 1.5 > 1 0 1.5 @ 90" and own.half_y == pytest.approx(1.0)
+    assert own.position_world.tolist() == [1.0, -5.0, 1.5] and own.forward == pytest.approx([0.0, 1.0, 0.0])
+    assert set(view_folders(bpy.context.scene, ("Eye", own.name))) == {"Eye", own.name}
+    wrong = [("1 2 > 3 4 5", "is no view"), ("1 2 3 > 1 2 3", "its own place"), ("1 2 3 > 4 5 6 @ 180", "180")]
+    for text, why in wrong:
+        with pytest.raises(SceneError, match=why):
+            choose_cameras(depsgraph, (text,), (64, 32), bounds)
 
 
 @pytest.mark.parametrize("hidden", ["excluded collection", "disabled in viewports", "hidden"])

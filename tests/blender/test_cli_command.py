@@ -16,7 +16,6 @@ import patchnet
 from patchnet import commands
 from patchnet.commands import blender_command
 from patchnet.commands.blender_command import execute
-from patchnet.commands.shared import progress_bars
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime import log
 from patchnet.tests.blender.job_scene import QUICK, build, saved
@@ -173,14 +172,13 @@ def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--log-format" in capsys.readouterr().out
 
 
-def test_lines_where_there_is_no_tqdm(
-    scene_file: Path, tmp_path: Path, weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_plain_lines_where_stderr_is_no_terminal(
+    scene_file: Path, weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(progress_bars.importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setitem(sys.modules, "tqdm", None)
     assert execute(["run", "--out", str(tmp_path / "out"), "--weights", str(weights), *QUICK]) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert "Reading the scene" in said and "Encoding" in said and len(said) == len(set(said))
+    text = capsys.readouterr().err
+    said = text.splitlines()
+    assert "Reading the scene" in said and "Encoding" in said and len(said) == len(set(said)) and "\r" not in text
 
 
 def test_registered_twice_and_forgotten_at_the_end() -> None:

@@ -18,6 +18,7 @@ from patchnet.operators.ui.panels.octree import PATCHNET_PT_octree
 from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
 from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
 from patchnet.operators.ui.panels.tab import FIRST
+from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL, drop_result_images
@@ -230,7 +231,7 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     for part in (
         f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "In memory: ",
         f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Look-ahead", "Views", "by own kernels on the CPU",
-        f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}",
+        "Error x 10,000: {}, refined {}".format(*map(error_text, result.errors)),
     ):  # fmt: skip
         assert part in text
     assert set(result.seconds) >= {"read", "depth", "light", "voxelize", "codes", "views"}
@@ -248,8 +249,8 @@ def test_compare(scene: bpy.types.Scene) -> None:
     assert again.rows[0].name == "optimal" and all(row.error <= again.unrefined for row in again.rows)
     text = drawn(PATCHNET_PT_compare)
     for row in again.rows:
-        assert f"{row.error:.2e}" in text
-    assert "Eye, 24 x 16" in text and f"{again.unrefined:.2e}" in text
+        assert error_text(row.error) in text
+    assert "Eye, 24 x 16" in text and error_text(again.unrefined) in text
     after = scene_snapshot()
     assert {name for name in after if name.startswith("objects")} == {
         name for name in before if name.startswith("objects")

@@ -24,6 +24,7 @@ from patchnet.operators.ui.panels.tab import stale_text
 from patchnet.operators.ui.properties import scene_settings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -127,8 +128,8 @@ def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest
         (frames[name],) = report["frames"]
         printed = capsys.readouterr().out
         shown = frames[name] if name == "preview" else frames[name]["predicted"]
-        assert f"error {shown['mse_unrefined']:.2e}, after refining 30%" in printed
-        assert f"predicted {frames[name]['predicted']['mse_unrefined']:.2e}, 2 x 2 rays" in printed
+        assert f"error {error_text(shown['mse_unrefined'])} (mean squared" in printed and "after 30% of" in printed
+        assert f"predicted {error_text(frames[name]['predicted']['mse_unrefined'])}, 2 x 2 rays" in printed
     assert frames["predicted"] == frames["preview"] | {
         "unrefined": "predicted", "refined": frames["predicted"]["refined"],
     }  # fmt: skip
@@ -149,7 +150,7 @@ def test_it_stands_beside_regions_by_cycles(
     (frame,) = json.loads((out / "report.json").read_text())["frames"]
     found = frame["cycles"]
     assert found["unrefined"] == "predicted" and found["mse"]["predicted"] != found["mse"]["preview"]
-    assert f"  {'predicted':<24} {found['mse']['predicted']:.2e}" in capsys.readouterr().out
+    assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in capsys.readouterr().out
     shown, beside = (image_of(out / "Eye" / f"{name}.png") for name in ("predicted", "cycles"))
     outside = image_of(out / "Eye" / "regions.png") == 0
     assert 0 < outside.mean() < 1

@@ -2,6 +2,7 @@
 """`patchnet run` and `patchnet info` on files of several kinds, and on everything that can be wrong with them."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,8 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.runtime.quantities import counted, error_text
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 # In a process of its own: Blender as a Python module hangs at its exit after a glTF export and a job in one process.
@@ -25,6 +28,11 @@ bpy.ops.export_scene.gltf(filepath=name + ".glb", export_cameras=True)
 bpy.ops.export_scene.fbx(filepath=name + ".fbx")
 bpy.ops.wm.obj_export(filepath=name + ".obj")
 bpy.ops.wm.ply_export(filepath=name + ".ply")
+"""
+
+WITHOUT_MTAB = """
+mount -t tmpfs tmpfs "$1" && cp -a /etc/. "$1" && rm -f "$1/mtab" && mount --bind "$1" /etc || exit 99
+exec "$2" -m patchnet run "$1/missing.glb"
 """
 
 
@@ -55,6 +63,11 @@ def test_run_writes_what_it_promises(
     assert {"nodes", "leaves", "bytes", "depth"} <= set(report["octree"])
     printed = capsys.readouterr().out
     assert "ss-variance" in printed and "Octree: depth 5" in printed and "Fra:" not in printed
+    assert f"Results are in {out}: look at {out / 'overview.png'}" in printed and (out / "overview.png").is_file()
+    for name, error in report["frames"][0]["mse"].items():
+        assert f"  {name:<24} {error_text(error):>6}  {STRATEGIES[name].cost}" in printed
+    assert f"error {error_text(report['frames'][0]['mse_unrefined'])} (mean squared, x 10,000)" in printed
+    assert "linear luminance" in report["error_unit"]
     assert str(tmp_path) not in (out / "report.json").read_text()
 
 
@@ -81,6 +94,15 @@ def test_depth_of_field_is_told_once(tmp_path: Path, weights: Path, capsys: pyte
     bpy.data.cameras["Eye"].dof.use_dof = True
     assert run(saved(tmp_path / "scene.blend"), tmp_path / "out", weights) == 0
     assert capsys.readouterr().err.count("Note: Camera 'Eye' has depth of field") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="hiding /etc/mtab takes root")
+def test_nothing_is_said_of_a_missing_mtab(tmp_path: Path) -> None:
+    words = ["unshare", "--mount", "--propagation", "private", "sh", "-c", WITHOUT_MTAB, "sh", tmp_path, sys.executable]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode == 99 or "unshare" in done.stderr:
+        pytest.skip("mounts are not allowed here")
+    assert done.returncode == 2 and done.stderr.startswith("patchnet: error: ") and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -257,3 +279,8 @@ def assert_one_sentence(text: str, message: str) -> None:
     lines = text.strip().splitlines()
     assert lines[-1].startswith("patchnet: error: ") and message in lines[-1], text
     assert "Traceback" not in text
+
+
+def test_words_of_numbers() -> None:
+    assert [error_text(value) for value in (0.0404, 0.00247, 3e-6, 0.0)] == ["404", "24.7", "0.03", "0.0"]
+    assert [counted(number, "view") for number in (0, 1, 2000)] == ["0 views", "1 view", "2,000 views"]

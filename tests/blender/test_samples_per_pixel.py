@@ -24,6 +24,7 @@ from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
 from patchnet.operators.ui.properties import scene_settings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -99,9 +100,10 @@ def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[
     assert "after refining with 4 samples per pixel" in capfd.readouterr().out
     result = results.voxels_of(scene)
     assert result.errors[0] == by_share[0] and result.errors[1] != by_share[1]
-    assert f"Error {result.errors[0]:.2e}, refined {result.errors[1]:.2e}" in "\n".join(drawn(PATCHNET_PT_statistics))
+    errors = "Error x 10,000: {}, refined {}".format(*map(error_text, result.errors))
+    assert errors in "\n".join(drawn(PATCHNET_PT_statistics))
     assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
-    assert "Mean squared error, budget 30%" in drawn(PATCHNET_PT_compare)
+    assert "Squared error x 10,000, budget 30%" in drawn(PATCHNET_PT_compare)
     assert bpy.ops.patchnet.render_preview(size=SMALL["size"], reference=True, spp=0.0) == {"FINISHED"}, "0 is again"
     assert results.voxels_of(scene).errors == by_share
 
@@ -141,7 +143,8 @@ def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest
     printed, lines = capsys.readouterr()
     refined = frame["refined"]
     assert f"{refined['spent']:.4g} samples per active pixel by priority" in printed
-    assert f"{refined['mse']:.2e}; as many rays as a share of 1,024 each {refined['mse_of_share']:.2e}" in printed
+    left = error_text(refined["mse"])
+    assert f"refined.png {left}; as many rays as a share of 1,024 each {error_text(refined['mse_of_share'])}" in printed
     (said,) = [json.loads(line) for line in lines.splitlines() if '"views"' in line]
     assert said["views"][0]["mse"] == refined["mse"]
 

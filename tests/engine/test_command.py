@@ -14,6 +14,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 
 
 @pytest.fixture
@@ -49,12 +50,27 @@ def test_help_of_every_sub_command(name: str, capsys: pytest.CaptureFixture[str]
     assert f"usage: patchnet {name}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("argv", [["nonsense"], [], ["--nonsense"]])
-def test_wrong_words_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["nonsense"], [], ["--nonsense"], ["run", "a.blend", "--scope", "some"], ["bench", "nothing"],
+        ["evaluate", "--part", "3/2", "--out", "x"], ["train", "x", "--out", "y", "--network", "deep"],
+    ],
+)  # fmt: skip
+def test_wrong_words_are_one_sentence_and_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         commands.main(argv)
     assert stop.value.code == 2
-    assert "patchnet: error:" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.startswith("patchnet: error: ") and said.count("\n") == 1 and "--help` lists" in said
+
+
+def test_help_of_run_names_every_strategy_and_its_rays(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        commands.main(["run", "--help"])
+    said = " ".join(capsys.readouterr().out.split()).replace("- ", "-")  # argparse breaks lines at hyphens
+    assert all(f"{name} ({strategy.cost})" in said for name, strategy in STRATEGIES.items())
+    assert "patchnet-plus (6 rays a pixel)" in said and "optimal (oracle: needs the reference)" in said
 
 
 def test_version_names_what_computes(capsys: pytest.CaptureFixture[str]) -> None:

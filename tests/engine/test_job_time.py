@@ -67,6 +67,25 @@ def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> Non
     assert whole == sorted(whole)
 
 
+def test_time_left_does_not_rise_when_a_stage_that_was_fast_goes_on() -> None:
+    """A bake of 40 s that was expected to take 64, then its denoising and its textures, then codes and views."""
+    clock = Clock()
+    job = JobTime(frozenset({"views"}), clock)
+    job.expect({"light": 64.0, "denoise": 20.0, "codes": 10.0, "views": 30.0})
+    left = []
+    steps = [("light", "Baking", 40), ("light", "Packing", 2), ("denoise", "Denoising", 16), ("denoise", "Textures", 4)]
+    steps += [("codes", "Encoding", 10), *(("views", f"View {number // 2} {number}", 5) for number in range(6))]
+    for stage, label, seconds in steps:
+        for at in range(seconds):
+            fraction = at / seconds if stage in ("light", "views") else 0.0
+            left.append(job.see(stage, Progress(fraction, 1, label)).left_s)
+            clock.now += 1.0
+    said = [value for value in left if value is not None]
+    assert len(said) > 75 and max(np.diff(said)) < 3.0
+    true = np.arange(len(left), 0, -1)[-len(said) :]
+    assert abs(np.array(said) - true)[-60:].max() < 10.0
+
+
 def test_a_short_step_at_the_start_of_a_stage_promises_nothing() -> None:
     clock = Clock()
     job = JobTime(clock=clock)

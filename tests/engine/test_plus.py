@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.network.weights import Weights, load_weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -21,12 +21,15 @@ from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind
 from patchnet.patchnet_addon.sampling.plus.weights import (
     KIND,
     Estimators,
+    estimators_of,
     load_estimators,
     save_estimators,
     shipped_estimators,
+    with_estimators,
 )
 from patchnet.patchnet_addon.sampling.plus_planes import view_planes
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
+from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
@@ -231,9 +234,27 @@ def test_adaptive_pictures_join_what_estimators_see(coded):
 def test_estimators_belong_to_weights():
     learned = shipped_estimators().metadata["patchnet"]
     assert learned == load_weights().hash, "train the estimators anew after the weights: training/shipped_weights.sh"
-    assert estimators_warning(DEFAULT, learned) is None and estimators_warning("patchnet", "0" * 32) is None
-    warning = estimators_warning("patchnet-plus-0", "0" * 32)
+    other = Weights.random()
+    assert estimators_warning(DEFAULT, load_weights()) is None and estimators_warning("patchnet", other) is None
+    warning = estimators_warning("patchnet-plus-0", other)
     assert warning is not None and "train-plus" in warning and learned in warning
+
+
+def test_estimators_travel_in_the_weights_file(coded, tmp_path):
+    """They rank where the file is used; codes do not depend on them, frames of an animation do."""
+    estimators = Estimators(Estimators.random(1).networks, {"patchnet": coded.weights_hash})
+    save_weights(with_estimators(coded.weights, estimators), tmp_path / "both.safetensors")
+    read = load_weights(tmp_path / "both.safetensors")
+    assert read.hash == coded.weights_hash and read.whole_hash != read.hash == coded.weights.whole_hash
+    assert estimators_of(read).hash == estimators.hash and estimators_of(coded.weights) is shipped_estimators()
+    assert estimators_warning("patchnet-plus", read) is None
+    plain, own = view(coded, (30, 20)), view(replace(coded, weights=read), (30, 20))
+    for name, form in (("patchnet-plus", "plus-4"), ("patchnet-plus-0", "plus-0")):
+        found = STRATEGIES[name].scores(own)
+        np.testing.assert_array_equal(found, estimated_error(plain, estimators, FORMS[form]))
+        assert not np.array_equal(found, STRATEGIES[name].scores(plain))
+    staged = STRATEGIES["patchnet-plus-staged"]
+    assert not np.array_equal(rank(staged, own, 0.3).score, rank(staged, plain, 0.3).score)
 
 
 def test_registry_loads_no_compiler():

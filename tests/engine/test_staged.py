@@ -153,7 +153,7 @@ def test_views_that_lack_something_are_refused(buffers):
 
 
 def test_estimators_of_other_weights_are_warned_of():
-    warning = estimators_warning("patchnet-plus-staged", "0" * 32)
+    warning = estimators_warning("patchnet-plus-staged", Weights.random())
     assert warning is not None and "patchnet-plus-staged" in warning
 
 

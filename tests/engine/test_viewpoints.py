@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.viewpoints import free_positions, viewpoints
+from patchnet.patchnet_addon.tracing.viewpoints import encloses, free_positions, viewpoints
 
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
@@ -52,6 +52,23 @@ def house() -> Octree:
     return octree_of(
         np.concatenate([shell, box((0, 0, 0), (6, 4, 3), inwards=True), box((2.8, 1.8, 0), (3.2, 2.2, 3))])
     )
+
+
+def test_rooms_enclose_their_free_space_and_objects_do_not(house: Octree) -> None:
+    roofless = box((0, 0, 0), (6, 4, 3), inwards=True)[:-2]
+    solid, garden = box((0, 0, 0), (1, 1, 1)), box((-6, -6, -0.2), (6, 6, 0))
+    assert encloses(house) and encloses(octree_of(box((0, 0, 0), (6, 4, 3), inwards=True)))
+    assert not encloses(octree_of(solid)) and not encloses(octree_of(np.concatenate([garden, solid * [1, 1, 3]])))
+    assert not encloses(octree_of(np.concatenate([garden, roofless * 0.3]))), "a court in a garden"
+
+
+def test_without_light_cameras_stand_in_a_room_with_a_window() -> None:
+    """Not in the hollow wall beside it, which is larger, and sees itself all around, too."""
+    rooms = [box((0, 0, 0), (6, 4, 3), inwards=True)[:-2], box((6.3, -6, 0), (8.2, 14, 3), inwards=True)]
+    octree = octree_of(np.concatenate(rooms), luminance=0.0)
+    cameras = drain(viewpoints(octree, 3, (32, 24), lit=False))
+    assert len(cameras) == 3 and all(0 < camera.position_world[0] < 6 for camera in cameras)
+    assert any(position[0] > 6.3 for position in free_positions(octree))
 
 
 def test_cameras_stand_in_the_room(house: Octree) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from patchnet.commands import furnish, make_parser
 from patchnet.commands.evaluate import _scenes
+from patchnet.commands.shared.catalogue_scenes import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.surface.bisect import AXES
@@ -52,6 +53,9 @@ def test_missing_folder_and_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(SceneError, match=FOLDER):
         SMALL.path()
     assert SCENES["courtyard"].path() == Path("demo")
+    assert {scene.name for scene in scenes_named("all")} == {
+        scene.name for scene in SCENES.values() if scene.file in OWN_SCENES
+    }
     monkeypatch.setenv(FOLDER, str(tmp_path / "none"))
     with pytest.raises(SceneError, match="no folder"):
         SMALL.path()

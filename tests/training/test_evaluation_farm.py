@@ -14,6 +14,7 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.runtime.quantities import counted
 from patchnet.training.benchmarks.shells import octree_of_shells
 
 pytest.importorskip("matplotlib")
@@ -43,7 +44,8 @@ def test_shares_together_are_the_whole(octree, tmp_path, capsys):
     assert not frames.exists() and list((out / "scenes" / "shells").glob("codes-*"))
     for part, blocks in ((1, 1), (2, 1)):
         assert main([*words, "--part", f"{part}/2", "--out", str(out)]) == 0
-        assert len(list(frames.iterdir())) == part and f"{blocks} blocks of frames are there" in capsys.readouterr().out
+        assert len(list(frames.iterdir())) == part
+        assert f"finished {counted(blocks, 'block')} of frames" in capsys.readouterr().out
     assert not (out / "results.json").exists()
 
 
@@ -156,4 +158,4 @@ def test_slurm_job_array(slurm, octree, tmp_path):
     logs = {path.name: path.read_text() for path in out.glob("slurm-*.log")}
     assert (out / "results.json").is_file(), logs
     assert results(out)["frames"] == 12
-    assert sum("blocks of frames are there" in text for text in logs.values()) == 2, logs
+    assert sum(" of frames" in text and "finished" in text for text in logs.values()) == 2, logs

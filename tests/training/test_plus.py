@@ -9,14 +9,14 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
 from patchnet.patchnet_addon.sampling.plus.features import features_of
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Plane
-from patchnet.patchnet_addon.sampling.plus.weights import load_estimators
+from patchnet.patchnet_addon.sampling.plus.weights import estimators_of, load_estimators
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -106,7 +106,9 @@ def test_network_says_what_was_learnt(table):
 def test_command_learns_and_keeps_references(octree_path, tmp_path, capsys, monkeypatch):
     words = ["train-plus", str(octree_path), *WORDS, "--references-folder", str(tmp_path / "references")]
     assert main([*words, "--steps", "150", "--out", str(tmp_path / "a")]) == 0
-    assert "plus.safetensors" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "holds patchnet.safetensors, plus.safetensors, log.jsonl" in said and "plus-4 0." in said
+    assert estimators_of(load_weights(tmp_path / "a" / "patchnet.safetensors")).metadata["steps"] == 150
     last = json.loads((tmp_path / "a" / "log.jsonl").read_text().splitlines()[-1])
     assert last["step"] == 150 and last["loss"].keys() == FORMS.keys()
     read = load_estimators(tmp_path / "a" / "plus.safetensors")

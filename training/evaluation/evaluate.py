@@ -138,7 +138,7 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
     cameras = track[:: settings.every]
-    key = _key(settings, octree_hash(octree), weights.hash)
+    key = _key(settings, octree_hash(octree), weights.whole_hash)
     blocks = [
         FrameBlock(
             files, cameras[first : first + _BLOCK], first, settings.strategies, SIDES,

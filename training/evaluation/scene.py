@@ -58,8 +58,8 @@ class Scene:
         raise SceneError(f"Scene {self.name!r} needs {self.file}, which is not in {path.parent}: {advice}")
 
     def is_there(self) -> bool:
-        """Return whether the file is there; raises SceneError if PATCHNET_SCENES is not set, or is no folder."""
-        return self.file in OWN_SCENES or (self._folder() / self.file).is_file()
+        """Return whether the file is there; raises SceneError if PATCHNET_SCENES is set to what is no folder."""
+        return self.file in OWN_SCENES or (bool(os.environ.get(FOLDER)) and (self._folder() / self.file).is_file())
 
     def _folder(self) -> Path:
         folder = os.environ.get(FOLDER, "")

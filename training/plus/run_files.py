@@ -7,14 +7,18 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.sampling.plus.weights import KIND
+from ..run.run_files import WEIGHTS
 
 ESTIMATORS = "plus.safetensors"
 LOG = "log.jsonl"
 REFERENCES = "references"  # folder of kept references
+RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
+"""The weights are those that it learned from, with it."""
 
 
 def check_plus_run(out: Path, inputs: Iterable[Path] = ()) -> None:
     """Check that a run can write its files in `out`; raises OutputError."""
-    check_outputs({out / ESTIMATORS: arrays_kind(KIND), out / LOG: TRAINING_LOG}, inputs, folder=out)
+    check_outputs({out / name: kind for name, kind in RUN_FILES.items()}, inputs, folder=out)

@@ -19,8 +19,8 @@ LOG = "log.jsonl"
 WEIGHTS = "patchnet.safetensors"
 CARD = "model_card.md"
 CURVES = "curves.png"
-_KINDS = {
-    CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, WEIGHTS: WEIGHTS_KIND, CARD: MODEL_CARD, CURVES: PNG
+RUN_FILES = {
+    WEIGHTS: WEIGHTS_KIND, CARD: MODEL_CARD, CURVES: PNG, LOG: TRAINING_LOG, CHECKPOINT: CHECKPOINT_KIND
 }  # fmt: skip
 
 
@@ -43,7 +43,9 @@ def log_lines(path: Path) -> list[dict[str, Any]]:
     return found
 
 
-def check_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool, kinds: Mapping[str, FileKind] = _KINDS) -> None:
+def check_run(
+    out: Path, inputs: Iterable[Path] = (), *, resume: bool, kinds: Mapping[str, FileKind] = RUN_FILES
+) -> None:
     """Check that a run can begin in `out`, or go on there; kinds: of its files by name, the checkpoint among them.
 
     Raises OutputError for files that cannot be written or are to stay, SettingError if there is a run already, and

@@ -86,7 +86,7 @@ def _black_material(
     why = ", in Cycles too"
     if source.gloss[number].is_glossy and without_gloss:
         why = " without its gloss; choose Gloss: Automatic (--gloss auto)"
-    elif notes := [text for text in source.warnings if f"Material '{material.name}'" in text]:
+    elif notes := [text for text in source.warnings if text.startswith("Material") and f"'{material.name}'" in text]:
         why = f": {notes[0]}"
     elif any(f"of material '{material.name}'" in text for text in atlas.warnings):
         why = " without what depends on the view or on whole objects"

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
-from ....patchnet_addon.runtime.wording import named_list
+from ....patchnet_addon.runtime.wording import named_are
 from ...scene.scene_mesh import SceneMesh
 from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
@@ -80,7 +80,7 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
     tinted = [name for name, gloss in rest if gloss.clear > _TINTED]
     if light.gloss == GLOSS_OFF:
         dark = [name for name, gloss in kinds if gloss.is_glossy]
-        return _named(dark, "baked without gloss, and looks black: choose Gloss: Automatic (--gloss auto)")
+        return _named(dark, "baked without gloss, in black: choose Gloss: Automatic (--gloss auto)")
     sharp = [name for name, gloss in rest if gloss.is_glossy and gloss.is_sharp and name not in tinted]
     if light.from_camera:
         mirrors = "baked with reflections as the active camera sees them: they are wrong from elsewhere"
@@ -91,12 +91,12 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
         )
     return (
         *_named(sharp, mirrors),
-        *_named(clear, "see-through: what it reflects and bends is not shown; Refine with Cycles shows it"),
-        *_named(tinted, "baked as if it were opaque, with what shines through: one does not see through it"),
+        *_named(clear, "see-through: reflections and bent light are not shown; Refine with Cycles shows them"),
+        *_named(tinted, "baked as if opaque, with what shines through: nothing is seen behind"),
     )
 
 
 def _named(names: Iterable[str], what: str) -> tuple[str, ...]:
     """Sentence that names materials; none for none."""
-    listed = named_list(names)
-    return (f"Material {listed} is {what}",) if listed else ()
+    these = named_are("Material", names)
+    return (f"{these} {what}",) if these else ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ....patchnet_addon.runtime.quantities import error_text
 from ...session import results
 from ...session.scene_result import Comparison
 from .tab import SubPanel, draw_setting, draw_stale, split
@@ -29,14 +30,14 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         found = result.comparison
         draw_stale(layout, context.scene, "view")
         layout.label(text=found.view)
-        layout.label(text=f"Mean squared error, budget {found.budget:.0%}")
+        layout.label(text=f"Squared error x 10,000, budget {found.budget:.0%}")
         table = layout.box().column(align=True)
         _row(table, "Strategy", "Error", "Left")
         for title, error in found.pictures:
-            _row(table, f"{title}, unrefined", f"{error:.2e}", _share(error, found))
+            _row(table, f"{title}, unrefined", error_text(error), _share(error, found))
         for row in found.rows:
             marked = "> " if row.name == context.scene.patchnet.strategy else ""
-            _row(table, f"{marked}{row.title}", f"{row.error:.2e}", _share(row.error, found))
+            _row(table, f"{marked}{row.title}", error_text(row.error), _share(row.error, found))
 
 
 def _share(error: float, found: Comparison) -> str:

@@ -21,4 +21,4 @@ def camera_candidates(_values: object, context: bpy.types.Context, text: str) ->
     active = context.scene.camera
     cameras = [(name, "Active camera" if active is not None and active.name == name else "Camera") for name in names]
     several = [(ALL, "Every camera of the scene")] if len(names) > 1 else []
-    return [*cameras, *several, (AUTO, "Three views that frame the scene, without a camera")]
+    return [*cameras, *several, (AUTO, "Three views of the scene, inside where it is a room")]

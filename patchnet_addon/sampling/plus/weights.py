@@ -4,15 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...network.weights import Layer, checked_array, layers_of
+from ...network.weights import Layer, Weights, checked_array, layers_of
 from ...runtime.errors import WeightsFileError
 from ...runtime.files import content_hash, read_arrays, write_arrays
 from .forms import FORMS, Form
@@ -86,13 +86,35 @@ class Estimators:
 
 def save_estimators(estimators: Estimators, path: str | Path) -> None:
     """Write estimators to a file; raises OutputError if that fails."""
-    features = {name: form.description for name, form in FORMS.items()}
-    write_arrays(path, estimators.arrays(), estimators.metadata | {"features": features}, KIND)
+    write_arrays(path, estimators.arrays(), estimators.metadata | {"features": _features()}, KIND)
 
 
 def load_estimators(path: str | Path) -> Estimators:
     """Read estimators from a file; raises WeightsFileError."""
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
+    return _checked(arrays, metadata, str(path))
+
+
+def with_estimators(weights: Weights, estimators: Estimators) -> Weights:
+    """PatchNet's weights with estimators that have learned from them, to be kept in one file."""
+    plus = estimators.metadata | {"features": _features()}
+    return replace(weights, plus=estimators.arrays(), metadata=weights.metadata | {"plus": plus})
+
+
+@lru_cache(maxsize=2)
+def estimators_of(weights: Weights | None) -> Estimators:
+    """Estimators that came with PatchNet's weights, else those that are shipped; raises WeightsFileError."""
+    if weights is None or not weights.plus:
+        return shipped_estimators()
+    return _checked(weights.plus, dict(weights.metadata.get("plus", {})), "The estimator in the weights file")
+
+
+def _features() -> dict[str, str]:
+    return {name: form.description for name, form in FORMS.items()}
+
+
+def _checked(arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], path: str) -> Estimators:
+    """Estimators of the features that this version has; raises WeightsFileError. path: what they are called."""
     stated = metadata.pop("features", {})
     for name, form in FORMS.items():
         if stated.get(name) != form.description:
