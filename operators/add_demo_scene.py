@@ -5,40 +5,52 @@ from __future__ import annotations
 
 import bpy
 
-from .jobs.polls import in_object_mode, no_job_runs
-from .jobs.tell import tell, tell_start
+from ..patchnet_addon.runtime.progress import Progress, Steps
+from ..patchnet_addon.runtime.worker import computed
+from .jobs.job_operator import JobOperator
+from .jobs.polls import in_object_mode
+from .settings.job_settings import JobSettings
 
 NAME = "PatchNet Courtyard"
 
 
-class PATCHNET_OT_add_demo_scene(bpy.types.Operator):
-    """Build a courtyard with cameras and light in a new scene of this file, and select its objects; other scenes stay
-    as they are"""
+class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
+    """Build a courtyard with cameras and light in a new scene of this file, select its objects, and look through its
+    camera; other scenes stay as they are"""
 
     bl_idname = "patchnet.add_demo_scene"
     bl_label = "PatchNet Demo Scene"
     bl_options = {"REGISTER", "UNDO"}
+    uses_kernels = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Require that no job runs on the present scene, and a mode in which scenes can be added."""
-        return in_object_mode(cls, context, "A scene can be added") and no_job_runs(cls)
+        return in_object_mode(cls, context, "A scene can be added") and super().poll(context)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build it, and show it in this window."""
-        from .demo_scene import build_courtyard
+        from .demo_scene import build_courtyard, courtyard_pictures
 
-        tell_start(self)
+        pictures = yield from computed(courtyard_pictures, Progress(0, 1, "Painting textures"))
         scene = bpy.data.scenes.new(NAME)
-        build_courtyard(scene)
-        if context.window is not None:
-            context.window.scene = scene
+        build_courtyard(scene, pictures=pictures)
         layer = scene.view_layers[0]
         layer.update()  # objects that it does not know yet would forget that they are selected
         for item in layer.objects:
             item.select_set(True, view_layer=layer)
-        tell(self, "INFO", f"{len(scene.objects)} objects in scene '{scene.name}', seen by 3 cameras")
-        return {"FINISHED"}
+        if context.window is not None:
+            context.window.scene = scene
+            _look_through_camera(context.window.screen)
+        return f"{len(scene.objects)} objects in scene '{scene.name}', seen by 3 cameras"
+
+
+def _look_through_camera(screen: bpy.types.Screen) -> None:
+    """Let the largest 3D viewport show what the scene's camera sees, all of it."""
+    viewports = [area for area in screen.areas if area.type == "VIEW_3D"]
+    for area in sorted(viewports, key=lambda area: area.width * area.height)[-1:]:
+        view = area.spaces.active.region_3d
+        view.view_perspective, view.view_camera_zoom, view.view_camera_offset = "CAMERA", 0.0, (0.0, 0.0)
 
 
 def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:

@@ -9,11 +9,13 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
+from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell
 from .render_preview import look
 from .schema.table import SELECTED
 from .session import results
+from .session.shown_view import CYCLES_PICTURE
 from .settings.job_settings import JobSettings
 from .ui.properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
 
@@ -39,7 +41,9 @@ class PATCHNET_OT_refine_with_cycles(
         check_light(octree)
         seen = yield from look(context, settings, compare=settings.view.reference)
         view = yield from refine_view(context, seen, wanted, sun=settings.light.daylight)
-        show_cycles(view)
+        overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))
+        for warning in view.warnings:
+            tell(self, "WARNING", warning)
         if scope == SELECTED:
             tell(self, "WARNING", "Cycles renders all objects, but the voxels are those of the selected ones")
         return summary(view)

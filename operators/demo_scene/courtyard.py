@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
@@ -12,17 +13,28 @@ from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from . import furniture, ironwork, masonry, plants, roofs
 from .cameras import build_cameras
 from .lighting import build_light
-from .materials import make_materials
+from .materials import make_materials, make_pictures
 
 
-def build_courtyard(scene: bpy.types.Scene, seed: int = 1) -> None:
+def courtyard_pictures(seed: int = 1) -> dict[str, np.ndarray]:
+    """Textures for `build_courtyard`, most of its time; without Blender's data, so that a thread can make them."""
+    return make_pictures(_streams(seed)[0])
+
+
+def _streams(seed: int) -> list[np.random.Generator]:
+    return np.random.default_rng(seed).spawn(8)
+
+
+def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str, np.ndarray] | None = None) -> None:
     """Build the courtyard into a scene: about 12 m wide, every random choice from `seed`.
+
+    pictures: its textures, where they are there.
 
     Fence, gate and grilles are thinner than a distant pixel, a white cloth lies 7 mm above a dark table, leaves are cut
     by alpha: what a coarse view gets wrong. Sets the scene's world, camera and render settings.
     """
-    streams = iter(np.random.default_rng(seed).spawn(8))
-    materials = make_materials(next(streams))
+    streams = iter(_streams(seed)[1:])
+    materials = make_materials(pictures or courtyard_pictures(seed))
     parts = {name: _part(scene, name) for name in ("Masonry", "Ironwork", "Furniture", "Plants", "Light", "Cameras")}
     stone, iron, furnishing, green = (parts[name] for name in ("Masonry", "Ironwork", "Furniture", "Plants"))
     masonry.build_floor(stone, materials, next(streams))

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import bpy
 import numpy as np
 
 from ..scene_access.blender_version import start_nodes
 from . import textures
 
+_LEAVES = "Leaves "  # begins the names of what cuts leaves
 
 def linear(colour: textures.Colour) -> np.ndarray:
     """Linear light of an sRGB colour (3,)."""
@@ -73,14 +76,23 @@ def _link_image(
         links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
 
 
-def make_materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
+def make_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Textures of the courtyard by the names of their images; nothing of Blender's, so that a thread can make them."""
+    return {
+        "Plaster": textures.plaster(rng, (0.93, 0.87, 0.76)),
+        "Bricks": textures.bricks(rng),
+        "Stone": textures.plaster(rng, (0.79, 0.75, 0.68), 512),
+        "Wood": textures.wood(rng, (0.80, 0.80, 0.80)),
+        "Glazed tiles": textures.glazed_tiles(),
+        "Linen": textures.linen(rng),
+    } | _leaf_pictures(rng)
+
+
+def make_materials(pictures: Mapping[str, np.ndarray]) -> dict[str, bpy.types.Material]:
     """All materials of the courtyard by a short name."""
-    plaster = textures.to_image("Plaster", textures.plaster(rng, (0.93, 0.87, 0.76)))
-    brick = textures.to_image("Bricks", textures.bricks(rng))
-    stone = textures.to_image("Stone", textures.plaster(rng, (0.79, 0.75, 0.68), 512))
-    grain = textures.to_image("Wood", textures.wood(rng, (0.80, 0.80, 0.80)))
-    glaze = textures.to_image("Glazed tiles", textures.glazed_tiles())
-    linen = textures.to_image("Linen", textures.linen(rng))
+    images = {name: textures.to_image(name, pixels) for name, pixels in pictures.items()}
+    plaster, brick, stone, grain, glaze, linen, *_ = images.values()
+    leaves = {name.removeprefix(_LEAVES): image for name, image in images.items() if name.startswith(_LEAVES)}
     made = {
         "plaster": principled("Plaster", image=plaster),
         "ochre": principled("Ochre plaster", (0.98, 0.80, 0.56), plaster),
@@ -110,11 +122,11 @@ def make_materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
         made[f"floor{number}"] = principled(f"Floor tile {number + 1}", colour)
     for number, colour in enumerate([(0.76, 0.45, 0.31), (0.69, 0.38, 0.26), (0.82, 0.55, 0.40)]):
         made[f"roof{number}"] = principled(f"Roof tile {number + 1}", colour)
-    return made | _leaf_materials(rng)
+    return made | {key: principled(f"{_LEAVES}{key}", image=image, alpha=True) for key, image in leaves.items()}
 
 
-def _leaf_materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
-    """Materials that cut leaves out of cards by the alpha of their image."""
+def _leaf_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Textures whose alpha cuts leaves out of cards."""
     green = [(0.27, 0.45, 0.16), (0.34, 0.53, 0.20), (0.22, 0.38, 0.15)]
     pictures = {
         "citrus": textures.sprig(rng, green, 4, 0.22, 0.42),
@@ -126,7 +138,4 @@ def _leaf_materials(rng: np.random.Generator) -> dict[str, bpy.types.Material]:
         "geranium": textures.sprig(rng, [(0.86, 0.14, 0.13), (0.93, 0.24, 0.18), (0.78, 0.10, 0.14)], 5, 0.44, 0.30),
         "lavender": textures.sprig(rng, [(0.50, 0.40, 0.74), (0.58, 0.47, 0.80), (0.45, 0.52, 0.38)], 9, 0.16, 0.20),
     }
-    return {
-        key: principled(f"Leaves {key}", image=textures.to_image(f"Leaves {key}", pixels), alpha=True)
-        for key, pixels in pictures.items()
-    }
+    return {f"{_LEAVES}{key}": pixels for key, pixels in pictures.items()}

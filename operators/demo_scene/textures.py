@@ -25,10 +25,10 @@ def to_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 
 def noise(rng: np.random.Generator, size: int, slope: float = 1.4, stretch: float = 1.0) -> np.ndarray:
     """Seamless noise (size, size) with mean 0 and deviation 1; its spectrum falls with frequency^slope."""
-    fy, fx = np.meshgrid(np.fft.fftfreq(size), np.fft.fftfreq(size), indexing="ij")
+    fy, fx = np.meshgrid(np.fft.fftfreq(size), np.fft.rfftfreq(size), indexing="ij")
     frequency = np.hypot(fx * stretch, fy)
     frequency[0, 0] = np.inf
-    field = np.fft.ifft2(np.fft.fft2(rng.standard_normal((size, size))) / frequency**slope).real
+    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((size, size))) / frequency**slope)
     return field / field.std()
 
 

@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
+from ...patchnet_addon.image.tone import to_bytes
 from ..session.result_images import show_images
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
-from ..session.views import keep_view
+from ..session.views import keep_view, view_of_camera
 from ..settings.groups import ViewSettings
 from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel, toggle
 from .unfinished import unfinished_pictures as unfinished_pictures
@@ -36,6 +38,15 @@ def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings
         if not bpy.app.background:  # nobody looks
             keep_view(context.scene, made)
     open_pictures.open_picture(context, heatmaps[0])
+    handlers.refresh(context)
+
+
+def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Image, picture: np.ndarray) -> None:
+    """Add a picture, encoded colours, to a camera's view, and show its image in an editor of the user's."""
+    view = view_of_camera(context.scene, camera)
+    if view is not None:
+        view.looks[name] = to_bytes(picture)
+    open_pictures.open_picture(context, image)
     handlers.refresh(context)
 
 

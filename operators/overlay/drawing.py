@@ -11,7 +11,7 @@ import numpy as np
 from ...patchnet_addon.image.colormaps import colormap
 from ..session import views
 from ..session.scene_session import InspectedPixel, session_of
-from ..session.shown_view import TITLES, ShownView
+from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
 from ..ui.preferences import preferences
 from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
@@ -20,6 +20,7 @@ from .overlay_settings import NOTHING, overlay_settings
 from .textures import texture_of
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
+NOT_REFINED = "Not there yet: Refine with Cycles renders it"
 _LEGEND_PX = 190
 _BAR_PX = 9
 _GAP_PX = 8
@@ -86,7 +87,9 @@ def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None
     if stale := views.why_stale(context.scene, view):
         _draw_mark(f"Out of date: {stale}", "Out of date", seen, look.scale, values.legend)
     elif missing:
-        _draw_mark(NO_REFERENCE, "No reference", seen, look.scale, values.legend)
+        by_cycles = missing[0] == CYCLES_PICTURE
+        mark = (NOT_REFINED, "Not refined") if by_cycles else (NO_REFERENCE, "No reference")
+        _draw_mark(*mark, seen, look.scale, values.legend)
 
 
 def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import bpy
 import numpy as np
 
 from ...patchnet_addon.image.background import opaque
@@ -46,10 +47,11 @@ def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
     return pictures
 
 
-def show_cycles(view: CyclesView) -> None:
-    """Put the pictures into Blender's images, under the camera's name."""
-    for name, picture in cycles_pictures(view).items():
-        show_image(f"PatchNet {view.camera.name} {name}", picture)
+def show_cycles(view: CyclesView) -> tuple[bpy.types.Image, np.ndarray]:
+    """Put the pictures into Blender's images, under the camera's name; return the composited one, and its colours."""
+    pictures = cycles_pictures(view)
+    images = {name: show_image(f"PatchNet {view.camera.name} {name}", item) for name, item in pictures.items()}
+    return images["cycles"], pictures["cycles"]
 
 
 def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:

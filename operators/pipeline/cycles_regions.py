@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -26,7 +26,12 @@ from ..settings.cycles_settings import DIFFUSE, REFERENCE_FACTOR, WITH_GLOSS, Cy
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View
+from .wanted_pixels import wanted_pixels, wanted_surface
 
+_LEFT = (
+    "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
+    "Budget or Regions of Refine with Cycles"
+)
 NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
 
 
@@ -34,11 +39,13 @@ NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles f
 class CyclesView:
     """View with Cycles' regions in it.
 
-    priority: (H, W) float32 that chose them. mask: (H, W) bool, their pixels. preview: what pixels beside regions show,
+    priority: (H, W) float32 that chose them, after the pixels that only Cycles shows as they are. mask: (H, W) bool,
+    their pixels. preview: what pixels beside regions show,
     the predicted picture where that is chosen. preview, composited, full: (H, W), or
     (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
     alphas: of these three, by name, (H, W). ground: what pictures are laid over; the three are over black.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
+    warnings: what the budget does not reach.
     """
 
     camera: Camera
@@ -52,6 +59,7 @@ class CyclesView:
     report: dict[str, Any]
     alphas: dict[str, np.ndarray]
     ground: Ground
+    warnings: tuple[str, ...] = ()
 
 
 def cycles_view(
@@ -74,16 +82,22 @@ def cycles_view(
     check_light(octree)
     priority = buffers.picture(np.where(buffers.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
     choosing = Progress(0, 1, f"{camera.name}: choosing regions")
-    regions = yield from computed(lambda: _chosen(priority, settings), choosing)
-    added = not has_light(context.evaluated_depsgraph_get()) if sun is None else sun
+    depsgraph = context.evaluated_depsgraph_get()
+    surface = wanted_surface(depsgraph)
+    wanted = yield from computed(lambda: wanted_pixels(surface, camera), choosing)
+    regions = yield from computed(lambda: _chosen(priority, wanted, settings), choosing)
+    added = not has_light(depsgraph) if sun is None else sun
     renders = yield from _rendered(context, camera, regions, _with_gloss(octree, settings), added)
     exposure = octree.exposure
-    return (
+    view = (
         yield from computed(
             lambda: _composited(exposure, camera, buffers, priority, regions, renders, settings, refined, background),
             Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
         )
     )
+    left = float((wanted & ~view.mask).mean())
+    view.report["wanted"] = {"pixels_share": float(wanted.mean()), "left_share": left}
+    return replace(view, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
 
 
 def refine_view(
@@ -116,9 +130,10 @@ def check_light(octree: Octree) -> None:
         raise SettingError(NOT_CYCLES)
 
 
-def _chosen(priority: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
+def _chosen(priority: np.ndarray, wanted: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
     overhead = OVERHEAD_PATHS / settings.samples
-    return choose_regions(priority, settings.budget, tile=settings.tile, most=settings.most, overhead_px=overhead)
+    how = {"tile": settings.tile, "most": settings.most}
+    return choose_regions(priority, settings.budget, **how, overhead_px=overhead, wanted=wanted)
 
 
 def _rendered(

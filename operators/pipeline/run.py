@@ -161,7 +161,7 @@ def _compute(
                 sun = settings.light.daylight
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
-    unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
+    unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights)
     focus = focus_warnings(context.scene, cameras)
     warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *focus, *unseen)

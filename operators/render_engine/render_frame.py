@@ -27,7 +27,7 @@ from ..importance.pixels import read_strokes
 from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
-from ..session.world_maps import kept_background
+from ..session.world_maps import awaited_background
 from ..ui.preferences import apply_preferences
 from ..ui.properties import scene_settings
 from .animation_time import rendered_frame
@@ -152,7 +152,7 @@ def _world(
         with values_of_graph(depsgraph):
             seen = yield from background(depsgraph, camera, AUTO, baked=baked)
     else:
-        seen = kept_background(depsgraph, camera, baked=baked)
+        seen = yield from awaited_background(depsgraph, camera, baked=baked)
     for warning in seen.warnings:
         warn(engine, warning)
     return seen.light

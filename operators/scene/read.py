@@ -30,7 +30,7 @@ from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read
 from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
-_LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
+LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
 def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
@@ -139,7 +139,7 @@ class _Reader:
             self._add(instance, self._key(instance), partial(_read_mesh, instance, layers))
         elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
             self._add(instance, self._key(instance), partial(read_strands, item, layers))
-        elif shows_itself(instance) and item.type in _LEFT_OUT:
+        elif shows_itself(instance) and item.type in LEFT_OUT:
             self._left_out.setdefault(item.type, set()).add(item.name)
         owner = instance.instance_object if instance.is_instance else item
         for modifier in hair_modifiers(owner) if self._hair and instance.show_particles else ():
@@ -197,7 +197,7 @@ class _Reader:
     def left_out(self) -> list[str]:
         """Sentences that name objects that renders show and that are no surface."""
         return [
-            f"{_LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes"
+            f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes"
             for kind, names in self._left_out.items()
         ]
 

@@ -30,10 +30,11 @@ class KeyedResult:
 
 @dataclass(frozen=True, eq=False)
 class KeyedMap:
-    """Map of a world; None where Cycles could not make one. key: of the world that it shows."""
+    """Map of a world; None where Cycles could not make one, with the problem. key: of the world that it shows."""
 
     key: str
     map: CubeMap | None
+    problem: str = ""
 
 
 @dataclass

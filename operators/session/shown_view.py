@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..pipeline.views import View
 
 PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
+CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it
 PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR = "PREVIEW_ERROR", "PREDICTED_ERROR", "REFINED_ERROR"
 ERRORS = (PREVIEW_ERROR, PREDICTED_ERROR, REFINED_ERROR)
 TITLES = {
@@ -30,6 +31,7 @@ TITLES = {
     PREDICTED: "Predicted",
     REFINED: "Refined",
     REFERENCE: "Reference",
+    CYCLES_PICTURE: "Refined by Cycles",
     PREVIEW_ERROR: "Preview Error",
     PREDICTED_ERROR: "Predicted Error",
     REFINED_ERROR: "Refined Error",
@@ -46,9 +48,9 @@ class ShownView:
     """Values of each pixel of a view.
 
     camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
-    looks: PREVIEW, PREDICTED, REFINED, REFERENCE -> (H, W, 3) uint8, as a screen shows them, or (H, W, 4) with alpha
-    where no background is. Without a reference that,
-    and errors against it, are missing. strategy: name.
+    looks: PREVIEW, PREDICTED, REFINED, REFERENCE, CYCLES_PICTURE -> (H, W, 3) uint8, as a screen shows them, or
+    (H, W, 4) with alpha where no background is. Without a reference that, and errors against it, are
+    missing. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
     octree: that it shows, which may be gone. number: of no other view in this process.
     """

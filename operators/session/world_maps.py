@@ -2,12 +2,16 @@
 """World maps: the world's light in all directions, for viewports, and for renders beside a window.
 
 Cycles bakes in Blender's main thread, and not while a viewport is drawn. So a map is made by a timer, as soon as a
-window has time, part by part, and kept in the scene's session with the key of the world that it shows.
+window has time, part by part, and kept in the scene's session with the key of the world that it shows. A render, which
+has a thread of its own there, waits for the map: Blender's data rests meanwhile.
 """
 
 from __future__ import annotations
 
 import logging
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
 
 import bpy
 
@@ -15,23 +19,39 @@ from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import pixel_directions
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event
-from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import Background, SeenWorld, seen_world
 from ..cycles.world.environment import world_map
-from ..scene_access.window_job import in_window, job_is_running
+from ..scene_access.frames import values_of_graph
+from ..scene_access.own import quiet
+from ..scene_access.window_job import BAKE, in_window, job_is_running
 from ..state.digest import Digest
 from .results import listeners
 from .scene_session import KeyedMap, session_of
 
 _AGAIN_S, _BETWEEN_S = 0.5, 0.2
+_POLL_S = 0.05  # between two looks of a render that waits
+_PATIENCE_S = 60.0  # a render gives up when the window has done nothing for so long
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
-_NO_MAP = (
-    "Black is shown behind objects: Cycles cannot look at the world while a window renders, and does so afterwards: "
-    "render again"
-)
+_UNSEEN = "Black is shown behind objects: {}"
+_BUSY = "the window was too busy to let Cycles look at the world: render again"
+
+
+@dataclass(eq=False)
+class _Awaited:
+    """Map that a render waits for: of the world in its graph. seen_at: when the window last worked at it."""
+
+    depsgraph: bpy.types.Depsgraph
+    seen: SeenWorld
+    key: str
+    seen_at: float
+    ended: bool = False
+
+
 _waiting: list[str] = []  # names of scenes whose maps are to be made
-_making: Steps[None] | None = None  # of the map that is being made
+_awaited: _Awaited | None = None  # what a render waits for
+_making: tuple[str | _Awaited, Steps[None]] | None = None  # map that is being made
 
 
 def world_key(seen: SeenWorld) -> str:
@@ -41,17 +61,31 @@ def world_key(seen: SeenWorld) -> str:
     return digest.hexdigest()
 
 
-def kept_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Background:
-    """Background as `background` has it, for a thread that cannot bake: of the map that is kept, else a warning."""
+def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:
+    """Background as `background` has it, for a thread that cannot bake: of a map that the window makes meanwhile.
+
+    Black with a warning if it cannot.
+    """
+    global _awaited
     if depsgraph.scene.render.film_transparent:
         return Background(None)
     seen = seen_world(depsgraph, baked=baked)
     if seen.color is not None or seen.world is None:
         return Background(BLACK if seen.color is None else seen.color)
-    kept = session_of(depsgraph.scene.original).world
-    if kept is None or kept.map is None or kept.key != world_key(seen):
-        ask_for_map(depsgraph.scene.original)
-        return Background(BLACK, (_NO_MAP,))
+    session, key = session_of(depsgraph.scene.original), world_key(seen)
+    if session.world is None or session.world.key != key:
+        asked = _awaited = _Awaited(depsgraph, seen, key, time.monotonic())
+        _start()
+        try:
+            while not asked.ended and time.monotonic() - asked.seen_at < _PATIENCE_S:
+                yield Progress(0, 1, f"{camera.name}: World", waiting=True)
+                time.sleep(_POLL_S)
+        finally:
+            _awaited = None
+    kept = session.world
+    if kept is None or kept.map is None or kept.key != key:
+        why = kept.problem if kept is not None and kept.key == key else _BUSY
+        return Background(BLACK, (_UNSEEN.format(why),))
     return Background(kept.map.look(pixel_directions(camera)))
 
 
@@ -61,38 +95,62 @@ def ask_for_map(scene: bpy.types.Scene) -> None:
         return
     if scene.name not in _waiting:
         _waiting.append(scene.name)
+    _start()
+
+
+def _start() -> None:
     if not bpy.app.timers.is_registered(_make_maps):
         bpy.app.timers.register(_make_maps, first_interval=0.0)
 
 
 def _make_maps() -> float | None:
-    """Make a part of a map that waits, so that the window lives between two; again later while Blender renders."""
+    """Make a part of a map, so that the window lives between two; while Blender renders, what the render waits for."""
     global _making
-    if job_is_running():
+    awaited = _awaited if _awaited is not None and not _awaited.ended else None
+    if job_is_running(BAKE) or (awaited is None and job_is_running()):
         return _AGAIN_S
+    if _making is not None and awaited is not None and _making[0] is not awaited:
+        if isinstance(_making[0], str):
+            _waiting.append(_making[0])
+        _end_map()
     if _making is None:
-        if not _waiting:
+        if awaited is None and not _waiting:
             return None
-        scene = bpy.data.scenes.get(_waiting.pop())
-        _making = keep_map(scene) if scene is not None else None
-        return 0.0
+        wanted = awaited or _waiting.pop()
+        _making = wanted, _map_of(wanted)
+    if awaited is not None:
+        awaited.seen_at = time.monotonic()
     try:
-        with in_window(True):
-            next(_making)
+        with ExitStack() as stack:
+            stack.enter_context(in_window(True))
+            if awaited is not None:
+                stack.enter_context(quiet())
+                stack.enter_context(values_of_graph(awaited.depsgraph))
+            next(_making[1])
     except (StopIteration, ReferenceError):  # another file may have been opened meanwhile
         _end_map()
     except BaseException:
         _end_map()
         raise
-    return _BETWEEN_S
+    return _BETWEEN_S if awaited is None else 0.0
 
 
 def _end_map() -> None:
     """Forget the map that is being made."""
     global _making
     if _making is not None:
-        _making.close()
+        wanted, steps = _making
+        steps.close()
         _making = None
+        if isinstance(wanted, _Awaited):
+            wanted.ended = True
+
+
+def _map_of(wanted: str | _Awaited) -> Steps[None]:
+    if isinstance(wanted, _Awaited):
+        yield from _kept(wanted.depsgraph.scene.original, wanted.seen, wanted.key)
+    elif wanted in bpy.data.scenes:
+        yield from keep_map(bpy.data.scenes[wanted])
 
 
 def keep_map(scene: bpy.types.Scene) -> Steps[None]:
@@ -103,13 +161,19 @@ def keep_map(scene: bpy.types.Scene) -> Steps[None]:
         return
     seen = seen_world(depsgraph, baked=False)
     session, key = session_of(scene), world_key(seen)
-    if seen.color is not None or seen.world is None or (session.world is not None and session.world.key == key):
-        return
+    if seen.color is None and seen.world is not None and (session.world is None or session.world.key != key):
+        yield from _kept(scene, seen, key)
+
+
+def _kept(scene: bpy.types.Scene, seen: SeenWorld, key: str) -> Steps[None]:
+    """Make the map of a world, with its key, and redraw the viewports."""
+    assert seen.world is not None
+    session, world = session_of(scene), seen.world.original
     try:
-        session.world = KeyedMap(key, (yield from world_map(seen.world.original, seen.frame)))
+        session.world = KeyedMap(key, (yield from world_map(world, seen.frame)))
     except PatchNetError as error:
-        session.world = KeyedMap(key, None)
-        event("warning", f"Black is shown behind objects: {error}", logging.WARNING)
+        session.world = KeyedMap(key, None, str(error))
+        event("warning", _UNSEEN.format(error), logging.WARNING)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

@@ -69,22 +69,34 @@ def choose_regions(
     tile: int = DEFAULT_TILE,
     most: int = DEFAULT_MOST,
     overhead_px: float = 0.0,
+    wanted: np.ndarray | None = None,
 ) -> list[Region]:
     """Disjoint regions for `priority` (H, W); negative or missing values count as 0; the densest region is first.
+
+    wanted: (H, W) bool, pixels that come before all others, whatever their priority and the overhead.
 
     budget: share of the picture's pixels, 0 to 1. tile: side of the tiles in pixels. most: regions at most.
     A map without priority has no regions, whatever the budget. Raises SettingError for values outside their range.
     """
     _check(budget, tile, most, overhead_px)
     height, width = priority.shape
-    tiles = _tiles(priority, tile)
     affordable = int(np.floor(budget * height * width + 1e-9))
-    best: list[Box] = []
-    for price in _prices(tiles):
-        boxes = _grown(tiles, _bought(tiles, price, most, overhead_px), affordable)
-        best = max(best, boxes, key=lambda boxes: _worth(tiles, boxes, overhead_px))
-    best.sort(key=lambda box: -np.divide(*tiles.sums(box)))
-    return [_region(box, tile, height, width) for box in best]
+    boxes: list[Box] = []
+    tiles = _tiles(priority, tile)
+    taken = np.zeros(tiles.pixels.shape, bool)
+    stages = [(tiles, overhead_px)] if wanted is None else [(_tiles(wanted, tile), 0.0), (tiles, overhead_px)]
+    for asked, overhead in stages:
+        best: list[Box] = []
+        for price in _prices(asked):
+            bought = _bought(asked, price, most - len(boxes), overhead, taken)
+            grown = _grown(asked, bought, affordable, taken)
+            best = max(best, grown, key=lambda found: _worth(asked, found, overhead))
+        for box in best:
+            taken[box[0] : box[1], box[2] : box[3]] = True
+            affordable -= tiles.sums(box)[1]
+        boxes += best
+    boxes.sort(key=lambda box: -np.divide(*tiles.sums(box)))
+    return [_region(box, tile, height, width) for box in boxes]
 
 
 def region_mask(regions: list[Region], height: int, width: int) -> np.ndarray:
@@ -132,10 +144,10 @@ def _prices(tiles: _Tiles) -> np.ndarray:
     return np.unique([*np.quantile(density, np.linspace(0.0, 1.0, _PRICES)), density.min() / 2.0, 0.0])
 
 
-def _bought(tiles: _Tiles, price: float, most: int, overhead_px: float) -> list[Box]:
-    """At most `most` disjoint boxes whose priority is worth more than their price, the greatest surplus first."""
+def _bought(tiles: _Tiles, price: float, most: int, overhead_px: float, taken: np.ndarray) -> list[Box]:
+    """At most `most` disjoint boxes beside those taken, worth more than their price, the greatest surplus first."""
     surplus = tiles.priority - price * tiles.pixels
-    taken = np.zeros(surplus.shape, bool)
+    taken = taken.copy()
     boxes: list[Box] = []
     while len(boxes) < most:
         value, box = best_rectangle(surplus, taken)
@@ -146,12 +158,12 @@ def _bought(tiles: _Tiles, price: float, most: int, overhead_px: float) -> list[
     return boxes
 
 
-def _grown(tiles: _Tiles, bought: list[Box], affordable: int) -> list[Box]:
+def _grown(tiles: _Tiles, bought: list[Box], affordable: int, taken: np.ndarray) -> list[Box]:
     """Boxes that fit into `affordable` pixels: those bought, in their order, then strips of tiles at their sides.
 
     It ends at the first that does not fit: what is taken for less budget is always a beginning of this.
     """
-    taken = np.zeros(tiles.pixels.shape, bool)
+    taken = taken.copy()
     boxes: list[Box] = []
     left = affordable
     for box in bought:

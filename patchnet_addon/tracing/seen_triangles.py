@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles that cameras see, and from which side, before there are voxels: a small picture of triangle numbers each.
+"""Triangles that cameras see, and from which side, before there are voxels: a picture of triangle numbers each.
 
 Triangles come batch by batch and are drawn into depth buffers, by edge functions in homogeneous coordinates (Olano and
 Greer, Triangle Scan Conversion using 2D Homogeneous Coordinates, 1997), so that those that reach behind a camera need
@@ -17,11 +17,11 @@ from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .camera import PERSPECTIVE, Camera
 
-WIDTH_PX, HEIGHT_PX = 96, 72
+WIDTH_PX, HEIGHT_PX = 96, 72  # of pictures that only have to tell what is in view
 
 
 class SeenTriangles(NamedTuple):
-    """Pictures of C cameras, HEIGHT_PX x WIDTH_PX each, row 0 at the bottom.
+    """Pictures of C cameras, H x W pixels each, row 0 at the bottom.
 
     triangle: (C, H, W) int64, the nearest one in each pixel's centre, -1 for none. behind: (C, H, W) bool, seen against
     its normal. depth: (C, H, W) float64 along the camera's axis, infinite where there is none.
@@ -44,8 +44,8 @@ class _Lenses(NamedTuple):
 class Sight:
     """Depth buffers of cameras, filled by `add`."""
 
-    def __init__(self, cameras: Sequence[Camera]) -> None:
-        """Begin with nothing seen."""
+    def __init__(self, cameras: Sequence[Camera], size_px: tuple[int, int] = (WIDTH_PX, HEIGHT_PX)) -> None:
+        """Begin with nothing seen, in pictures of a width and height."""
         self.cameras = tuple(cameras)
         count = len(cameras)
         poses = [
@@ -57,7 +57,7 @@ class Sight:
             np.array([(c.clip_start, c.clip_end) for c in cameras], np.float64).reshape(count, 2),
             np.array([c.kind == PERSPECTIVE for c in cameras], bool),
         )
-        shape = count, HEIGHT_PX, WIDTH_PX
+        shape = count, size_px[1], size_px[0]
         self.seen = SeenTriangles(np.full(shape, -1, np.int64), np.zeros(shape, bool), np.full(shape, np.inf))
 
     def add(self, corners_world: np.ndarray, shown: np.ndarray, first_triangle: int) -> None:
@@ -68,11 +68,12 @@ class Sight:
         run_parts(_draw, len(self._lenses.pose), self._lenses, corners_world, shown, first_triangle, self.seen)
 
     def places(self, camera: int, pixels: np.ndarray) -> np.ndarray:
-        """Places (N, 3) float64 in the world that pixels (N,) of a camera see, by indices row * WIDTH_PX + column."""
+        """Places (N, 3) float64 in the world that pixels (N,) of a camera see, by indices row * W + column."""
         pose, shift = self._lenses.pose[camera], self._lenses.shift[camera]
-        row, column = np.divmod(pixels, WIDTH_PX)
-        x = (2.0 * column + 1.0) / WIDTH_PX - 1.0 + shift[0]
-        y = (2.0 * row + 1.0) / HEIGHT_PX - 1.0 + shift[1]
+        height, width = self.seen.depth.shape[1:]
+        row, column = np.divmod(pixels, width)
+        x = (2.0 * column + 1.0) / width - 1.0 + shift[0]
+        y = (2.0 * row + 1.0) / height - 1.0 + shift[1]
         depth = self.seen.depth[camera].ravel()[pixels]
         right, up = pose[1] / (pose[1] @ pose[1]), pose[2] / (pose[2] @ pose[2])  # times half the extents
         spread = depth if self._lenses.perspective[camera] else np.ones_like(depth)
@@ -84,11 +85,12 @@ class Sight:
 def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):  # type: ignore[no-untyped-def]
     corner = np.empty((3, 4))  # across and up in half extents, times w; w; axial distance
     box = np.empty(4, np.int64)
+    _, height, width = seen.depth.shape
     for c in range(first, last):
         for t in range(len(corners_world)):
             if shown[t]:
                 _place(lenses, c, corners_world, t, corner)
-                if _bounds(corner, lenses.clip[c], box):
+                if _bounds(corner, lenses.clip[c], width, height, box):
                     _draw_one(c, first_triangle + t, corner, box, lenses.clip[c], seen)
 
 
@@ -113,17 +115,17 @@ def _place(lenses, c, corners_world, t, corner):  # type: ignore[no-untyped-def]
 
 
 @device
-def _bounds(corner, clip, box):  # type: ignore[no-untyped-def]
+def _bounds(corner, clip, width, height, box):  # type: ignore[no-untyped-def]
     """Fill in first and last column and row whose centres may be in a triangle; return whether there are any."""
     nearest = min(corner[0, 3], corner[1, 3], corner[2, 3])
     farthest = max(corner[0, 3], corner[1, 3], corner[2, 3])
     if farthest < clip[0] or nearest > clip[1]:
         return False
-    box[0], box[1], box[2], box[3] = 0, WIDTH_PX - 1, 0, HEIGHT_PX - 1
+    box[0], box[1], box[2], box[3] = 0, width - 1, 0, height - 1
     if min(corner[0, 2], corner[1, 2], corner[2, 2]) <= 0.0:  # reaches behind the camera: anywhere
         return True
     for axis in range(2):
-        size = WIDTH_PX if axis == 0 else HEIGHT_PX
+        size = width if axis == 0 else height
         low = np.inf
         high = -np.inf
         for i in range(3):
@@ -144,10 +146,11 @@ def _draw_one(c, number, corner, box, clip, seen):  # type: ignore[no-untyped-de
     Edge functions are linear in the picture: each is that of the edge opposite to a corner, as a plane through the eye.
     Their sum's sign tells the side: right, up and forward are a left-handed frame, so it is negative from behind.
     """
+    _, height, width = seen.depth.shape
     for row in range(box[2], box[3] + 1):
-        y = (2.0 * row + 1.0) / HEIGHT_PX - 1.0
+        y = (2.0 * row + 1.0) / height - 1.0
         for column in range(box[0], box[1] + 1):
-            x = (2.0 * column + 1.0) / WIDTH_PX - 1.0
+            x = (2.0 * column + 1.0) / width - 1.0
             a = _edge(corner, 1, 2, x, y)
             b = _edge(corner, 2, 0, x, y)
             d = _edge(corner, 0, 1, x, y)

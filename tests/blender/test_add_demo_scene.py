@@ -20,6 +20,8 @@ def test_a_scene_of_its_own_is_shown_and_selected() -> None:
     assert len(shown.objects) > 50
     assert {item for item in shown.view_layers[0].objects if item.select_get()} == set(shown.view_layers[0].objects)
     assert not set(shown.objects) & set(mine.objects)
+    views = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+    assert "CAMERA" in [area.spaces.active.region_3d.view_perspective for area in views]
     bpy.context.window.scene = mine
     bpy.data.scenes.remove(shown)
     bpy.data.orphans_purge(do_recursive=True)

@@ -15,6 +15,7 @@ from patchnet.operators.cycles import region_renders as renders
 from patchnet.operators.cycles import render_call
 from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view
 from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.wanted_pixels import wanted_pixels, wanted_surface
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.cycles_settings import COMBINED, CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
@@ -22,7 +23,7 @@ from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.sampling.regions import Region, region_mask
 from patchnet.tests.blender.full_scene import build_full
-from patchnet.tests.blender.job_scene import build, drop_result_images, saved
+from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -80,6 +81,63 @@ def test_regions_are_rendered_at_once_or_in_parts_with_the_same_bits(
     np.testing.assert_array_equal(parts.composited, whole.composited)
     assert parts.full is None and parts.errors == {}
     assert sum("regions" in label for label in labels) > len(parts.regions)
+
+
+def special_scene() -> None:
+    """The small scene with a small mirror, a small block of glass, and a little mist."""
+    build()
+    for name, x, z in (("Mirror", -0.7, 0.7), ("Pane", 1.0, 0.7), ("Mist", 1.0, -0.6)):
+        box(name, (x, -1.5, z), (x + 0.25, -1.25, z + 0.25), 0.8)
+    principled("Mirror").inputs["Metallic"].default_value = 1.0
+    glass = principled("Pane")
+    glass.inputs["Transmission Weight"].default_value, glass.inputs["Roughness"].default_value = 1.0, 0.0
+    tree = bpy.data.materials["Mist"].node_tree
+    volume, output = tree.nodes.new("ShaderNodeVolumeScatter"), tree.get_output_node("ALL")
+    volume.inputs["Density"].default_value = 100.0
+    tree.links.remove(output.inputs["Surface"].links[0])
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    bpy.context.view_layer.update()
+
+
+def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None:
+    special_scene()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
+    wanted = wanted_pixels(wanted_surface(depsgraph), camera)
+    alone = {}
+    for name in ("Mirror", "Pane", "Mist"):
+        others = [item for item in bpy.context.scene.objects if item.type == "MESH" and item.name != name]
+        for item in others:
+            item.hide_render = True
+        alone[name] = whole_picture(samples=64)[..., 3]
+        for item in others:
+            item.hide_render = False
+    seen = np.max(list(alone.values()), axis=0)
+    assert all((alpha > 0.9).sum() > 1 for alpha in alone.values()), {name: item.max() for name, item in alone.items()}
+    assert wanted[seen > 0.9].all() and not wanted[seen == 0.0].any()
+    result = drain(run_job(bpy.context, job(weights, None)))
+    traced, octree = result.views[0], result.coded.octree
+
+    def refined(budget: float) -> CyclesView:
+        settings = CyclesSettings(budget=budget, samples=2, tile=2)
+        return drain(cycles_view(bpy.context, octree, camera, traced.buffers, traced.priority.ravel(), settings))
+
+    view = refined(0.15)
+    assert view.mask[wanted].all() and view.warnings == () and view.report["wanted"]["left_share"] == 0.0
+    assert "raise Budget" in refined(0.005).warnings[0]
+
+
+def test_what_fills_the_picture_is_wanted_from_inside() -> None:
+    special_scene()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
+    surface = wanted_surface(depsgraph)
+    around = np.array([[x, y, z] for x in (-9.0, 9.0) for y, z in ((-9.0, -9.0), (-9.0, 9.0), (9.0, 9.0), (9.0, -9.0))])
+    assert wanted_pixels(surface._replace(boxes=around[None]), camera).all()
+    far = around / 9.0 * 0.2 + (1.5, 2.0, 0.0)
+    before = wanted_pixels(surface, camera)
+    assert not (before & ~wanted_pixels(surface._replace(boxes=far[None]), camera)).any()
+    assert (wanted_pixels(surface._replace(boxes=far[None]), camera) & ~before).any()
 
 
 @contextmanager

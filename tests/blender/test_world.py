@@ -16,7 +16,7 @@ from patchnet.operators.cycles.daylight import SKY_COLOR, SKY_STRENGTH
 from patchnet.operators.cycles.render_call import render
 from patchnet.operators.cycles.scene_copy import prepared
 from patchnet.operators.cycles.world import environment
-from patchnet.operators.cycles.world.background import background
+from patchnet.operators.cycles.world.background import Background, background
 from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
 from patchnet.operators.cycles.world.plain import world_color
 from patchnet.operators.overlay.textures import texels
@@ -26,9 +26,10 @@ from patchnet.operators.render_engine.viewport_world import ViewportWorld, World
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.scene_access.window_job import in_window
+from patchnet.operators.session import world_maps
 from patchnet.operators.session.scene_session import KeyedMap, session_of
 from patchnet.operators.session.shown_view import REFINED, view_to_show
-from patchnet.operators.session.world_maps import keep_map, kept_background
+from patchnet.operators.session.world_maps import keep_map
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
@@ -205,23 +206,42 @@ def test_a_map_shows_all_directions(scene: bpy.types.Scene) -> None:
     np.testing.assert_allclose(known.look(directions), 0.5 + 0.5 * unit, atol=4e-3)
 
 
-def test_a_render_beside_a_window_shows_the_map_that_is_kept(scene: bpy.types.Scene) -> None:
+def test_a_render_beside_a_window_waits_for_the_map(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     gradient(scene)
     camera = camera_of(scene)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    missing = kept_background(depsgraph, camera, baked=False)
-    assert missing.light is not None and not missing.light.any() and "render again" in missing.warnings[0]
-    drain(keep_map(scene))
-    kept = kept_background(depsgraph, camera, baked=False)
-    assert kept.light is not None and kept.warnings == ()
-    assert psnr(kept.light, seen_by(camera)) > 50.0
+    session_of(scene).world = KeyedMap("of another world", None)
+    first = awaited(camera)
+    assert first.light is not None and first.warnings == ()
+    assert psnr(first.light, seen_by(camera)) > 50.0
+    kept = session_of(scene).world
+    assert isinstance(kept, KeyedMap) and awaited(camera).warnings == () and session_of(scene).world is kept
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.5
     bpy.context.view_layer.update()
-    assert kept_background(bpy.context.evaluated_depsgraph_get(), camera, baked=False).warnings
+    half = awaited(camera).light
+    assert half is not None and psnr(2.0 * half, first.light) > 45.0
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.25
+    bpy.context.view_layer.update()
+    monkeypatch.setattr(world_maps, "_PATIENCE_S", 0.0)
+    busy = awaited(camera)
+    assert busy.light is not None and not busy.light.any() and "too busy" in busy.warnings[0]
     session = session_of(scene)
-    assert isinstance(session.world, KeyedMap)
     session.free()
     assert session.world is None
+
+
+def awaited(camera: Camera) -> Background:
+    """Background of a render that waits, while the window's timer works."""
+    steps = world_maps.awaited_background(bpy.context.evaluated_depsgraph_get(), camera, baked=False)
+    try:
+        while True:
+            next(steps)
+            world_maps._make_maps()
+    except StopIteration as stop:
+        found: Background = stop.value
+        return found
+    finally:
+        if bpy.app.timers.is_registered(world_maps._make_maps):
+            bpy.app.timers.unregister(world_maps._make_maps)
 
 
 def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(

@@ -123,3 +123,20 @@ def test_split_parts_are_the_region(max_px: int) -> None:
 def test_settings_outside_their_range_are_refused(wrong: dict) -> None:
     with pytest.raises(SettingError):
         choose_regions(np.ones((8, 8)), **{"budget": 0.5, **wrong})
+
+
+def test_wanted_pixels_come_first_and_priority_gets_the_rest() -> None:
+    """Small spots far from each other, which neither overhead nor a rectangle around them all may keep out."""
+    priority = np.zeros((64, 96))
+    priority[40:60, 40:60] = 1.0
+    wanted = np.zeros(priority.shape, bool)
+    for row, column in ((3, 5), (30, 90), (60, 2)):
+        wanted[row : row + 3, column : column + 3] = True
+    regions = choose_regions(priority, 0.15, tile=4, overhead_px=500.0, wanted=wanted)
+    mask = region_mask(regions, *priority.shape)
+    assert mask[wanted].all() and mask[40:60, 40:60].sum() > 100
+    assert mask.sum() == sum(region.pixels for region in regions) <= 0.15 * priority.size
+    few = choose_regions(priority, 0.15, tile=4, most=2, wanted=wanted)
+    assert len(few) == 2 and region_mask(few, *priority.shape)[wanted].sum() >= 18
+    none = choose_regions(priority, 0.2, tile=4, wanted=np.zeros_like(wanted))
+    assert none == choose_regions(priority, 0.2, tile=4)

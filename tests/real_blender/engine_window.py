@@ -3,6 +3,7 @@
 
     blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P engine_window.py -- OUT
 
+OUT/sky.blend, which test_engine_window.py makes, is opened last, and rendered at once.
 Writes OUT/engine.json, a value for each thing that was seen, and screenshots beside it. test_engine_window.py judges
 them.
 """
@@ -201,11 +202,26 @@ def render(name: str):
         handlers.remove(note)
 
 
+def sky_at_once():
+    """In a file that has just been opened, F12 and all frames of an animation: the world is another one in each."""
+    bpy.ops.wm.open_mainfile(filepath=str(OUT / "sky.blend"))
+    yield 0.1
+    yield from render("sky at once")
+    bpy.data.images["Render Result"].save_render(str(OUT / "sky-at-once.exr"))
+    scene = clicks.window().scene
+    scene.render.filepath = str(OUT / "sky-window-")
+    ended: list[str] = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+    yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), "the animation ends")
+
+
 def session():
     """The whole visit."""
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
-    for part in (without_voxels, preview, final_renders):
+    for part in (without_voxels, preview, final_renders, sky_at_once):
         yield from part()
         visit.save(part.__name__)
 

@@ -115,10 +115,11 @@ def _rows_of(corners: np.ndarray, first: int, last: int, height: int) -> np.ndar
 def _world_scene(world: bpy.types.World, frame: tuple[int, float], camera: Camera) -> Iterator[bpy.types.Scene]:
     """Scene of ours with nothing but a world, and a camera for worlds that ask for places in its picture."""
     with quiet():
-        with temporary(bpy.data.scenes.new(_NAME)) as scene:
+        with temporary(bpy.data.scenes.new(_NAME)) as scene, ExitStack() as stack:
             if not hasattr(scene, "cycles"):
                 raise SceneError("The Cycles render engine is disabled: enable its add-on to see the world")
-            scene.world = world
+            scene.world = stack.enter_context(temporary(world.copy()))
+            scene.world.cycles.sampling_method = "NONE"  # seconds of preparing lights, of which nothing is lit here
             scene.frame_current = frame[0]
             scene.frame_subframe = frame[1]
             scene.render.engine = "CYCLES"
