@@ -15,7 +15,7 @@ from dataclasses import replace
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
@@ -42,6 +42,7 @@ _LAYER = (
     "View layer '{other}' shows other objects than '{own}', whose voxels are there, and is shown with those: without a "
     "window each layer has its own"
 )
+_AS_IT_WAS = "Until then voxels are shown that do not fit the scene any more"
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
@@ -94,7 +95,16 @@ def octree_of_frame(
         if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
             return (yield from _coded(scene, known.result, settings))
     session.made_frame = None  # before the next one takes memory
-    result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=results.result_of(scene) is None)
+    there = results.result_of(scene)
+    try:
+        result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=there is None)
+    except StoppedError:
+        raise
+    except PatchNetError as error:
+        if there is None:
+            raise
+        warn(f"{error}. {_AS_IT_WAS}")
+        return (yield from _coded(scene, there, settings))
     if key:
         session.made_frame = KeyedResult(result, key)
     if not fits:

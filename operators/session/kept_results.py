@@ -72,6 +72,9 @@ def restore(scene: bpy.types.Scene) -> bool:
     found = cache.load(_key(state), _weights(scene))
     if found is None:
         return False
+    if (names := found.notes.get("chosen")) is not None:  # selected may be others by now
+        chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
+        state = scene_state(scene, chosen=chosen)
     results.keep(scene, result := _result(found, state))
     look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
     return True
@@ -112,7 +115,8 @@ def _key(state: SceneState) -> str:
 
 def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
     """Fingerprint that tells most scenes apart at once, by what is saved with them: blocks without users are not."""
-    return [scene.name, len(scene.objects), len({item.data for item in scene.objects if item.data is not None})]
+    meshes = [item.data for item in scene.objects if item.type == "MESH"]
+    return [len(meshes), len(set(meshes))]
 
 
 def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
@@ -121,6 +125,7 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     notes = {
         "fingerprint": _fingerprint(scene),
         "scope": result.scope,
+        "chosen": _names(result.state, scene),
         "light": result.light,
         "seconds": result.seconds,
         "encoder": result.encoder,
@@ -128,6 +133,13 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
         "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
+
+
+def _names(state: SceneState | None, scene: bpy.types.Scene) -> list[str] | None:
+    """Names of the objects that have voxels, None for all."""
+    if state is None or state.chosen is None:
+        return None
+    return [item.name_full for item in scene.objects if item.session_uid in state.chosen]
 
 
 def _result(found: CachedOctree, state: SceneState) -> SceneResult:

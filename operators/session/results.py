@@ -51,12 +51,12 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
     """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
-        for step, what in changes_meanwhile():
-            result.mark(step, what)
+        for step, what, key in changes_meanwhile():
+            result.mark(step, what, key)
     result.octree.free_keys()
     result.summary = summary(result, scene)
     session_of(scene).result = result
-    _redraw_viewports()
+    redraw_viewports()
     if {"octree", "light", "codes"} & set(steps):
         for listener in listeners:
             listener(scene, result)
@@ -72,10 +72,10 @@ def without_view(result: SceneResult) -> SceneResult:
 def forget(scene: bpy.types.Scene) -> None:
     """Free the memory that `scene` takes: its result, views, and octrees of frames."""
     session_of(scene).free()
-    _redraw_viewports()
+    redraw_viewports()
 
 
-def _redraw_viewports() -> None:
+def redraw_viewports() -> None:
     """Redraw viewports, as the engine's shading mode shows results; a render beside a window leaves them alone."""
     if not in_main_thread():
         return
