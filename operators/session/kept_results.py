@@ -130,6 +130,7 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
         "seconds": result.seconds,
         "encoder": result.encoder,
         "made_with": result.made_with,
+        "made_by": result.made_by,
         "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
@@ -157,6 +158,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         seconds=notes["seconds"],
         encoder=notes["encoder"],
         made_with=made_with,
+        made_by=notes.get("made_by", {}),
         state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
 

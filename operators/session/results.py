@@ -19,6 +19,7 @@ from .summary import summary
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ..pipeline.estimate import Estimate
+    from ..settings.job_settings import JobSettings
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
@@ -47,8 +48,13 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
     return coded
 
 
-def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
-    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
+def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: JobSettings | None = None) -> None:
+    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view".
+
+    settings: of the job.
+    """
+    if settings is not None:
+        result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
         for step, what, key in changes_meanwhile():

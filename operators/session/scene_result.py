@@ -53,7 +53,8 @@ class SceneResult:
     pictures: whether the result's pictures stand among Blender's images.
     comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
     reasons: what changed since, in words, by step ("surface", "light", and "view" for the pictures) and by what it is.
-    made_with: the scene's settings when each step was done, by step. state: of the scene when it was read for them,
+    made_with: the scene's settings when each step was done, by step; made_by: keys of the job's, and of the cameras
+    that the depth was found for. state: of the scene when it was read for them,
     None where nothing was compared with it.
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
@@ -71,6 +72,7 @@ class SceneResult:
     errors: tuple[float, float] | None = None
     reasons: dict[str, dict[Hashable, str]] = field(default_factory=dict)
     made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
+    made_by: dict[str, str] = field(default_factory=dict)
     state: SceneState | None = None
     summary: list[str] = field(default_factory=list)
 

@@ -2,6 +2,7 @@
 """Results become stale by what changed, not by what Blender reports."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import bmesh
 import bpy
@@ -11,7 +12,7 @@ from patchnet.operators.session import results, staleness
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.scene_state import scene_state
-from patchnet.tests.blender.job_scene import SMALL, box, principled
+from patchnet.tests.blender.job_scene import SMALL, box, principled, random_weights
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -357,6 +358,42 @@ def test_keys_make_an_object_stale_at_another_frame() -> None:
     key_and_go()
     bpy.context.view_layer.update()
     assert "'Lath 2'" in result().why("surface")
+
+
+def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, tmp_path: Path) -> None:
+    """With nothing stale only the view, with other light the same grid, with another surface all."""
+    wanted: dict[str, object] = {"scope": "SELECTED", "weights": str(weights)}
+
+    def made(**values: object) -> tuple[bool, bool, bool]:
+        """Whether voxels stay, their grid, and look-ahead."""
+        before = result()
+        wanted.update(values)
+        run(**wanted)
+        now = result()
+        assert now.stale == set() and now.pictures
+        return now.octree is before.octree, now.octree.grid == before.octree.grid, now.coded is before.coded
+
+    run(**wanted)
+    assert made() == (True, True, True)
+    assert made(budget=0.1) == (True, True, True)
+    bpy.data.objects["Eye"].location.x += 0.1
+    assert made(size=(16, 16)) == (True, True, True)
+    assert made(weights=str(random_weights(tmp_path))) == (True, True, False)
+    bpy.data.lights["Lamp"].energy = 9.0
+    bpy.context.view_layer.update()
+    assert made() == (False, True, False)
+    assert made(light="cycles", samples=1) == (False, True, False)
+    bpy.data.objects["Slab"].location.x += 0.1
+    bpy.context.view_layer.update()
+    assert made() == (False, False, False)
+    bpy.data.objects["Lath 4"].select_set(True)
+    assert made() == (False, False, False)
+    assert made() == (True, True, True)
+    wanted.pop("depth", None)
+    assert made(resolution="AUTO") == (False, False, False)
+    assert made() == (True, True, True)
+    bpy.data.objects["Eye"].location.y += 2.0
+    assert made() == (False, False, False), "the depth is found for where the camera stands"
 
 
 def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
