@@ -60,24 +60,32 @@ def _save(cache: OctreeCache, key: str, entry: CachedOctree, number: int) -> Non
 
 def restore(scene: bpy.types.Scene) -> bool:
     """Take the result of a scene from the cache folder, if there is one that fits it; whether there was."""
-    if results.result_of(scene) is not None or limit_bytes() <= 0:
+    result = None if results.result_of(scene) is not None else found_on_disk(scene)
+    if result is None:
         return False
+    results.keep(scene, result)
+    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
+    return True
+
+
+def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
+    """Result in the cache folder that fits a scene as it is now, or None."""
+    if limit_bytes() <= 0:
+        return None
     apply_preferences(bpy.context)
     cache, fingerprint = _cache(), _fingerprint(scene)
     if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
-        return False  # found out without looking at the scene's contents
+        return None  # found out without looking at the scene's contents
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
     found = cache.load(_key(state), _weights(scene))
     if found is None:
-        return False
+        return None
     if (names := found.notes.get("chosen")) is not None:  # selected may be others by now
         chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
         state = scene_state(scene, chosen=chosen)
-    results.keep(scene, result := _result(found, state))
-    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
-    return True
+    return _result(found, state)
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
