@@ -45,6 +45,12 @@ def test_f12_renders_beside_the_window(seen: dict) -> None:
     assert seen["render"]["ended"] == "complete" and ["IMAGE_EDITOR"] in seen["windows"]
 
 
+def test_voxels_that_do_not_fit_are_shown_with_a_warning(seen: dict, out: Path) -> None:
+    """Above the picture it stays, as the screenshot shows: scripts cannot read it."""
+    assert seen["render of old voxels"]["ended"] == "complete" and "do not fit the scene any more" in seen["said"]
+    assert (out / "engine-old.png").stat().st_size > 5000
+
+
 def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
     """The status bar of that moment is in a screenshot: scripts cannot read it."""
     assert seen["render without voxels"]["ended"] in ("complete", "cancel") and "Traceback" not in seen["said"]
