@@ -42,9 +42,10 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
             settings.light.kind,
             seconds=seconds,
             made_with=before.made_with,
+            made_by=before.made_by,
             state=made.state,
         )
-        results.keep(context.scene, result, "light")
+        results.keep(context.scene, result, "light", settings=settings)
         for warning in made.warnings:
             tell(self, "WARNING", warning)
         return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind})"

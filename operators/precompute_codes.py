@@ -33,7 +33,7 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
             weights = load_network(settings.network)
             coded, encoding = yield from encode(before.octree, weights, settings.compute)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
-        results.keep(context.scene, results.without_view(made), "codes")
+        results.keep(context.scene, results.without_view(made), "codes", settings=settings)
         for warning in encoding.warnings:
             tell(self, "WARNING", warning)
         return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}"

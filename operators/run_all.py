@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
@@ -10,11 +12,17 @@ from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
+from .scene.cameras import cameras_key
+from .schema.table import SELECTED
 from .session import results
 from .session.scene_result import SceneResult
 from .session.seen import seen
+from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 from .ui.properties import JobProperties
+
+if TYPE_CHECKING:
+    from .pipeline.run import Before
 
 
 class PATCHNET_OT_run_all(
@@ -28,34 +36,30 @@ class PATCHNET_OT_run_all(
     bl_label = "Preview Selection"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Run the job, keep its results, show the first camera's pictures."""
+        """Run of the job what is stale, keep its results, show the first camera's pictures."""
         from .pipeline.run import run_job
 
-        self._file = settings.out
+        self._file, scene = settings.out, context.scene
+        before = _before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
-            result = yield from run_job(context, settings, meanwhile)
-        first = result.views[0]
-        results.keep(
-            context.scene,
-            seen(
-                SceneResult(
-                    octree=result.coded.octree,
-                    scope=settings.surface.scope,
-                    layout=result.layout,
-                    light=settings.light.kind,
-                    coded=result.coded,
-                    seconds=result.report["timings_s"],
-                    encoder=result.report["encoder"],
-                    state=result.state,
-                ),
-                first,
-                compared=settings.view.reference,
-            ),
-            "octree",
-            "light",
-            "codes",
-            "view",
-        )
+            result = yield from run_job(context, settings, meanwhile, before)
+        first, steps = result.views[0], ["view"]
+        made = results.result_of(scene)
+        if made is None or made.coded is not result.coded:
+            steps += ["octree", "light", "codes"]
+            made = SceneResult(
+                octree=result.coded.octree,
+                scope=settings.surface.scope,
+                layout=result.layout,
+                light=settings.light.kind,
+                coded=result.coded,
+                encoder=result.report["encoder"],
+                made_by={"cameras": cameras_key(context, settings)},
+                state=result.state,
+            )
+        made = seen(made, first, compared=settings.view.reference)
+        made.seconds = made.seconds | result.report["timings_s"]
+        results.keep(scene, made, *steps, settings=settings)
         overlay.show(context, result.views, settings.view)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
@@ -64,6 +68,27 @@ class PATCHNET_OT_run_all(
         )
         where = f", files in {settings.out}" if settings.out else ""
         return f"{counted(len(result.views), 'view')}{errors}{where}"
+
+
+def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
+    """What need not be made again of what is there; None where voxels have to be."""
+    from .pipeline.run import Before
+
+    scene = context.scene
+    result = results.result_of(scene)
+    if result is None or result.state is None:
+        return None
+    look_again(result, scene)
+    selected = frozenset(item.session_uid for item in context.selected_objects)
+    others = settings.surface.scope == SELECTED and result.state.chosen != selected & result.state.shown.keys()
+    if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
+        return None
+    if settings.surface.track or result.made_by.get("cameras") != cameras_key(context, settings):
+        return None
+    lit = result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
+    lit = lit and "light" not in result.stale
+    coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
+    return Before(result.octree, result.layout, result.state, lit, coded, result.encoder)
 
 
 CLASSES = (PATCHNET_OT_run_all,)

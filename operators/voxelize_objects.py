@@ -10,6 +10,7 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
+from .scene.cameras import cameras_key
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -31,7 +32,8 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
         result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)
-        results.keep(context.scene, result, "octree")
+        result.made_by = {"cameras": cameras_key(context, settings)}
+        results.keep(context.scene, result, "octree", settings=settings)
         for warning in made.warnings:
             tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,9 +20,10 @@ from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
+from ..schema.table import SELECTED
 from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
-from ..state.scene_state import SceneState
+from ..state.scene_state import VIEW, Change, SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text
 from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
@@ -42,7 +43,7 @@ class Estimate:
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
     seconds: of the whole job, by stage. time_line: their sum in words.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
-    settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
+    settings: values of the scene's settings. state: of the scene. stale: what changed since, in words.
     """
 
     depth: int
@@ -64,8 +65,20 @@ class Estimate:
     time_line: str = ""
     settings: dict[str, Any] = field(default_factory=dict)
     state: SceneState | None = None
-    stale_because: str = ""
+    stale: dict[Hashable, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
+
+    @property
+    def stale_because(self) -> str:
+        """Words for what changed since, "" if nothing did."""
+        return next(iter(self.stale.values()), "")
+
+    def see(self, change: Change) -> None:
+        """Keep a change of surface or light, or forget it where all fits again."""
+        if set(change.steps) - {VIEW}:
+            self.stale[change.key] = change.text
+        else:
+            self.stale.pop(change.key, None)
 
     @property
     def too_large(self) -> bool:
@@ -76,7 +89,8 @@ class Estimate:
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
     """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
-    source, state = read_scene(context.evaluated_depsgraph_get(), settings.surface.scope), read_state(context.scene)
+    source = read_scene(context.evaluated_depsgraph_get(), settings.surface.scope)
+    state = read_state(context.scene, selected=settings.surface.scope == SELECTED)
     depsgraph = context.evaluated_depsgraph_get()
     views, bounds_world = settings.view, settings.surface.bounds_world(source)
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)

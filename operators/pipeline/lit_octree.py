@@ -25,6 +25,7 @@ from ..scene.cameras import AUTO, looking_cameras, track_cameras
 from ..scene.precision import thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
+from ..schema.table import SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
 from .stages import UNLIT, GridChoice, bisected, build, choose_grid, lit, turned, unlit
@@ -166,9 +167,9 @@ def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings,
     light, depsgraph = settings.light, recipe.depsgraph
     seen = light.is_baked and not recipe.unlit and bool(light.from_camera)
     seen = seen and bool(baked_with_gloss(source, light.gloss).any())
-    if depsgraph is None:
-        return read_state(context.scene, gloss_from_camera=seen)
-    return read_state(depsgraph.scene.original, depsgraph.view_layer.name, gloss_from_camera=seen)
+    scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
+    selected = settings.surface.scope == SELECTED
+    return read_state(scene, layer, selected=selected, gloss_from_camera=seen)
 
 
 def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
+import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.job_time import JobTime, with_time
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -35,7 +37,7 @@ from .cycles_regions import CyclesView, refine_view
 from .encoder import check_encoder
 from .job_work import AGAIN, Rates, planned_work
 from .kernels_beside import compiling_beside
-from .lit_octree import Recipe, build_lit_octree, fit_cameras
+from .lit_octree import LitOctree, Recipe, build_lit_octree, fit_cameras
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
 from .output_folder import output_folder
 from .reports import write_report
@@ -65,10 +67,32 @@ class JobResult:
     state: SceneState | None = None
 
 
-def run_job(context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None) -> Steps[JobResult]:
+@dataclass(frozen=True, eq=False)
+class Before:
+    """Octree that is there: a job takes its grid, and of the rest what fits.
+
+    lit: whether its light fits. state: of the scene that it fits. coded: its codes if they fit, and the encoder's name.
+    """
+
+    octree: Octree
+    layout: LeafLevels | None
+    state: SceneState | None
+    lit: bool
+    coded: CodedOctree | None = None
+    encoder: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+def run_job(
+    context: bpy.types.Context,
+    settings: JobSettings,
+    meanwhile: Meanwhile | None = None,
+    before: Before | None = None,
+) -> Steps[JobResult]:
     """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
 
     meanwhile: shows pictures as soon as they are there, the first one before light is baked; None where nobody looks.
+    before: what need not be made again.
     The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
@@ -81,7 +105,7 @@ def run_job(context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwh
     with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
         plan = _Plan(settings)
-        making = _compute(context, settings, weights, plan, kept, meanwhile)
+        making = _compute(context, settings, weights, plan, kept, meanwhile, before)
         result = yield from with_time(making, plan.time, lambda: plan.clock.present)
         plan.learn()
         for item in result.views:
@@ -121,6 +145,7 @@ def _compute(
     plan: _Plan,
     kept: BakePageCache,
     meanwhile: Meanwhile | None,
+    before: Before | None,
 ) -> Steps[JobResult]:
     check_encoder(settings.compute)  # before anything is baked
     clock = plan.clock
@@ -139,15 +164,24 @@ def _compute(
             with clock.stage("first look"):
                 yield from stand_in_look(source, choice, settings, cameras[0], meanwhile)
 
-    made = yield from build_lit_octree(context, settings, clock, kept, Recipe(cameras=fit_to, after_grid=after_grid))
+    grid = None
+    if before is not None:
+        grid, cube = GridChoice(before.octree.grid, before.layout), np.array([[0.0] * 3, [1.0] * 3])
+        bounds_world = before.octree.grid.to_world(cube)
+        cameras[:] = choose_cameras(context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, bounds_world)
+    made: LitOctree | Before
+    if before is not None and before.lit:
+        made = before
+    else:
+        recipe = Recipe(cameras=fit_to, after_grid=after_grid, grid=grid)
+        made = yield from build_lit_octree(context, settings, clock, kept, recipe)
     plan.resumed = bool(kept.found)
     with clock.stage("views"):
         behind = yield from view_background(context, made.octree, cameras[0], settings)
     if meanwhile is not None:
         with clock.stage("first look"):
             yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
-    with clock.stage("codes"):
-        coded, encoding = yield from encode(made.octree, weights, settings.compute)
+    coded, encoder, coding_warnings = yield from _codes(made, before, weights, settings, clock)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -164,9 +198,20 @@ def _compute(
     unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights)
     focus = focus_warnings(context.scene, cameras)
-    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *focus, *unseen)
-    report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
+    warnings = (*made.warnings, *coding_warnings, *([others] if others else []), *focus, *unseen)
+    report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
+
+
+def _codes(
+    made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
+) -> Steps[tuple[CodedOctree, str, tuple[str, ...]]]:
+    """Codes of an octree, those that are there if they fit; who made them; and warnings."""
+    if made is before and before.coded is not None:
+        return before.coded, before.encoder, ()
+    with clock.stage("codes"):
+        coded, encoding = yield from encode(made.octree, weights, settings.compute)
+    return coded, encoding.text, encoding.warnings
 
 
 def job_report(

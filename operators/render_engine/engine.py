@@ -21,6 +21,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True  # for Material Preview
     bl_use_shading_nodes_custom = False
 
+    warnings = ()  # of the frame
     _viewport = None  # without an annotation: Blender 4.5 looks for the names in those of its classes
 
     def __del__(self) -> None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
@@ -24,9 +24,9 @@ from ..pipeline.stages import encode, load_network
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
-from ..schema.table import GLOSS_CAMERA
+from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE
 from ..session import results
-from ..session.kept_results import result_or_kept
+from ..session.kept_results import found_on_disk, result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import KeyedResult, session_of
 from ..session.staleness import look_again
@@ -42,6 +42,7 @@ _LAYER = (
     "View layer '{other}' shows other objects than '{own}', whose voxels are there, and is shown with those: without a "
     "window each layer has its own"
 )
+_AS_IT_WAS = "Until then voxels are shown that do not fit the scene any more"
 _BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
@@ -58,15 +59,17 @@ def octree_of_frame(
     warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
     """
-    if animation:  # frames that are made alone would see other reflections
-        settings = settings.changed(from_camera=settings.light.gloss == GLOSS_CAMERA)
     scene = depsgraph.scene.original
+    still = _stands_still(scene)
+    if animation:  # frames that are made alone would see other reflections
+        gloss = settings.light.gloss
+        settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
     session, result = session_of(scene), result_or_kept(scene)
     if result is not None:
         look_again(result, scene)
     fits = result is not None and (not result.stale or result.is_stale_by_gloss_alone)
     kept = result if fits else None
-    if kept is not None and animation and _is_gloss_of_one_view(kept):
+    if kept is not None and animation and not still and _is_gloss_of_one_view(kept):
         if threading.current_thread() is threading.main_thread() and not settings.light.from_camera:
             kept = None  # else its frame, or all of them, would show another gloss than those that are baked now
         else:
@@ -94,12 +97,45 @@ def octree_of_frame(
         if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
             return (yield from _coded(scene, known.result, settings))
     session.made_frame = None  # before the next one takes memory
-    result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=results.result_of(scene) is None)
+    if key and (found := _on_disk(depsgraph, settings, still=still)) is not None:
+        session.made_frame = KeyedResult(found, key)
+        return (yield from _coded(scene, found, settings))
+    there = results.result_of(scene)
+    try:
+        result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=there is None)
+    except StoppedError:
+        raise
+    except PatchNetError as error:
+        if there is None:
+            raise
+        warn(f"{error}. {_AS_IT_WAS}")
+        return (yield from _coded(scene, there, settings))
     if key:
         session.made_frame = KeyedResult(result, key)
     if not fits:
         results.keep(scene, result, "octree", "light")
     return (yield from _coded(scene, result, settings))
+
+
+def _on_disk(depsgraph: bpy.types.Depsgraph, settings: JobSettings, *, still: bool) -> SceneResult | None:
+    """Octree in the cache folder that the same settings made of what a graph shows; none beside a window."""
+    if not bpy.app.background:
+        return None
+    with quiet(), values_of_graph(depsgraph):
+        found = found_on_disk(depsgraph.scene.original)
+    if found is None or (_is_gloss_of_one_view(found) and not still):
+        return None
+    return found if all(found.made_by.get(stage) == settings.key(stage) for stage in (OCTREE, LIGHT, CODES)) else None
+
+
+def _stands_still(scene: bpy.types.Scene) -> bool:
+    """Return whether one camera looks from one place in all frames: gloss that it sees is the same, too."""
+    item = scene.camera
+    moves = item is None or any(marker.camera for marker in scene.timeline_markers)
+    while item is not None and not moves:
+        moves = item.animation_data is not None or len(item.constraints) > 0
+        item = item.parent
+    return not moves
 
 
 def _shows_other_layer(result: SceneResult | None, scene: bpy.types.Scene, layer: str) -> bool:

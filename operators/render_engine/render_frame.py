@@ -44,6 +44,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     Raises StoppedError when the user stops, and PatchNetError.
     """
     apply_preferences(bpy.context)
+    engine.warnings = ()
     scene = depsgraph.scene
     settings = scene_settings(scene.original)
     wanted = settings.view
@@ -169,8 +170,10 @@ def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) ->
 
 
 def warn(engine: bpy.types.RenderEngine, text: str) -> None:
-    """Report a warning in the status bar or on the terminal, and in the log."""
+    """Report a warning in the status bar or on the terminal, in the log, and above the picture, where it stays."""
     engine.report({"WARNING"}, text)
+    engine.warnings = dict.fromkeys((*engine.warnings, text))
+    engine.error_set(". ".join(engine.warnings))
     event("warning", text, logging.WARNING)
 
 

@@ -11,8 +11,8 @@ from ..scene.read import read_scene
 from ..scene_access.own import is_own
 from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
 from ..settings.job_settings import JobSettings
+from ..state.block_hashes import MOVES_BY_ITSELF
 from ..state.digest import Digest
-from ..state.scene_state import MOVES_BY_ITSELF
 
 _STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
 _FILMS = frozenset({"SEQUENCE", "MOVIE"})

@@ -60,21 +60,32 @@ def _save(cache: OctreeCache, key: str, entry: CachedOctree, number: int) -> Non
 
 def restore(scene: bpy.types.Scene) -> bool:
     """Take the result of a scene from the cache folder, if there is one that fits it; whether there was."""
-    if results.result_of(scene) is not None or limit_bytes() <= 0:
+    result = None if results.result_of(scene) is not None else found_on_disk(scene)
+    if result is None:
         return False
+    results.keep(scene, result)
+    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
+    return True
+
+
+def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
+    """Result in the cache folder that fits a scene as it is now, or None."""
+    if limit_bytes() <= 0:
+        return None
     apply_preferences(bpy.context)
     cache, fingerprint = _cache(), _fingerprint(scene)
     if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
-        return False  # found out without looking at the scene's contents
+        return None  # found out without looking at the scene's contents
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
     found = cache.load(_key(state), _weights(scene))
     if found is None:
-        return False
-    results.keep(scene, result := _result(found, state))
-    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
-    return True
+        return None
+    if (names := found.notes.get("chosen")) is not None:  # selected may be others by now
+        chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
+        state = scene_state(scene, chosen=chosen)
+    return _result(found, state)
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
@@ -112,7 +123,8 @@ def _key(state: SceneState) -> str:
 
 def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
     """Fingerprint that tells most scenes apart at once, by what is saved with them: blocks without users are not."""
-    return [scene.name, len(scene.objects), len({item.data for item in scene.objects if item.data is not None})]
+    meshes = [item.data for item in scene.objects if item.type == "MESH"]
+    return [len(meshes), len(set(meshes))]
 
 
 def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
@@ -121,13 +133,22 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     notes = {
         "fingerprint": _fingerprint(scene),
         "scope": result.scope,
+        "chosen": _names(result.state, scene),
         "light": result.light,
         "seconds": result.seconds,
         "encoder": result.encoder,
         "made_with": result.made_with,
+        "made_by": result.made_by,
         "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
+
+
+def _names(state: SceneState | None, scene: bpy.types.Scene) -> list[str] | None:
+    """Names of the objects that have voxels, None for all."""
+    if state is None or state.chosen is None:
+        return None
+    return [item.name_full for item in scene.objects if item.session_uid in state.chosen]
 
 
 def _result(found: CachedOctree, state: SceneState) -> SceneResult:
@@ -145,6 +166,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         seconds=notes["seconds"],
         encoder=notes["encoder"],
         made_with=made_with,
+        made_by=notes.get("made_by", {}),
         state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
 

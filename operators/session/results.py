@@ -19,6 +19,7 @@ from .summary import summary
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ..pipeline.estimate import Estimate
+    from ..settings.job_settings import JobSettings
 
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
@@ -47,16 +48,21 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
     return coded
 
 
-def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str) -> None:
-    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view"."""
+def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: JobSettings | None = None) -> None:
+    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view".
+
+    settings: of the job.
+    """
+    if settings is not None:
+        result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
-        for step, what in changes_meanwhile():
-            result.mark(step, what)
+        for step, what, key in changes_meanwhile():
+            result.mark(step, what, key)
     result.octree.free_keys()
     result.summary = summary(result, scene)
     session_of(scene).result = result
-    _redraw_viewports()
+    redraw_viewports()
     if {"octree", "light", "codes"} & set(steps):
         for listener in listeners:
             listener(scene, result)
@@ -72,10 +78,10 @@ def without_view(result: SceneResult) -> SceneResult:
 def forget(scene: bpy.types.Scene) -> None:
     """Free the memory that `scene` takes: its result, views, and octrees of frames."""
     session_of(scene).free()
-    _redraw_viewports()
+    redraw_viewports()
 
 
-def _redraw_viewports() -> None:
+def redraw_viewports() -> None:
     """Redraw viewports, as the engine's shading mode shows results; a render beside a window leaves them alone."""
     if not in_main_thread():
         return

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ...patchnet_addon.octree.octree import Octree
-    from ..state.scene_state import SceneState
+    from ..state.scene_state import Change, SceneState
 
 VIEW = "view"
 _MAX_NAMES = 3  # of what made a step stale, in one line
@@ -51,9 +52,9 @@ class SceneResult:
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     pictures: whether the result's pictures stand among Blender's images.
     comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
-    stale: the steps whose input changed since: "surface", "light". reasons: names of what changed, by step, and for
-    the pictures, "view", which make nothing else stale.
-    made_with: the scene's settings when each step was done, by step. state: of the scene when it was read for them,
+    reasons: what changed since, in words, by step ("surface", "light", and "view" for the pictures) and by what it is.
+    made_with: the scene's settings when each step was done, by step; made_by: keys of the job's, and of the cameras
+    that the depth was found for. state: of the scene when it was read for them,
     None where nothing was compared with it.
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
@@ -69,38 +70,48 @@ class SceneResult:
     seconds: dict[str, float] = field(default_factory=dict)
     encoder: str = ""
     errors: tuple[float, float] | None = None
-    stale: set[str] = field(default_factory=set)
-    reasons: dict[str, list[str]] = field(default_factory=dict)
+    reasons: dict[str, dict[Hashable, str]] = field(default_factory=dict)
     made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
+    made_by: dict[str, str] = field(default_factory=dict)
     state: SceneState | None = None
     summary: list[str] = field(default_factory=list)
 
-    def mark(self, step: str, what: str) -> None:
-        """Mark a step, or the "view", as stale because of `what`; a few names are kept."""
-        if step != VIEW:
-            self.stale.add(step)
-        names = self.reasons.setdefault(step, [])
-        if what not in names and len(names) <= _MAX_NAMES:
-            names.append(what)
+    @property
+    def stale(self) -> set[str]:
+        """Steps whose input changed since: "surface", "light"; pictures make nothing else stale."""
+        return set(self.reasons) - {VIEW}
 
-    def known_changes(self) -> set[str]:
-        """Names of what is marked already, which need no second look."""
-        return {what for names in self.reasons.values() for what in names}
+    def see(self, change: Change) -> None:
+        """Mark what a change does not fit any more, and unmark what it was marked for and fits again."""
+        for step in set(self.reasons) - set(change.steps):
+            self.reasons[step].pop(change.key, None)
+            if not self.reasons[step]:
+                self.unmark(step)
+        for step in change.steps:
+            if step != VIEW or self.lookahead_share is not None:
+                self.mark(step, change.text, change.key)
+
+    def mark(self, step: str, what: str, key: Hashable = None) -> None:
+        """Mark a step, or the "view", as stale because of `what`; key: what it is, by default its words."""
+        self.reasons.setdefault(step, {})[key or what] = what
+
+    def known_changes(self) -> set[Hashable]:
+        """Keys of what is marked."""
+        return {key for marks in self.reasons.values() for key in marks}
 
     def unmark(self, step: str) -> None:
         """Take back that a step is stale."""
-        self.stale.discard(step)
         self.reasons.pop(step, None)
 
     def why(self, step: str) -> str:
         """Reason why a step is stale, in a few words."""
-        names = self.reasons.get(step, [])
+        names = list(dict.fromkeys(self.reasons.get(step, {}).values()))
         return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
 
     @property
     def is_stale_by_gloss_alone(self) -> bool:
         """Whether all that does not fit is where gloss is seen from: all else of the light is as it would be now."""
-        return self.stale == {"light"} and self.reasons.get("light") == [GLOSS_MOVED]
+        return self.stale == {"light"} and set(self.reasons["light"]) == {GLOSS_MOVED}
 
     @property
     def nbytes(self) -> int:

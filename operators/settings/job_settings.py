@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.setting import Setting
-from ..schema.table import CYCLES, TABLE
+from ..schema.table import CYCLES, TABLE, result_fields
 from .groups import (
     ComputeSettings,
     LightSettings,
@@ -60,6 +60,11 @@ class JobSettings:
         return replace(
             self, **own, **{group: replace(getattr(self, group), **mine) for group, mine in of_groups.items()}
         )
+
+    def key(self, stage: str) -> str:
+        """All values that results of a stage depend on, "octree", "light" or "codes", as text."""
+        values = self.flat()
+        return repr([(name, values[name]) for name in result_fields(stage)])
 
     def flat(self) -> dict[str, Any]:
         """All values by their flat names."""

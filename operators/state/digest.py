@@ -25,7 +25,7 @@ def names(text: str) -> frozenset[str]:
 _SKIPPED = names(
     """rna_type original session_uid id_data id_type is_evaluated preview users animation_data asset_data
     override_library library_weak_reference use_extra_user use_fake_user is_library_indirect is_embedded_data is_missing
-    is_editable is_runtime_data tag depsgraph node_tree bindcode execution_time"""
+    is_editable is_runtime_data tag depsgraph node_tree bindcode execution_time info is_outdated"""
 )
 if not NODES_ARE_OPTIONAL:
     _SKIPPED |= {"use_nodes"}
@@ -40,7 +40,7 @@ _IMAGE_KEYS = (
 )  # fmt: skip
 # Of modifiers: how the interface shows them. Inputs of geometry nodes are asked on their own.
 _SKIPPED_OF_MODIFIERS = names(
-    "show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
+    "name show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
 )
 _ATTRIBUTES = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
@@ -288,6 +288,16 @@ def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
             if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
         ]
     return _properties[kind]
+
+
+def render_keys(owner: bpy.types.bpy_struct) -> list[str]:
+    """Properties that renders take in the place of others, by their names, and of an ocean's waves."""
+    return [
+        key
+        for key, kind, _ in _properties_of(owner)
+        if kind in ("BOOLEAN", "INT", "FLOAT", "ENUM")
+        and ("render" in key or (key == "resolution" and isinstance(owner, bpy.types.OceanModifier)))
+    ]
 
 
 def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:

@@ -8,96 +8,112 @@ evaluates from it, so that it is the same in every process that opened the same 
 
 from __future__ import annotations
 
+import hashlib
 import time
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import bpy
-import numpy as np
 
-from ..scene_access.frames import fcurves
-from ..scene_access.own import is_own
-from .digest import Digest, names, values_of
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, is_camera, passed_over
+from .digest import Digest, render_keys
 from .gloss_view import place_of_gloss
 
 SURFACE, LIGHT, VIEW = "surface", "light", "view"
+STEPS = (SURFACE, LIGHT, VIEW)  # each needs those after it anew, too
 Key = tuple[str, str]  # type and full name of a data-block
-MEMBERS: Key = ("", "scene")
+_SCENE = 0  # in the place of a session_uid: settings of the scene and its view layer
 
-_LIGHT_TYPES = (bpy.types.Light, bpy.types.LightProbe, bpy.types.World, bpy.types.Material, bpy.types.Image,
-                bpy.types.Texture)  # fmt: skip
-_LAMPS = frozenset({"LIGHT", "LIGHT_PROBE"})
+# Never more than light, whatever refers to them.
+_LIGHT_TYPES = (bpy.types.Light, bpy.types.LightProbe, bpy.types.World, bpy.types.Material)
+_SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"})
+_SHADING = frozenset({"VOLUME", "GREASEPENCIL"})  # without voxels
 _KINDS_OF_OBJECTS = {"CAMERA": "Camera object", "LIGHT": "Light object", "LIGHT_PROBE": "Light object"}
-_WORDS = {"Material": "material", "World": "world", "Image": "image", "Camera": "camera", "Camera object": "camera",
-          "Light object": "lamp"}  # fmt: skip
+_WORDS = {"Material": "material", "World": "world", "Image": "image", "ShaderNodeTree": "node group"}
+_WORDS_OF_OBJECTS = {"Camera object": "camera", "Light object": "lamp"}
 _PASSED_OVER = (bpy.types.Scene, bpy.types.Library, bpy.types.Action, bpy.types.WorkSpace)
-# Whose contents `Digest` knows.
-_WHOLE = (bpy.types.Image, bpy.types.NodeTree, bpy.types.Text, bpy.types.Collection, bpy.types.Curve)
-_SKIPPED_OF_DATA = names("materials texspace_location texspace_size is_editmode")
-# Of hair and points: what `Digest.geometry` hashes as arrays, far faster.
-_SKIPPED_OF_STRANDS = _SKIPPED_OF_DATA | names("points curves position_data curve_offset_data normals attributes")
-_OF_OBJECTS = (
-    "type", "parent_type", "parent_bone", "instance_type", "instance_faces_scale", "use_instance_faces_scale",
-    "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "hide_viewport", "visible_camera",
-    "is_holdout", "is_shadow_catcher", "pass_index",
-)  # fmt: skip
-_OF_OBJECTS_LIT = (
-    "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
-)  # fmt: skip
 _OF_RENDERS = ("use_simplify", "simplify_subdivision_render", "simplify_child_particles_render", "hair_type")
 _OF_CYCLES = (
     "max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces",
     "transparent_max_bounces", "caustics_reflective", "caustics_refractive", "blur_glossy", "use_fast_gi",
     "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree",
 )  # fmt: skip
-_REFERRED = ("parent", "instance_collection", "data")
-# Modifiers whose result may differ between frames without any keys.
-MOVES_BY_ITSELF = frozenset(
-    {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
-     "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
-)  # fmt: skip
-_POSITION = "position"
-_KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
+_SETTINGS = "world or render settings changed"
+_NEIGHBOURS = 4  # so far is followed what data-blocks refer to, to tell two apart that have the same values
+_SLOW_S = 0.02
 
 
-class _Hashes(NamedTuple):
-    """Hashes of one data-block: what makes the surface, what lights it and how it looks, and what cameras see."""
+class Change(NamedTuple):
+    """Comparison of one thing: what it is, the steps that it does not fit any more, and that in words."""
 
-    surface: str = ""
-    light: str = ""
-    view: str = ""
+    key: Hashable
+    steps: tuple[str, ...]
+    text: str
+
+
+class _Entry(NamedTuple):
+    """One data-block: `main` counts for `step`, `look`, how it looks in light, never for more than light.
+
+    owner: session_uid of the object through which it was found. seconds: what its hashes took.
+    """
+
+    key: Key
+    owner: int
+    step: str
+    main: Part
+    look: Part
+    seconds: float = 0.0
+
+    def changed_steps(self, now: _Entry, step: str) -> tuple[str, ...]:
+        """Steps that it does not fit any more, if its main part counts for `step`."""
+        found = [step] if self.main != now.main else []
+        found += [_at_most(LIGHT, step)] if self.look != now.look else []
+        return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
 class SceneState:
-    """State of a scene at some moment.
+    """State of a scene at some moment, by value: names do not count.
 
-    entries: hashes by data-block. layer: name of the view layer. frame: the present one if something is animated.
-    seconds: what it took to find out. gloss_from: where the camera stands that gloss is seen from, empty where none is.
+    entries: hashes by session_uid of the data-block. shown: of objects that count, how the view layer shows them.
+    layer: its name. chosen: session_uids of the objects that have voxels, None for all. frame: the present one if
+    something is animated. seconds: what it took to find out. gloss_from: where the camera stands that gloss is seen
+    from, empty where none is.
     """
 
-    entries: dict[Key, _Hashes]
+    entries: dict[int, _Entry]
+    shown: dict[int, tuple[object, ...]]
     layer: str
+    chosen: frozenset[int] | None
     frame: int | None
     seconds: float
     gloss_from: str = ""
 
     def identity(self, *more: object) -> str:
-        """32 hex digits over all of it but the cameras, and over `more`."""
+        """32 hex digits over all of it but the cameras, and over `more`; the same in each process."""
+        lit = {uid: entry for uid, entry in self.entries.items() if entry.step != VIEW}
+        marks = {uid: _short(entry.key[0], entry.main.text, entry.look.text) for uid, entry in lit.items()}
+        for _ in range(_NEIGHBOURS):
+            marks = {
+                uid: _short(marks[uid], *(marks.get(other, "") for part in entry[3:5] for other in part.references))
+                for uid, entry in lit.items()
+            }
         digest = Digest()
-        lit = sorted((key, hashes.surface, hashes.light) for key, hashes in self.entries.items() if any(hashes[:2]))
-        digest.text(lit, self.layer, self.frame, *more)
+        digest.text(sorted(marks.values()), sorted((marks[uid], repr(how)) for uid, how in self.shown.items()))
+        digest.text(self.layer, self.frame, *more)
         return digest.hexdigest()
 
-    def differences(self, now: SceneState) -> dict[str, list[str]]:
-        """List what changed, in words, for the surface and for the light."""
-        found: dict[str, list[str]] = {SURFACE: [], LIGHT: []}
-        for key in dict.fromkeys((*self.entries, *now.entries)):
-            before, after = (state.entries.get(key, _Hashes()) for state in (self, now))
-            for step, texts in found.items():
-                if getattr(before, step) != getattr(after, step):
-                    texts.append(changed_text(key, step=step))
-        return found
+    def differences(self, now: SceneState, scene: bpy.types.Scene) -> list[Change]:
+        """List what is not as it was; nothing where all has the same values, be it in other data-blocks."""
+        found = self._differences_of_shown(now.shown, scene)
+        for uid, before in self.entries.items():
+            after = now.entries.get(uid)  # what refers to others changed, too
+            step = before.step if after is None else min(before.step, after.step, key=STEPS.index)
+            if after is not None and (steps := before.changed_steps(after, step)):
+                found.append(Change(uid, steps, self._words(scene, uid, before, "changed")))
+        lasting = [change for change in found if change.steps != (VIEW,)]
+        return lasting if lasting and self.identity() != now.identity() else []
 
     def seen_from_camera(self, scene: bpy.types.Scene) -> SceneState:
         """State of a scene whose gloss is seen from its active camera, where that stands now."""
@@ -107,44 +123,118 @@ class SceneState:
         """Return whether gloss is seen from a camera, and the active one stands elsewhere now."""
         return bool(self.gloss_from) and place_of_gloss(scene) != self.gloss_from
 
-    def changes_of(self, block: bpy.types.ID) -> list[str]:
-        """Steps for which an original data-block is not what it was; none if they do not depend on it."""
-        before = self.entries.get(key_of(block))
-        if before is None or _passed_over(block):
-            return []
-        now = _Reader().hashes(block)
-        return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
+    def compared(self, scene: bpy.types.Scene, block: bpy.types.ID, verb: str = "changed") -> Change | None:
+        """Compare an original data-block with what it was; None for one that nothing depends on."""
+        before = self.entries.get(block.session_uid)
+        if before is None or passed_over(block):
+            return None
+        main, look, _ = BlockReader().parts(block)
+        step = before.step
+        if isinstance(block, bpy.types.Object) and step == LIGHT and _has_voxels(block, self.chosen):
+            step = SURFACE
+        steps = before.changed_steps(before._replace(main=main, look=look), step)
+        return Change(block.session_uid, steps, self._words(scene, block.session_uid, before, verb) if steps else "")
+
+    def is_slow(self, block: bpy.types.ID) -> bool:
+        """Return whether to compare a data-block takes too long to do it after each movement of the mouse."""
+        entry = self.entries.get(block.session_uid)
+        return entry is not None and entry.seconds > _SLOW_S
 
     def fits_layer(self, scene: bpy.types.Scene, layer: str) -> bool:
         """Return whether a view layer of the scene shows what the one shows that this is the state of."""
         if layer == self.layer:
             return True
-        return _members(scene, _layer(scene, layer)) == _members(scene, _layer(scene, self.layer))
+        return _shown(scene, _layer(scene, layer)) == _shown(scene, _layer(scene, self.layer))
 
-    def changes_of_members(self, scene: bpy.types.Scene) -> list[str]:
-        """Steps for which the scene is not what it was by its objects and settings."""
-        before, now = self.entries[MEMBERS], _members(scene, _layer(scene, self.layer))
-        return [step for step in _Hashes._fields if getattr(before, step) != getattr(now, step)]
+    def differences_of_scene(self, scene: bpy.types.Scene) -> list[Change]:
+        """List what the view layer shows otherwise, settings of the scene, and what Blender does not report."""
+        layer = _layer(scene, self.layer)
+        shown = {uid: how for uid, (_, how) in _shown(scene, layer).items()}
+        found = self._differences_of_shown(shown, scene)
+        before = self.entries[_SCENE]
+        if steps := before.changed_steps(_settings(scene, layer), SURFACE):
+            found.append(Change(_SCENE, steps, _SETTINGS))
+        return found
+
+    @staticmethod
+    def is_of_scene(key: Hashable) -> bool:
+        """Return whether `differences_of_scene` tells of what has this key."""
+        return key == _SCENE or isinstance(key, tuple)
+
+    def _differences_of_shown(self, now: dict[int, tuple[object, ...]], scene: bpy.types.Scene) -> list[Change]:
+        if self.shown == now:
+            return []
+        there = {item.session_uid: item for item in scene.objects}
+        found = []
+        for uid in dict.fromkeys((*self.shown, *now)):
+            before, after = self.shown.get(uid), now.get(uid)
+            if before == after:
+                continue
+            entry, item = self.entries.get(uid), there.get(uid)
+            step = entry.step if entry is not None else LIGHT
+            if item is not None and _has_voxels(item, self.chosen):
+                step = SURFACE
+            if after is None:
+                verb = "was hidden" if item is not None else "was removed"
+            elif before is None:
+                verb = "was added"
+            else:
+                verb = "changed" if before[1] == after[1] else "was hidden" if after[1] else "was shown"
+            key = entry.key if item is None and entry is not None else key_of(item) if item is not None else ("", "")
+            found.append(Change(("shown", uid), (step,), _text(_WORDS_OF_OBJECTS.get(key[0], ""), key[1], verb)))
+        return found
+
+    def _words(self, scene: bpy.types.Scene, uid: int, entry: _Entry, verb: str) -> str:
+        """Words for a change, which name the object where data-blocks of its own changed."""
+        kind, name = entry.key
+        if uid == _SCENE:
+            return _SETTINGS
+        if word := _WORDS.get(kind, "texture" if kind.endswith("Texture") else ""):
+            return _text(word, name, verb)
+        owner = next((key_of(item) for item in scene.objects if item.session_uid == entry.owner), None)
+        kind, name = owner or (self.entries[entry.owner].key if entry.owner in self.entries else entry.key)
+        return _text(_WORDS_OF_OBJECTS.get(kind, ""), name, verb)
 
 
-def scene_state(scene: bpy.types.Scene, layer: str = "") -> SceneState:
+def scene_state(
+    scene: bpy.types.Scene, layer: str = "", chosen: frozenset[int] | None = None, *, selected: bool = False
+) -> SceneState:
     """Take the state of a scene without objects that show results, and of all that it refers to.
 
-    layer: name of the view layer that is looked at, by default the context's.
+    layer: name of the view layer that is looked at, by default the context's. chosen: session_uids of the objects that
+    have voxels, None for all; selected: those that are selected now.
     """
     begun = time.perf_counter()
     view_layer = _layer(scene, layer or _present_layer(scene))
-    reader = _Reader()
-    entries = {MEMBERS: _members(scene, view_layer)}
-    waiting: list[bpy.types.ID] = [*scene.objects, *([scene.world] if scene.world else [])]
-    while waiting:
-        block = waiting.pop()
-        key = key_of(block)
-        if key not in entries and not _passed_over(block) and not isinstance(block, _PASSED_OVER):
-            entries[key] = reader.hashes(block)
-            waiting += reader.taken_references()
-    frame = scene.frame_current if reader.animated else None
-    return SceneState(entries, view_layer.name, frame, time.perf_counter() - begun)
+    found = _shown(scene, view_layer)
+    if selected:
+        chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
+    reader = BlockReader()
+    settings = _settings(scene, view_layer)
+    entries = {_SCENE: settings}
+    waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {step: [] for step in STEPS}
+    for item, _ in found.values():
+        waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
+    if scene.world is not None:
+        waiting[LIGHT].append((scene.world, 0))
+    waiting[VIEW] += [(item, item.session_uid) for item in scene.objects if is_camera(item)]
+    animated = False
+    for step in STEPS:
+        while waiting[step]:
+            block, owner = waiting[step].pop()
+            uid = block.session_uid
+            if uid in entries or passed_over(block) or isinstance(block, _PASSED_OVER):
+                continue
+            at, owner = time.perf_counter(), uid if isinstance(block, bpy.types.Object) else owner
+            mine = _at_most(LIGHT, step) if isinstance(block, _LIGHT_TYPES) else step
+            main, look, references = reader.parts(block)
+            entries[uid] = _Entry(key_of(block), owner, mine, main, look, time.perf_counter() - at)
+            animated |= reader.animated and mine != VIEW
+            for target, blocks in ((mine, references[0]), (_at_most(LIGHT, mine), references[1])):
+                waiting[target] += [(other, owner) for other in blocks]
+    frame = scene.frame_current if animated else None
+    shown = {uid: how for uid, (_, how) in found.items()}
+    return SceneState(entries, shown, view_layer.name, chosen, frame, time.perf_counter() - begun)
 
 
 def key_of(block: bpy.types.ID) -> Key:
@@ -155,13 +245,17 @@ def key_of(block: bpy.types.ID) -> Key:
     return kind, block.name_full
 
 
-def changed_text(key: Key, verb: str = "changed", step: str = SURFACE) -> str:
-    """Words for a change of a data-block that matters to a step."""
-    kind, name = key
-    if key == MEMBERS:
-        return "objects were added, removed, shown or hidden" if step == SURFACE else "world or render settings changed"
-    word = _WORDS.get(kind, "lamp" if kind.endswith("Light") else "")
+def _text(word: str, name: str, verb: str) -> str:
     return f"{word} '{name}' {verb}".lstrip()
+
+
+def _at_most(most: str, step: str) -> str:
+    """Return the step, or `most` where that needs less to be done again."""
+    return STEPS[max(STEPS.index(most), STEPS.index(step))]
+
+
+def _short(*texts: str) -> str:
+    return hashlib.blake2b("|".join(texts).encode(), digest_size=16).hexdigest()
 
 
 def _present_layer(scene: bpy.types.Scene) -> str:
@@ -173,151 +267,64 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
     return scene.view_layers.get(name) or scene.view_layers[0]
 
 
-def _members(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Hashes:
-    """Hash which objects a view layer shows and what its collections leave out, and how Cycles renders the scene."""
-    shown: set[tuple[str, tuple[bool, ...]]] = set()
-    stack = [(layer.layer_collection, (False,) * 6)]
+def _shown(
+    scene: bpy.types.Scene, layer: bpy.types.ViewLayer
+) -> dict[int, tuple[bpy.types.Object, tuple[object, ...]]]:
+    """Objects of a view layer that have voxels or light them, by session_uid, and how it shows them.
+
+    With values that count for renders alone: Blender reports no change of them.
+    """
+    found: dict[int, bpy.types.Object] = {}
+    flags: dict[int, set[tuple[bool, ...]]] = {}
+    stack = [(layer.layer_collection, (False,) * 4)]
     while stack:
         item, above = stack.pop()
-        collection = item.collection
-        own = (item.exclude, item.holdout, item.indirect_only, item.hide_viewport)
-        flags = tuple(map(max, above, (*own, collection.hide_render, collection.hide_viewport)))
-        shown.update((each.name_full, flags) for each in collection.objects if _counts(each))
-        stack.extend((child, flags) for child in item.children)
-    hidden = sorted(each.name_full for each in scene.objects if _counts(each) and each.hide_get(view_layer=layer))
-    surface, light = Digest(), Digest()
-    surface.text(sorted(shown), hidden, layer.use_strand)
-    world = scene.world
-    if world is None or not _passed_over(world):
-        light.text(world and world.name_full)
+        if item.exclude or item.collection.hide_render:
+            continue
+        hidden = item.hide_viewport or item.collection.hide_viewport
+        own = tuple(map(max, above, (item.holdout, item.indirect_only, hidden, False)))
+        for each in item.collection.objects:
+            if _counts(each):
+                found[each.session_uid] = each
+                flags.setdefault(each.session_uid, set()).add(own)
+        stack.extend((child, own) for child in item.children)
+    return {
+        uid: (item, (sorted(flags[uid]), item.hide_get(view_layer=layer), *_unreported(item)))
+        for uid, item in found.items()
+    }
+
+
+def _unreported(item: bpy.types.Object) -> Iterator[object]:
+    """Values of an object that renders take in the place of others, of whose changes Blender reports none."""
+    systems = (system.settings for system in item.particle_systems)
+    for owner in (*item.modifiers, item.data, *systems):
+        for key in render_keys(owner) if owner is not None else ():
+            yield getattr(owner, key)
+
+
+def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
+    """How Cycles renders the scene, and what it puts in the place of its objects' own."""
+    surface, light = OwnDigest(), OwnDigest()
+    surface.text(layer.use_strand)
+    light.block(scene.world)
     for owner, keys in ((scene.render, _OF_RENDERS), (getattr(scene, "cycles", None), _OF_CYCLES)):
         light.text(*(getattr(owner, key, None) for key in keys))
     for key in ("material_override", "world_override"):
-        block = getattr(layer, key, None)
-        light.text(block and block.name_full)
-    return _Hashes(surface.hexdigest(), light.hexdigest())
+        light.block(getattr(layer, key, None))
+    return _Entry(("", "scene"), 0, SURFACE, surface.part(), light.part())
 
 
 def _counts(item: bpy.types.Object) -> bool:
-    return not is_camera(item) and not _passed_over(item)
+    """Return whether an object of a scene has voxels or lights them, by itself and not as what others refer to."""
+    if passed_over(item) or item.hide_render:
+        return False
+    if item.type in _SURFACES or item.type in LAMPS or item.type in _SHADING:
+        return True
+    return item.instance_collection is not None or (item.field is not None and item.field.type != "NONE")
 
 
-def _passed_over(block: bpy.types.ID) -> bool:
-    """Return whether a data-block shows results, or is there only while a job runs."""
-    return is_own(block) or block.is_runtime_data
-
-
-def is_camera(block: bpy.types.ID) -> bool:
-    """Return whether a data-block is a camera, as object or as its data."""
-    return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
-
-
-class _OwnDigest(Digest):
-    """Hash of one data-block alone: of others that it refers to the names count, and `references` lists them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.references: list[bpy.types.ID] = []
-
-    def block(self, block: bpy.types.ID | None) -> None:
-        """Hash the name of a data-block; nothing of one that shows results."""
-        if block is not None and _passed_over(block):
-            return
-        self.text(None if block is None else key_of(block))
-        if block is not None:
-            self.references.append(block)
-
-
-class _Reader:
-    """Reader that hashes data-blocks; `animated` is whether one of them changes by itself from frame to frame."""
-
-    def __init__(self) -> None:
-        self.animated = False
-        self._references: list[bpy.types.ID] = []
-
-    def taken_references(self) -> list[bpy.types.ID]:
-        """Data-blocks that the last one refers to."""
-        taken, self._references = self._references, []
-        return taken
-
-    def hashes(self, block: bpy.types.ID) -> _Hashes:
-        """Hash one data-block."""
-        surface, light, view = digests = _OwnDigest(), _OwnDigest(), _OwnDigest()
-        main = view if is_camera(block) else light if _lights(block) else surface
-        if isinstance(block, bpy.types.Object):
-            self._object(block, main, view if main is view else light)
-        elif isinstance(block, bpy.types.Mesh):
-            _mesh(block, surface, light)
-        else:
-            _other(block, main)
-        self._animation(block, main)
-        self._references = [reference for digest in digests for reference in digest.references]
-        return _Hashes(*("" if digest.is_empty else digest.hexdigest() for digest in digests))
-
-    def _object(self, item: bpy.types.Object, surface: _OwnDigest, light: _OwnDigest) -> None:
-        # What Blender computes from this, the world's matrix, is not known right after an undo. Cameras are not
-        # compared then, and what moves them need not be part of the surface.
-        moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
-        for matrix in moved_by:
-            surface.text(tuple(tuple(row) for row in matrix))
-        surface.text(*(getattr(item, name) for name in _OF_OBJECTS), tuple(item.color))
-        for name in _REFERRED:
-            surface.block(getattr(item, name))
-        for modifier in item.modifiers:
-            surface.modifier(modifier, depth=2)
-            self.animated |= modifier.type in MOVES_BY_ITSELF
-        for constraint in item.constraints:
-            surface.struct(constraint, depth=2)
-            self.animated |= constraint.type in MOVES_BY_ITSELF
-        for system in item.particle_systems:
-            surface.particles(system)
-            self.animated = True
-        light.text(*(getattr(item, name) for name in _OF_OBJECTS_LIT))
-        light.block(item.light_linking.receiver_collection)
-        light.block(item.light_linking.blocker_collection)
-        for slot in item.material_slots:
-            light.block(slot.material)
-
-    def _animation(self, block: bpy.types.ID, digest: _OwnDigest) -> None:
-        for owner in (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)):
-            data = getattr(owner, "animation_data", None)
-            if data is None or not (data.action or len(data.drivers) or len(data.nla_tracks)):
-                continue
-            self.animated = True
-            for curve in fcurves(data):
-                digest.text(curve.data_path, curve.array_index, curve.mute, curve.extrapolation)
-                for name in _KEYFRAME_VALUES:
-                    digest.array(name, values_of(curve.keyframe_points, name, 2, np.float32))
-            for driver in data.drivers:
-                digest.text(driver.data_path, driver.array_index)
-                digest.struct(driver.driver, depth=3)
-
-
-def _lights(block: bpy.types.ID) -> bool:
-    """Return whether a data-block, neither an object nor a mesh, makes light or shows it."""
-    if isinstance(block, bpy.types.NodeTree):
-        return block.type != "GEOMETRY"
-    return isinstance(block, _LIGHT_TYPES) or (isinstance(block, bpy.types.Object) and block.type in _LAMPS)
-
-
-def _other(block: bpy.types.ID, digest: _OwnDigest) -> None:
-    if isinstance(block, _WHOLE):
-        digest.contents(block)
-        return
-    strands = isinstance(block, bpy.types.Curves | bpy.types.PointCloud)
-    digest.struct(block, _SKIPPED_OF_STRANDS if strands else _SKIPPED_OF_DATA, depth=2)
-    if (tree := getattr(block, "node_tree", None)) is not None:
-        digest.contents(tree)
-    if hasattr(block, "attributes"):
-        digest.geometry(block)
-
-
-def _mesh(data: bpy.types.Mesh, surface: _OwnDigest, light: _OwnDigest) -> None:
-    """Geometry to the surface, all else that a bake shows to the light."""
-    if data.is_editmode:
-        surface.text("edited", id(data))
-    if _POSITION in data.attributes:  # not in a mesh without vertices
-        surface.attribute(data.attributes[_POSITION])
-    surface.faces(data)
-    surface.block(data.shape_keys)
-    light.geometry(data, without=_POSITION)
+def _has_voxels(item: bpy.types.Object, chosen: frozenset[int] | None) -> bool:
+    if chosen is not None and item.session_uid not in chosen:
+        return False
+    seen = item.visible_camera and not item.is_holdout and not item.is_shadow_catcher
+    return seen and (item.type in _SURFACES or item.instance_collection is not None)

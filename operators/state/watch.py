@@ -7,7 +7,8 @@ and light that is baked later is that of another scene.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -27,7 +28,7 @@ class JobWatch:
 
     scene: int  # its session_uid
     state: SceneState | None = None
-    changes: list[tuple[str, str]] = field(default_factory=list)
+    changes: list[tuple[str, str, Hashable]] = field(default_factory=list)
 
 
 _current: ContextVar[JobWatch | None] = ContextVar("_current", default=None)
@@ -62,11 +63,20 @@ def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
     return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
 
 
-def read_state(scene: bpy.types.Scene, layer: str = "", *, gloss_from_camera: bool = False) -> SceneState:
-    """Read the scene's state, which is what the present job reads now."""
+def read_state(
+    scene: bpy.types.Scene, layer: str = "", *, selected: bool = False, gloss_from_camera: bool = False
+) -> SceneState:
+    """Read the scene's state, which is what the present job reads now.
+
+    selected: selected objects alone have voxels.
+    """
     from .scene_state import scene_state
 
-    state = scene_state(scene, layer)
+    if threading.current_thread() is threading.main_thread():
+        for item in scene.objects:
+            if item.mode == "EDIT":  # what is evaluated shows changes that the data have at its end alone
+                item.update_from_editmode()
+    state = scene_state(scene, layer, selected=selected)
     if gloss_from_camera:
         state = state.seen_from_camera(scene)
     watch = _current.get()
@@ -75,15 +85,15 @@ def read_state(scene: bpy.types.Scene, layer: str = "", *, gloss_from_camera: bo
     return state
 
 
-def changes_meanwhile() -> list[tuple[str, str]]:
-    """Steps that do not fit what the present job has read, and what changed."""
+def changes_meanwhile() -> list[tuple[str, str, Hashable]]:
+    """Steps that do not fit what the present job has read, what changed in words, and its key."""
     watch = _current.get()
     return [] if watch is None else watch.changes
 
 
 def check_unchanged() -> None:
     """Raise SceneError if what the present job has read was changed."""
-    for step, what in changes_meanwhile():
+    for step, what, _ in changes_meanwhile():
         if step in ("surface", "light"):
             raise SceneError(
                 f"{what[:1].upper()}{what[1:]} while its light was baked: start again, with the scene as it is now"

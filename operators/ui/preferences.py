@@ -140,13 +140,17 @@ def preferences(context: bpy.types.Context) -> Preferences:
 
 
 def apply_preferences(context: bpy.types.Context) -> None:
-    """Set up the process to work: log, cache folder, allocator. The first kernel's import needs to know the folder.
+    """Set up the process to work: log, allocator, and the cache folder where it was not known at registration.
 
     Raises SettingError for a log format that there is not.
     """
     chosen = preferences(context)
     set_up(level=chosen.log_level)
     reuse_freed_memory()
+    _name_cache_folder(chosen)
+
+
+def _name_cache_folder(chosen: Preferences) -> None:
     folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
     if not folder and IS_EXTENSION and "PATCHNET_CACHE" not in os.environ:
         folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")
@@ -157,6 +161,7 @@ def apply_preferences(context: bpy.types.Context) -> None:
 def register() -> None:
     """Make the preferences known."""
     bpy.utils.register_class(PatchNetPreferences)
+    _name_cache_folder(preferences(bpy.context))  # before anything imports kernels, as a render without a window does
 
 
 def unregister() -> None:

@@ -44,11 +44,15 @@ def user_cache_folder() -> Path:
 def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
-    Where `root` takes the place of another folder, kernels that were compiled there are taken over. Versions that
-    nothing has used for a long time, such as those of earlier releases, are deleted when a new one begins.
+    Where `root` takes the place of another folder, or is the extension's own, kernels that were compiled there, or in
+    the platform's cache folder by commands, are taken over. Versions that nothing has used for a long time, such as
+    those of earlier releases, are deleted when a new one begins.
     """
-    folder, source = root / KERNELS / version, _wanted() / KERNELS / version
-    if root != _wanted() and source.is_dir() and not folder.exists():
+    folder = root / KERNELS / version
+    for other in {_wanted(), _platforms()} - {root}:
+        source = other / KERNELS / version
+        if not source.is_dir() or folder.exists():
+            continue
         copy = folder.with_name(f".{version}.{secrets.token_hex(4)}.tmp")
         try:
             for path in source.rglob("*.nb[ic]"):
@@ -85,8 +89,11 @@ def folder_bytes(folder: Path) -> int:
 
 
 def _wanted() -> Path:
-    if folder := os.environ.get("PATCHNET_CACHE"):
-        return Path(folder)
+    folder = os.environ.get("PATCHNET_CACHE")
+    return Path(folder) if folder else _platforms()
+
+
+def _platforms() -> Path:
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or _home() / "AppData" / "Local") / "patchnet"
     if sys.platform == "darwin":

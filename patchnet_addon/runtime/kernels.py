@@ -2,7 +2,8 @@
 """Compilation of numba kernels, and the one folder in which they are kept.
 
 numba's cache does not notice an edited callee in another file, so the folder's name holds a hash of all sources of
-kernels and of what they import.
+kernels and of what they import. All copies of these sources share it, wherever they lie and whatever the package is
+called: Blender has it under another name than Python.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib
+import inspect
+import io
 import logging
 import pickle
 import sys
@@ -22,6 +26,7 @@ import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.serialize import NumbaPickler
 from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
@@ -31,24 +36,25 @@ from .source_hash import ROOT, source_hash
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def _with_kernels() -> list[str]:
+_PACKAGE = __package__.removesuffix(".patchnet_addon.runtime")
+_ENGINE, _TRAINING = ("patchnet_addon",), ("patchnet_addon", "training")  # the extension has no training
+
+
+def _with_kernels(folders: tuple[str, ...] = _TRAINING) -> list[str]:
     """Modules that define kernels, or what extends them."""
-    paths = [path for folder in ("patchnet_addon", "training") for path in (ROOT / folder).rglob("*.py")]
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     texts = {path: path.read_bytes() for path in paths}
     found = [path for path, text in texts.items() if b"kernels import" in text or b"numba.extending import" in text]
     return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
 
 
-def _version() -> str:
-    """16 hex digits over the sources of kernels and the package's name.
-
-    Cached signatures hold the classes of NamedTuples by their module, and Blender has the package under another name
-    than Python, which may change with the name of a repository of extensions.
-    """
-    return hashlib.sha256(f"{__package__} {source_hash(*_with_kernels())}".encode()).hexdigest()[:16]
+@functools.cache
+def _folder(folders: tuple[str, ...]) -> Path:
+    """Folder for compiled kernels of these sources."""
+    return kernel_folder(user_cache_folder(), source_hash(*_with_kernels(folders)))
 
 
-numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _version()))
+numba.config.CACHE_DIR = str(_folder(_ENGINE))
 
 
 def compiled_mark(kernels: str, *of: object) -> Path:
@@ -62,6 +68,25 @@ def compiled_mark(kernels: str, *of: object) -> Path:
     return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
+class _Pickler(NumbaPickler):  # type: ignore[misc]
+    """Pickler of classes and modules of this package, whatever it is called."""
+
+    def persistent_id(self, item: Any) -> Any:
+        """Name of a class or a module within the package; None for all else."""
+        if isinstance(item, str) and item.startswith(f"{_PACKAGE}."):
+            return "", item.removeprefix(_PACKAGE)
+        if isinstance(item, type) and item.__module__.startswith(f"{_PACKAGE}."):
+            return item.__qualname__, item.__module__.removeprefix(_PACKAGE)
+        return None
+
+
+class _Unpickler(pickle.Unpickler):
+    def persistent_load(self, found: Any) -> Any:
+        """Return the class of ours, or the module's name here."""
+        name, module = found
+        return getattr(importlib.import_module(_PACKAGE + module), name) if name else _PACKAGE + module
+
+
 class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
     """Files of a function's compiled code, each of a name that no other process gives.
 
@@ -72,13 +97,38 @@ class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
     def _data_name(self, _number: int) -> str:
         return f"{Path(self._index_name).stem}.{uuid.uuid4().hex[:12]}.nbc"
 
+    def _dump(self, item: Any) -> bytes:
+        with io.BytesIO() as buffer:
+            _Pickler(buffer, protocol=4).dump(item)
+            return buffer.getvalue()
+
+    def _load_index(self) -> Any:
+        try:
+            with open(self._index_path, "rb") as file:
+                if pickle.load(file) != self._version:
+                    return {}
+                stamp, overloads = _Unpickler(file).load()
+        except FileNotFoundError:
+            return {}
+        return overloads if stamp == self._source_stamp else {}
+
+    def _load_data(self, name: str) -> Any:
+        with open(self._data_path(name), "rb") as file:
+            return _Unpickler(file).load()
+
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     """numba's cache of a function's compiled code; files that cannot be read or written cost time and nothing else."""
 
     def __init__(self, function: Function) -> None:
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp()
+        locator = self._impl.locator
+        stamp, source = locator.get_source_stamp(), Path(inspect.getfile(function))
+        if source.is_relative_to(ROOT):  # named and told apart by the hash of all sources
+            folder, *_ = parts = source.relative_to(ROOT).parent.parts
+            path = _folder(_ENGINE if folder in _ENGINE else _TRAINING) / ".".join(parts)
+            stamp, locator.get_cache_path = "", lambda: str(path)
+        self._cache_path = locator.get_cache_path()
         self._cache_file = CacheFile(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -256,7 +256,7 @@ def test_operator(tmp_path: Path, scene: bpy.types.Scene) -> None:
     drop_result_images()
     before, kept = scene_snapshot(), results.result_of(scene)
     bpy.context.view_layer.update()
-    kept.stale.clear()  # to ask for everything changes something, too
+    kept.reasons.clear()  # to ask for everything changes something, too
     assert bpy.ops.patchnet.bake_animation(frame_end=2, out=str(tmp_path), **QUICK) == {"FINISHED"}
     assert_unchanged(before)
     assert results.result_of(scene) is kept and not kept.stale, "the scene's own result is still there and fits"

@@ -59,11 +59,21 @@ print(json.dumps(states))
 
 ENABLE = """
 enable()
+heavy = sorted({"numba", "torch", "safetensors"} & set(sys.modules))
+
+def kernels():
+    \"\"\"Whether a render without a window keeps kernels where jobs keep them.\"\"\"
+    import importlib
+    importlib.import_module(MODULE + ".operators.render_engine.render_frame")
+    import numba
+    return numba.config.CACHE_DIR.startswith(bpy.utils.extension_path_user(MODULE, path="cache"))
+
 warnings = {name: text for name, text in addon_utils._extensions_warnings_get().items() if "patchnet" in name}
 print(json.dumps({
     "warnings": warnings,
     "enabled": MODULE in bpy.context.preferences.addons,
-    "heavy": sorted({"numba", "torch", "safetensors"} & set(sys.modules)),
+    "heavy": heavy,
+    "kernels": kernels(),
     "named": sorted(name for name in sys.modules if name == "patchnet" or name.startswith("patchnet.")),
 }))
 """
@@ -84,7 +94,8 @@ def in_fresh_blender(code: str, repository: Path):
     resources.mkdir()
     done = subprocess.run(
         [sys.executable, "-c", RUN, PREPARE + code, str(repository), str(ROOT / ".ci")],
-        env={**os.environ, "BLENDER_USER_RESOURCES": str(resources)},
+        env={name: value for name, value in os.environ.items() if name != "PATCHNET_CACHE"}
+        | {"BLENDER_USER_RESOURCES": str(resources)},
         capture_output=True,
         text=True,
         check=False,
@@ -105,7 +116,7 @@ def test_enable_disable_enable(repository: Path) -> None:
 
 def test_enabling_is_light_and_clean(repository: Path) -> None:
     state = in_fresh_blender(ENABLE, repository)
-    assert state == {"warnings": {}, "enabled": True, "heavy": [], "named": []}
+    assert state == {"warnings": {}, "enabled": True, "heavy": [], "kernels": True, "named": []}
 
 
 # Things of every kind, left behind by an add-on that forgets them.

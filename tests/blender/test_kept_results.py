@@ -160,6 +160,30 @@ patchnet.unregister()
     assert (tmp_path / "picture.png").exists() and "baked again" not in done.stderr, done.stderr
 
 
+def test_a_frame_of_an_animation_finds_what_was_baked_for_it(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the file was saved at another frame."""
+    scene, lath = bpy.context.scene, bpy.data.objects["Lath 2"]
+    for frame in (1, 9):
+        lath.location.z = 0.1 * frame
+        lath.keyframe_insert("location", frame=frame)
+    values = scene.patchnet
+    values.light, values.samples, values.resolution, values.depth, values.gloss = "cycles", 1, "DEPTH", 5, "off"
+    scene.frame_set(5)
+    assert bpy.ops.patchnet.run_all(size=(24, 16)) == {"FINISHED"}
+    scene.frame_set(1)
+    bpy.ops.wm.open_mainfile(filepath=str(saved(file)))
+    scene, bake, bakes = bpy.context.scene, baker.bake_now, []
+    monkeypatch.setattr(baker, "bake_now", lambda *values, **more: bakes.append(1) or bake(*values, **more))
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+    scene.render.filepath = str(tmp_path / "picture")
+    for frame in (5, 6):
+        scene.frame_start = scene.frame_end = frame
+        bpy.ops.render.render(animation=True)
+        assert bool(bakes) == (frame == 6)
+
+
 @pytest.mark.usefixtures("registered")
 def test_octree_file_becomes_the_scenes_voxels(tmp_path: Path, weights: Path) -> None:
     build()

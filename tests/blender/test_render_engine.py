@@ -208,6 +208,24 @@ def test_the_octree_that_is_there_is_used_until_it_is_stale(scene: bpy.types.Sce
     assert kept(scene).octree is not octree and not kept(scene).stale
 
 
+def test_voxels_that_do_not_fit_are_shown_where_none_can_be_made(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Of objects that are selected, with none selected by now; with a warning."""
+    scene.patchnet.scope = "SELECTED"
+    for item in scene.objects:
+        item.select_set(item.type == "MESH")
+    whole = rendered(scene)["Combined"]
+    octree = kept(scene).octree
+    bpy.ops.object.select_all(action="DESELECT")
+    scene.objects["Slab"].location.z += 0.01
+    bpy.context.view_layer.update()
+    shown = rendered(scene)["Combined"]
+    assert np.array_equal(shown, whole) and kept(scene).octree is octree and kept(scene).stale == {"surface"}
+    said = "".join(capfd.readouterr())
+    assert "No selected object has a surface" in said and "do not fit the scene" in said
+
+
 def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -282,7 +282,7 @@ def test_changes_of_hair_are_noticed(
     item = make()
     bpy.context.view_layer.update()
     before = scene_state(bpy.context.scene)
-    assert not any(before.differences(scene_state(bpy.context.scene)).values())
+    assert before.differences(scene_state(bpy.context.scene), bpy.context.scene) == []
     change(item)
-    found = before.differences(scene_state(bpy.context.scene))
-    assert found[SURFACE]
+    found = before.differences(scene_state(bpy.context.scene), bpy.context.scene)
+    assert any(SURFACE in each.steps for each in found)

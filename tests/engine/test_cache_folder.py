@@ -3,6 +3,7 @@
 
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -134,26 +135,54 @@ def test_what_others_may_have_planted_is_not_used(
 
 
 RENAMED = """
-import importlib.util
-import sys
+import importlib, importlib.util, sys
 from pathlib import Path
+from types import ModuleType
+
+import numpy as np
 
 name, folder = sys.argv[1:]
+for place, character in enumerate(name):
+    if character == ".":
+        parent = sys.modules[name[:place]] = ModuleType(name[:place])
+        parent.__path__ = []
 spec = importlib.util.spec_from_file_location(name, Path(folder) / "__init__.py", submodule_search_locations=[folder])
 sys.modules[name] = importlib.util.module_from_spec(spec)
-print(importlib.import_module(f"{name}.patchnet_addon.runtime.kernels").numba.config.CACHE_DIR)
+part = lambda module: importlib.import_module(f"{name}.patchnet_addon.{module}")
+octree = part("octree.octree").Octree(
+    grid=part("octree.grid").Grid((0.0, 0.0, 0.0), 1.0, 1),
+    level_start=np.array([0, 1, 9]),
+    child_mask=np.array([255] + [0] * 8, np.uint8),
+    first_child=np.array([1] + [0] * 8, np.uint32),
+    area_world=np.ones(9, np.float32),
+    luminance=np.ones(9, np.uint16),
+    normal=np.ones((9, 3), np.int8),
+)
+camera = part("tracing.camera").Camera.look_at(np.array([-2.0, 0.5, 0.5]), np.full(3, 0.5), size_px=(8, 6))
+part("tracing.render").patch_hits(octree, camera)
+kernels = part("runtime.kernels")
+found = {id(value): value for title, module in list(sys.modules.items()) if title.startswith(name)
+         for value in vars(module).values() if isinstance(value, kernels.CPUDispatcher)}
+compiled, loaded = (sum(sum(getattr(value.stats, key).values()) for value in found.values())
+                    for key in ("cache_misses", "cache_hits"))
+print(compiled, loaded, kernels.numba.config.CACHE_DIR)
 """
 
 
-def test_kernels_of_a_renamed_package_are_kept_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Signatures name the classes of their NamedTuples, which cannot be imported by another package's name."""
-    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
-    folder = Path(cache_folder.__file__).parents[2]
-    folders = [
-        subprocess.run([sys.executable, "-c", RENAMED, name, folder], capture_output=True, text=True, check=True).stdout
-        for name in ("one", "other", "one")
+def test_copies_of_the_package_share_compiled_kernels(tmp_path: Path) -> None:
+    """Python's, and a copy of the same sources elsewhere under the extension's name, which has no training."""
+    root = Path(cache_folder.__file__).parents[2]
+    copy = tmp_path / "patchnet"
+    shutil.copytree(root / "patchnet_addon", copy / "patchnet_addon", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(root / "__init__.py", copy)
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", RENAMED, name, str(folder)], capture_output=True, text=True, check=True
+        ).stdout.split()
+        for name, folder in (("patchnet", root), ("bl_ext.user_default.patchnet", copy))
     ]
-    assert folders[0] == folders[2] != folders[1]
+    compiled, loaded, _ = said[1]
+    assert compiled == "0" and int(loaded) > 0 and said[0][2] == said[1][2]
 
 
 def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

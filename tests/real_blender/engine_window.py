@@ -179,7 +179,12 @@ def final_renders():
     yield 0.5
     seen["windows"] = [[area.type for area in window.screen.areas] for window in bpy.context.window_manager.windows]
     yield from clicks.screenshot(OUT / "engine-render.png")
-    scene.patchnet.light = "cycles"
+    scene.patchnet.light = "cycles"  # which no render beside a window can bake
+    scene.objects["Back wall"].location.z += 0.01
+    yield 0.5
+    yield from render("render of old voxels")
+    yield 0.5
+    yield from clicks.screenshot(OUT / "engine-old.png")
     bpy.ops.patchnet.clear_results()
     yield from render("render without voxels")
     yield 0.5

@@ -99,6 +99,12 @@ def picture(path: Path) -> np.ndarray:
     return np.dstack([next(values for name, values in channels.items() if name.split(".")[-1] == c) for c in "RGB"])
 
 
+def test_voxels_that_do_not_fit_are_shown_with_a_warning(seen: dict, out: Path) -> None:
+    """Above the picture it stays, as the screenshot shows: scripts cannot read it."""
+    assert seen["render of old voxels"]["ended"] == "complete" and "do not fit the scene any more" in seen["said"]
+    assert (out / "engine-old.png").stat().st_size > 5000
+
+
 def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
     """The status bar of that moment is in a screenshot: scripts cannot read it."""
     assert seen["render without voxels"]["ended"] in ("complete", "cancel") and "Traceback" not in seen["said"]

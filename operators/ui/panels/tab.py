@@ -12,6 +12,7 @@ from ...schema.setting import Kind
 from ...schema.table import TABLE
 from ...session import results
 from ...session.scene_result import SceneResult
+from ...session.staleness import look_soon
 from ...settings.step_settings import changed, step_settings
 
 if TYPE_CHECKING:
@@ -124,6 +125,7 @@ def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) 
     result = results.result_of(scene)
     if result is None:
         return
+    look_soon()
     for step in steps:
         if text := stale_text(result, scene, step):
             layout.label(text=text, icon="ERROR")

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hashes of one data-block of the user's own data: what it is made of, and how it looks in light, whatever its name."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..scene_access.frames import fcurves
+from ..scene_access.own import is_own
+from .digest import Digest, names, values_of
+
+LAMPS = frozenset({"LIGHT", "LIGHT_PROBE"})
+# Whose contents `Digest` knows.
+_WHOLE = (bpy.types.Image, bpy.types.NodeTree, bpy.types.Text, bpy.types.Collection, bpy.types.Curve)
+_SKIPPED_OF_DATA = names("name name_full materials texspace_location texspace_size is_editmode")
+# Of hair and points: what `Digest.geometry` hashes as arrays, far faster.
+_SKIPPED_OF_STRANDS = _SKIPPED_OF_DATA | names("points curves position_data curve_offset_data normals attributes")
+_OF_OBJECTS = (
+    "type", "parent_type", "parent_bone", "instance_type", "instance_faces_scale", "use_instance_faces_scale",
+    "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "hide_viewport", "visible_camera",
+    "is_holdout", "is_shadow_catcher", "pass_index",
+)  # fmt: skip
+_OF_OBJECTS_LIT = (
+    "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
+)  # fmt: skip
+_REFERRED = ("parent", "instance_collection", "data")
+# Modifiers whose result may differ between frames without any keys.
+MOVES_BY_ITSELF = frozenset(
+    {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
+     "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
+)  # fmt: skip
+_POSITION = "position"
+_KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
+
+
+class Part(NamedTuple):
+    """Hash of some of a data-block's contents, and session_uids of the data-blocks that they refer to."""
+
+    text: str = ""
+    references: tuple[int, ...] = ()
+
+
+class OwnDigest(Digest):
+    """Hash of one data-block alone, whatever its name: others that it refers to are listed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.references: list[bpy.types.ID] = []
+
+    def block(self, block: bpy.types.ID | None) -> None:
+        """List a data-block; nothing of one that shows results."""
+        if block is None or not passed_over(block):
+            self.text(block is not None)
+        if block is not None and not passed_over(block):
+            self.references.append(block)
+
+    def part(self) -> Part:
+        """What was hashed."""
+        text = "" if self.is_empty else self.hexdigest()
+        return Part(text, tuple(block.session_uid for block in self.references))
+
+
+class BlockReader:
+    """Reader that hashes data-blocks; `animated` is whether the last one changes by itself from frame to frame."""
+
+    def __init__(self) -> None:
+        self.animated = False
+
+    def parts(self, block: bpy.types.ID) -> tuple[Part, Part, tuple[list[bpy.types.ID], list[bpy.types.ID]]]:
+        """Hash one data-block, how it looks in light apart; and the data-blocks that both refer to."""
+        self.animated = False
+        main, look = OwnDigest(), OwnDigest()
+        if isinstance(block, bpy.types.Object):
+            self._object(block, main, look)
+        elif isinstance(block, bpy.types.Mesh):
+            _mesh(block, main, look)
+        else:
+            _other(block, main)
+        self._animation(block, main)
+        return main.part(), look.part(), (main.references, look.references)
+
+    def _object(self, item: bpy.types.Object, surface: OwnDigest, light: OwnDigest) -> None:
+        # What Blender computes from this, the world's matrix, is not known right after an undo. Cameras are not
+        # compared then, and what moves them need not be part of the surface.
+        moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
+        for matrix in moved_by:
+            surface.text(tuple(tuple(row) for row in matrix))
+        surface.text(*(getattr(item, name) for name in _OF_OBJECTS), tuple(item.color))
+        for name in _REFERRED:
+            (light if name == "data" and item.type in LAMPS else surface).block(getattr(item, name))
+        for modifier in item.modifiers:
+            surface.modifier(modifier, depth=2)
+            self.animated |= modifier.type in MOVES_BY_ITSELF
+        for constraint in item.constraints:
+            surface.struct(constraint, depth=2)
+            self.animated |= constraint.type in MOVES_BY_ITSELF
+        for system in item.particle_systems:
+            surface.particles(system)
+            self.animated = True
+        light.text(*(getattr(item, name) for name in _OF_OBJECTS_LIT))
+        light.block(item.light_linking.receiver_collection)
+        light.block(item.light_linking.blocker_collection)
+        for slot in item.material_slots:
+            light.block(slot.material)
+
+    def _animation(self, block: bpy.types.ID, digest: OwnDigest) -> None:
+        for owner in (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None)):
+            data = getattr(owner, "animation_data", None)
+            if data is None or not (data.action or len(data.drivers) or len(data.nla_tracks)):
+                continue
+            self.animated = True
+            for curve in fcurves(data):
+                digest.text(curve.data_path, curve.array_index, curve.mute, curve.extrapolation)
+                for name in _KEYFRAME_VALUES:
+                    digest.array(name, values_of(curve.keyframe_points, name, 2, np.float32))
+            for driver in data.drivers:
+                digest.text(driver.data_path, driver.array_index)
+                digest.struct(driver.driver, depth=3)
+
+
+def _other(block: bpy.types.ID, digest: OwnDigest) -> None:
+    if isinstance(block, _WHOLE):
+        digest.contents(block)
+        return
+    strands = isinstance(block, bpy.types.Curves | bpy.types.PointCloud)
+    digest.struct(block, _SKIPPED_OF_STRANDS if strands else _SKIPPED_OF_DATA, depth=2)
+    if (tree := getattr(block, "node_tree", None)) is not None:
+        digest.contents(tree)
+    if hasattr(block, "attributes"):
+        digest.geometry(block)
+
+
+def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:
+    """Geometry to the surface, all else that a bake shows to the light."""
+    if _POSITION in data.attributes:  # not in a mesh without vertices
+        surface.attribute(data.attributes[_POSITION])
+    surface.faces(data)
+    surface.block(data.shape_keys)
+    light.geometry(data, without=_POSITION)
+
+
+def passed_over(block: bpy.types.ID) -> bool:
+    """Return whether a data-block shows results, or is there only while a job runs."""
+    return is_own(block) or block.is_runtime_data
+
+
+def is_camera(block: bpy.types.ID) -> bool:
+    """Return whether a data-block is a camera, as object or as its data."""
+    return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
