@@ -8,7 +8,7 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -27,7 +27,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         from .pipeline.lit_octree import Recipe, build_lit_octree
         from .pipeline.stages import GridChoice
 
-        before = results.voxels_of(context.scene)
+        before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
         settings, clock = settings.changed(scope=before.scope), StageClock()
         recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
         with BakePageCache() as kept:
@@ -42,11 +42,10 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
             seconds=seconds,
             made_with=before.made_with,
             state=made.state,
+            notes={"octree": made.warnings},
         )
         results.keep(context.scene, result, "light")
-        for warning in made.warnings:
-            tell(self, "WARNING", warning)
-        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light.kind})"
+        return f"{made.octree.leaf_count:,} voxels are lit ({settings.light.kind}){tell_notes(self, made.warnings)}"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

@@ -7,7 +7,7 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.polls import CodesJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .render_preview import look
 from .session.seen import comparison_of
 from .settings.job_settings import JobSettings
@@ -24,11 +24,10 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies, keep the table."""
         result = yield from look(context, settings, compare=True)
-        for warning in result.warnings:
-            tell(self, "WARNING", warning)
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
-        return f"{found.view}: error {found.unrefined:.2e}, best {best.name} with {best.error:.2e}"
+        said = tell_notes(self, result.warnings)
+        return f"{found.view}: error {found.unrefined:.2e}, best {best.name} with {best.error:.2e}{said}"
 
 
 CLASSES = (PATCHNET_OT_compare,)

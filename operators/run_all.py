@@ -6,9 +6,10 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.wording import counted
 from . import overlay
 from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .session.scene_result import SceneResult
 from .session.seen import seen
@@ -30,7 +31,7 @@ class PATCHNET_OT_run_all(
         """Run the job, keep its results, show the first camera's pictures."""
         from .pipeline.run import run_job
 
-        self._file = settings.out
+        self._file, self._goes_on = settings.out, settings.light.is_baked
         with overlay.unfinished_pictures(context) as meanwhile:
             result = yield from run_job(context, settings, meanwhile)
         first = result.views[0]
@@ -46,6 +47,7 @@ class PATCHNET_OT_run_all(
                     seconds=result.report["timings_s"],
                     encoder=result.report["encoder"],
                     state=result.state,
+                    notes=result.notes,
                 ),
                 first,
                 compared=settings.view.reference,
@@ -56,12 +58,9 @@ class PATCHNET_OT_run_all(
             "view",
         )
         overlay.show(context, result.views, settings.view)
-        for warning in result.warnings:
-            tell(self, "WARNING", warning)
         errors = "" if first.errors is None else "; {}: error {:.2e} -> {:.2e}".format(first.camera.name, *first.errors)
         where = f", files in {settings.out}" if settings.out else ""
-        count = f"{len(result.views)} view{'s' if len(result.views) != 1 else ''}"
-        return f"{count}{errors}{where}"
+        return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, result.warnings)}"
 
 
 CLASSES = (PATCHNET_OT_run_all,)

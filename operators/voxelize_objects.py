@@ -8,7 +8,7 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -30,11 +30,10 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
         result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)
+        result.notes = {"octree": made.warnings}
         results.keep(context.scene, result, "octree")
-        for warning in made.warnings:
-            tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
-        return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}"
+        return f"{octree.leaf_count:,} voxels of {side}, depth {octree.depth}{tell_notes(self, made.warnings)}"
 
 
 CLASSES = (PATCHNET_OT_voxelize,)

@@ -15,7 +15,8 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import choose_cameras
+from ..cycles.bake.gloss_passes import gloss_warnings, with_view
+from ..scene.cameras import choose_cameras, focus_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
@@ -42,6 +43,7 @@ class Estimate:
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
     seconds: of the whole job, by stage. time_line: their sum in words.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
+    notes: sentences on what will be left out or is approximate, as far as that is known without a bake.
     settings: values of the scene's settings. state: of the scene. stale_because: what changed since, "" if nothing did.
     """
 
@@ -66,6 +68,7 @@ class Estimate:
     state: SceneState | None = None
     stale_because: str = ""
     lines: list[str] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
 
     @property
     def too_large(self) -> bool:
@@ -82,7 +85,12 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     cameras = choose_cameras(depsgraph, views.cameras, views.size, bounds_world)
     device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
     steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
-    found = replace((yield from steps), state=state)
+    light = settings.light
+    of_light = source.color_warnings
+    if light.is_baked:
+        of_light = gloss_warnings(source, with_view(context, light, views.cameras))
+    notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
+    found = replace((yield from steps), state=state, notes=notes)
     found.lines = estimate_lines(found, length_text(context.scene, found.voxel_size_world))
     return found
 

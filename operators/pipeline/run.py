@@ -51,17 +51,22 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
 class JobResult:
     """Result of a job.
 
-    warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
+    notes: sentences about what had to be assumed or left out, by step. layout: levels of the leaves, if not all on one.
     cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
     """
 
     coded: CodedOctree
     views: tuple[View, ...]
     report: dict[str, Any]
-    warnings: tuple[str, ...]
+    notes: dict[str, tuple[str, ...]]
     layout: LeafLevels | None = None
     cycles: tuple[CyclesView, ...] = ()
     state: SceneState | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All notes."""
+        return tuple(text for texts in self.notes.values() for text in texts)
 
 
 def run_job(context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None) -> Steps[JobResult]:
@@ -161,12 +166,15 @@ def _compute(
                 sun = settings.light.daylight
                 cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
             views[-1].report["cycles"] = cycles[-1].report
-    unseen = dict.fromkeys(warning for item in views for warning in item.warnings)
+    unseen = tuple(dict.fromkeys(warning for item in views for warning in item.warnings))
     others = estimators_warning(wanted.strategy, coded.weights_hash)
-    focus = focus_warnings(context.scene, cameras)
-    warnings = (*made.warnings, *encoding.warnings, *([others] if others else []), *focus, *unseen)
-    report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoding.text}
-    return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
+    notes = {
+        "octree": made.warnings,
+        "codes": (*encoding.warnings, *([others] if others else [])),
+        "view": (*focus_warnings(context.scene, cameras), *unseen),
+    }
+    report = job_report(coded, views, wanted, clock.seconds, sum(notes.values(), ())) | {"encoder": encoding.text}
+    return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
 
 def job_report(

@@ -125,6 +125,7 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
         "seconds": result.seconds,
         "encoder": result.encoder,
         "made_with": result.made_with,
+        "notes": results.without_view(result).notes,
         "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
@@ -145,6 +146,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         seconds=notes["seconds"],
         encoder=notes["encoder"],
         made_with=made_with,
+        notes={step: tuple(texts) for step, texts in notes.get("notes", {}).items()},
         state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
 

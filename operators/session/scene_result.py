@@ -55,6 +55,7 @@ class SceneResult:
     the pictures, "view", which make nothing else stale.
     made_with: the scene's settings when each step was done, by step. state: of the scene when it was read for them,
     None where nothing was compared with it.
+    notes: sentences on what was left out or is approximate, by the step that they are of: "octree", "codes", "view".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
@@ -73,6 +74,7 @@ class SceneResult:
     reasons: dict[str, list[str]] = field(default_factory=dict)
     made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
     state: SceneState | None = None
+    notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     summary: list[str] = field(default_factory=list)
 
     def mark(self, step: str, what: str) -> None:
@@ -96,6 +98,11 @@ class SceneResult:
         """Reason why a step is stale, in a few words."""
         names = self.reasons.get(step, [])
         return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
+
+    @property
+    def all_notes(self) -> list[str]:
+        """Notes of all steps, those of the picture first."""
+        return list(dict.fromkeys(text for step in sorted(self.notes, reverse=True) for text in self.notes[step]))
 
     @property
     def is_stale_by_gloss_alone(self) -> bool:

@@ -49,8 +49,8 @@ def estimators_warning(name: str, weights_hash: str) -> str | None:
         return None
     return (
         f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
-        "so its priorities may be worse: choose patchnet-behind, or the shipped weights, or train its estimator anew "
-        "with patchnet train-plus"
+        "so its priorities may be worse: choose Strategy: PatchNet Behind, or the shipped weights, or train its "
+        "estimator anew with patchnet train-plus"
     )
 
 

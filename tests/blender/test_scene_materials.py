@@ -336,7 +336,7 @@ def test_gltf_importers_materials(tmp_path: Path) -> None:
     open_scene(tmp_path / "scene.gltf")
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     (warning,) = source.warnings
-    assert warning.startswith("Material 'Plain', 'Blend' is partly transparent") and source.color_warnings == ()
+    assert warning.startswith("Materials 'Plain', 'Blend' are partly transparent") and source.color_warnings == ()
     found = {material.name: material for material in source.materials}
     color, alpha = decoded(pixels[::-1, :, :3] / 255.0), pixels[::-1, :, 3] / 255.0
     assert found["Plain"].base_color == pytest.approx((0.1, 0.2, 0.3)) and found["Plain"].alpha == 1.0

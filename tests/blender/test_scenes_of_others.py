@@ -153,4 +153,4 @@ def test_what_passes_light_is_not_black_whatever_its_specular() -> None:
 def test_partly_transparent_materials_are_named() -> None:
     partly_transparent()
     (warning,) = checked().report["warnings"]
-    assert warning.startswith("Material 'Pane 0.1', 'Pane 0.3', 'Pane 0.7', 'Pane 0.9' is partly transparent")
+    assert warning.startswith("Materials 'Pane 0.1', 'Pane 0.3', 'Pane 0.7', 'Pane 0.9' are partly transparent")
