@@ -17,6 +17,7 @@ class PATCHNET_OT_show_picture(bpy.types.Operator):
 
     bl_idname = "patchnet.show_picture"
     bl_label = "Show Picture"
+    bl_options = {"REGISTER"}
 
     image: StringProperty(name="Image", description="Which picture, such as PatchNet Camera heatmap")
 

@@ -63,7 +63,7 @@ def _draw_how_to_see(layout: bpy.types.UILayout, context: bpy.types.Context) -> 
     camera = space.camera if space.use_local_camera else context.scene.camera
     if camera is None or camera.name not in cameras:
         draw_sentence(layout, context, f"Pictures are of {named_list(cameras)}: make that the active camera", "INFO")
-    elif context.region_data.view_perspective != "CAMERA":
+    elif space.region_3d.view_perspective != "CAMERA":
         draw_sentence(layout, context, f"Look through camera '{camera.name}' to see it (Numpad 0)", "INFO")
         row = layout.row()
         row.operator_context = "INVOKE_REGION_WIN"

@@ -11,9 +11,11 @@ import bpy
 import blf  # isort: skip  (there once bpy is)
 import pytest
 
+from patchnet.operators.overlay.panel import _draw_how_to_see
 from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
+from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.settings.step_settings import recorded
 from patchnet.operators.ui import panels, presets_menu
 from patchnet.operators.ui.panels import tab
@@ -343,6 +345,25 @@ def test_sentences_of_a_window_have_no_flags() -> None:
         "(--no-denoise) (Network On, --device)"
     )
     assert list(named_settings("choose Strategy: PatchNet Plus, one ray")) == ["Strategy: PatchNet Plus, one ray"]
+
+
+def test_the_overlay_says_how_to_see_it(scene: bpy.types.Scene) -> None:
+    """Through the camera of the picture, which a button looks through."""
+    session_of(scene).views["Eye"] = None
+    region = SimpleNamespace(view_perspective="PERSP")
+    context = SimpleNamespace(scene=scene, region=None, preferences=bpy.context.preferences)
+    context.space_data = SimpleNamespace(camera=None, use_local_camera=False, region_3d=region)
+
+    def said() -> list[str]:
+        layout = Layout()
+        _draw_how_to_see(layout, context)
+        return [text for text in layout.texts if text not in ("INFO", "VIEW_CAMERA")]
+
+    assert said() == ["Look through camera 'Eye' to see it (Numpad 0)", "view3d.view_camera", "View Camera"]
+    region.view_perspective = "CAMERA"
+    assert said() == []
+    scene.camera = None
+    assert said() == ["Pictures are of 'Eye': make that the active camera"]
 
 
 def test_pictures_have_buttons_and_are_saved_with_the_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
