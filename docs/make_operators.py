@@ -99,6 +99,7 @@ NOTES = {
         "a scene `PatchNet Courtyard` with objects, materials and images of its own, which the window then shows",
         "bpy.ops.patchnet.add_demo_scene()",
     ),
+    "show_picture": Note("nothing in the scene; the picture in an Image Editor or a new window"),
     "toggle_overlay": Note("nothing: the overlay is a setting of the window, and is not saved"),
     "drag_wipe": Note("nothing: the line's position is a setting of the window, and is not saved"),
     "inspect_pixels": Note("nothing"),
@@ -258,9 +259,9 @@ Made by `docs/make_operators.py` from the operators themselves: change them ther
 
 Every operator is called `bpy.ops.patchnet.NAME(...)`. An argument that is not given is the scene's setting of that
 name, `scene.patchnet.NAME`, which is what the panel shows; the last section lists them all. Giving `depth` or
-`voxel_size` needs no `resolution` beside it. An error is a sentence in Blender's status bar, and a `RuntimeError` for a
-script; then nothing was changed. Octree and codes stay in memory until another file is opened or Free Memory is
-pressed; they are not saved in the .blend file.
+`voxel_size` needs no `resolution` beside it. An error is a sentence in Blender's status bar, and a `RuntimeError` for
+a script; then nothing was changed, or what is finished is kept for the next call. Octree and codes stay in memory
+until another file is opened or Free Memory is pressed; they are not saved in the .blend file.
 
 The lines are to be tried on a saved scene with a camera; they are small (`depth=6`, one sample) so that they end soon.
 In background `scope` means all visible objects, in a window the selected ones.

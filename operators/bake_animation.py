@@ -42,7 +42,7 @@ class PATCHNET_OT_bake_animation(
 
         if settings.out is None:
             raise SettingError("An animation needs a folder for its frames: choose the output folder")
-        self._file = settings.out
+        self._file, self._goes_on = settings.out, setting(context, self, "skip_existing")
         plan = FramePlan(
             frames=tuple(frame_range(*(self._frame(context, name) for name in ("start", "end", "step")))),
             out=settings.out,
@@ -58,9 +58,6 @@ class PATCHNET_OT_bake_animation(
         """Value of the operator's "start", "end" or "step" if its caller set it, else the scene's."""
         name = f"frame_{name}"
         return int(getattr(self if is_given(self, name) else context.scene, name))
-
-    def _stopped(self) -> str:
-        return f"{self.bl_label} was stopped: finished frames stay"
 
 
 CLASSES = (PATCHNET_OT_bake_animation,)

@@ -9,7 +9,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -28,7 +28,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         from .pipeline.lit_octree import Recipe, build_lit_octree
         from .pipeline.stages import GridChoice
 
-        before = results.voxels_of(context.scene)
+        before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
         settings, clock = settings.changed(scope=before.scope), StageClock()
         recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
         with BakePageCache() as kept:
@@ -44,11 +44,11 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
             made_with=before.made_with,
             made_by=before.made_by,
             state=made.state,
+            notes={"octree": made.warnings},
         )
         results.keep(context.scene, result, "light", settings=settings)
-        for warning in made.warnings:
-            tell(self, "WARNING", warning)
-        return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind})"
+        said = tell_notes(self, made.warnings)
+        return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind}){said}"
 
 
 CLASSES = (PATCHNET_OT_bake_light,)

@@ -8,7 +8,7 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import error_text
 from .jobs.polls import CodesJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .render_preview import look
 from .session.seen import comparison_of
 from .settings.job_settings import JobSettings
@@ -25,12 +25,11 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies, keep the table."""
         result = yield from look(context, settings, compare=True)
-        for warning in result.warnings:
-            tell(self, "WARNING", warning)
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
         before, after = error_text(found.unrefined), error_text(best.error)
-        return f"{found.view}: error x 10,000 {before}, best {best.name} with {after}"
+        said = tell_notes(self, result.warnings)
+        return f"{found.view}: error x 10,000 {before}, best {best.name} with {after}{said}"
 
 
 CLASSES = (PATCHNET_OT_compare,)

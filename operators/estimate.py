@@ -7,7 +7,7 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
+from .jobs.tell import tell, tell_notes
 from .session import results
 from .settings.job_settings import JobSettings
 from .settings.step_settings import ESTIMATED, recorded
@@ -30,7 +30,7 @@ class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties
         results.keep_estimate(context.scene, found)
         if found.too_large:
             tell(self, "WARNING", "The octree would not fit into memory: choose a smaller depth or fewer objects")
-        return ", ".join(found.lines[:3])
+        return ", ".join(found.lines[:3]) + tell_notes(self, found.notes, below="Estimate")
 
 
 CLASSES = (PATCHNET_OT_estimate,)

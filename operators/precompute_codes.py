@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .settings.job_settings import JobSettings
 from .ui.properties import CodesProperties
@@ -33,10 +33,10 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
             weights = load_network(settings.network)
             coded, encoding = yield from encode(before.octree, weights, settings.compute)
         made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
+        made.notes = before.notes | {"codes": encoding.warnings}
         results.keep(context.scene, results.without_view(made), "codes", settings=settings)
-        for warning in encoding.warnings:
-            tell(self, "WARNING", warning)
-        return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}"
+        said = tell_notes(self, encoding.warnings)
+        return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}{said}"
 
 
 CLASSES = (PATCHNET_OT_precompute_codes,)

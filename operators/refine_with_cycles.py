@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..patchnet_addon.runtime.job_time import JobTime, with_time
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
@@ -35,12 +36,19 @@ class PATCHNET_OT_refine_with_cycles(
         """Trace, score, choose regions, render them, show."""
         from .pipeline.cycles_pictures import show_cycles
         from .pipeline.cycles_regions import check_light, refine_view
+        from .pipeline.job_work import JobFigures, Rates, work_of
+        from .scene.cameras import camera_size_px
 
         wanted = cycles_settings(context, self)
         octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope
         check_light(octree)
-        seen = yield from look(context, settings, compare=settings.view.reference)
-        view = yield from refine_view(context, seen, wanted, sun=settings.light.daylight)
+        width, height = camera_size_px(context.scene, settings.view.size)
+        work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
+        time = JobTime()
+        time.expect(Rates().seconds({name: work[name] for name in ("views", "cycles")}))
+        seen = yield from with_time(look(context, settings, compare=settings.view.reference), time, lambda: "views")
+        refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
+        view = yield from with_time(refining, time, lambda: "cycles")
         overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))
         for warning in view.warnings:
             tell(self, "WARNING", warning)

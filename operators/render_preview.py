@@ -14,7 +14,7 @@ from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .session import results
 from .session.seen import seen
 from .settings.job_settings import JobSettings
@@ -32,17 +32,15 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        from .scene.cameras import focus_warnings
-
         result = yield from look(context, settings, compare=settings.view.reference)
-        for warning in (*focus_warnings(context.scene, [result.camera]), *result.warnings):
-            tell(self, "WARNING", warning)
+        said = tell_notes(self, result.warnings)
         wanted, errors = settings.view, result.errors
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
         if errors is None:
-            return f"{result.camera.name}: refined {refined}, {result.report['refined']['spent']:.3g} samples a pixel"
+            spent = result.report["refined"]["spent"]
+            return f"{result.camera.name}: refined {refined}, {spent:.3g} samples a pixel{said}"
         before, after = map(error_text, errors)
-        return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}"
+        return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}{said}"
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
@@ -51,7 +49,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     compare: measure all strategies. Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
-    from .scene.cameras import looking_cameras
+    from .scene.cameras import focus_warnings, looking_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
     bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
@@ -71,9 +69,11 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
             meanwhile=meanwhile,
         )
         result = yield from looking
-    results.keep(
-        context.scene, seen(replace(before, seconds=before.seconds | clock.seconds), result, compared=compare), "view"
+    result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
+    before = replace(
+        before, seconds=before.seconds | clock.seconds, notes=before.notes | {"view": result.warnings}
     )
+    results.keep(context.scene, seen(before, result, compared=compare), "view")
     overlay.show(context, [result], settings.view)
     return result
 

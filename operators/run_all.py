@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .scene.cameras import cameras_key
 from .schema.table import SELECTED
 from .session import results
@@ -39,7 +39,7 @@ class PATCHNET_OT_run_all(
         """Run of the job what is stale, keep its results, show the first camera's pictures."""
         from .pipeline.run import run_job
 
-        self._file, scene = settings.out, context.scene
+        self._file, self._goes_on, scene = settings.out, settings.light.is_baked, context.scene
         before = _before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
             result = yield from run_job(context, settings, meanwhile, before)
@@ -58,16 +58,14 @@ class PATCHNET_OT_run_all(
                 state=result.state,
             )
         made = seen(made, first, compared=settings.view.reference)
-        made.seconds = made.seconds | result.report["timings_s"]
+        made.seconds, made.notes = made.seconds | result.report["timings_s"], result.notes
         results.keep(scene, made, *steps, settings=settings)
         overlay.show(context, result.views, settings.view)
-        for warning in result.warnings:
-            tell(self, "WARNING", warning)
         errors = "" if first.errors is None else "; {}: error x 10,000 {} -> {}".format(
             first.camera.name, *map(error_text, first.errors)
         )
         where = f", files in {settings.out}" if settings.out else ""
-        return f"{counted(len(result.views), 'view')}{errors}{where}"
+        return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, result.warnings)}"
 
 
 def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
@@ -88,7 +86,8 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     lit = result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
     lit = lit and "light" not in result.stale
     coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
-    return Before(result.octree, result.layout, result.state, lit, coded, result.encoder)
+    warnings = result.notes.get("octree", ())
+    return Before(result.octree, result.layout, result.state, lit, coded, result.encoder, warnings)
 
 
 CLASSES = (PATCHNET_OT_run_all,)

@@ -9,7 +9,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .scene.cameras import cameras_key
 from .session import results
 from .session.scene_result import SceneResult
@@ -32,12 +32,11 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
         result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)
-        result.made_by = {"cameras": cameras_key(context, settings)}
+        result.made_by, result.notes = {"cameras": cameras_key(context, settings)}, {"octree": made.warnings}
         results.keep(context.scene, result, "octree", settings=settings)
-        for warning in made.warnings:
-            tell(self, "WARNING", warning)
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
-        return f"{counted(octree.leaf_count, 'voxel')} of {side}, depth {octree.depth}"
+        said = tell_notes(self, made.warnings)
+        return f"{counted(octree.leaf_count, 'voxel')} of {side}, depth {octree.depth}{said}"
 
 
 CLASSES = (PATCHNET_OT_voxelize,)

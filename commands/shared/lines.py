@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...operators.schema.named import with_flags
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event, is_json
 
@@ -34,6 +35,7 @@ def say_exposure(octree: Octree) -> None:
 
 def say_note(text: str) -> None:
     """Print what was assumed or left out, for users to stderr, so that it is seen where stdout is kept in a file."""
+    text = with_flags(text)
     if not is_json():
         print(f"Note: {text}", file=sys.stderr)
     event("warning", text, logging.WARNING)
@@ -41,6 +43,7 @@ def say_note(text: str) -> None:
 
 def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
     """Print why the command ends with `exit_code`, for users to stderr, too."""
+    text = with_flags(text)
     if not is_json():
         print(f"{prefix}{text}", file=sys.stderr)
     event("error", text.removeprefix("error: "), logging.ERROR, exit_code=exit_code)

@@ -11,12 +11,15 @@ from ...patchnet_addon.runtime.remaining import Remaining
 
 
 class JobDisplay:
-    """Display of a job; progress: its latest report; fraction: of its present step, or of all, for the panel."""
+    """Display of a job. progress: its latest report. whole: share of all that is done, as far as it was ever known.
+
+    There is one share, which never falls; a step's own would, when the next one begins.
+    """
 
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)
-        self.fraction = 0.0
-        self._text = ""  # what the status bar shows
+        self.whole: float | None = None
+        self._text, self._at_pointer = "", False  # what the status bar shows, and whether the pointer has a number
         self._log = ProgressLog(title)
         self._remaining = Remaining()
 
@@ -25,24 +28,28 @@ class JobDisplay:
         self._log.see(progress)
         self._remaining.see(progress)
         self.progress = progress
+        if progress.whole is not None:
+            self.whole = max(self.whole or 0.0, progress.whole)
 
     def begin(self, context: bpy.types.Context) -> None:
         """Begin a job in this window."""
-        context.window_manager.progress_begin(0, 100)
+        _redraw(context, "UI")
 
     def show(self, context: bpy.types.Context) -> None:
         """Show the latest report."""
         progress = self.progress
-        fraction = progress.fraction if progress.whole is None else round(progress.whole, 3)
-        if fraction != self.fraction:
-            self.fraction = fraction
-            _redraw(context, "UI")
+        share = progress.count_text if self.whole is None else f" {round(100 * self.whole)} %"
         remaining = "".join(f", {text}" for text in (self._remaining.text(), progress.note) if text)
-        text = f"PatchNet: {progress.label} {round(100 * fraction)} %{remaining}   (Esc stops)"
+        text = f"PatchNet: {progress.label}{share}{remaining}   (Esc stops)"
         if text != self._text:  # each new one draws the window again, which must not slow down what computes
             self._text = text
-            context.window_manager.progress_update(round(100 * fraction))
+            if self.whole is not None:  # the pointer shows a number from its first report on
+                if not self._at_pointer:
+                    context.window_manager.progress_begin(0, 100)
+                self._at_pointer = True
+                context.window_manager.progress_update(round(100 * self.whole))
             context.workspace.status_text_set(text)
+            _redraw(context, "UI")
 
     def end(self, context: bpy.types.Context) -> None:
         """Show nothing any more."""

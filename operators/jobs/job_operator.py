@@ -52,13 +52,15 @@ class JobOperator(_Operator):
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
-    fraction: ClassVar[float] = 0.0  # of its present step, or of all, for the panel
+    fraction: ClassVar[float] = 0.0  # of all of it, for the panel; 0 while that is not known
+    step: ClassVar[str] = ""  # that it is at, in words
     # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
     in_window: ClassVar[Any] = None
     uses_kernels: ClassVar[bool] = True  # so that its job waits until they are compiled
     _outcome: set[str]
     _steps: Steps[str]
     _file: Path | None = None  # what the steps write, for the log
+    _goes_on: bool = False  # where it was, when it was stopped and is started again
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Do the work; the result is a sentence about what was done; the scene is left as it was, also when closed."""
@@ -108,6 +110,7 @@ class JobOperator(_Operator):
         self._scene, self._layer = context.scene, context.view_layer
         self._watch = job_watch.begin(context.scene)
         JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
+        JobOperator.step = self.bl_label
         self._display.begin(context)
         self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -120,7 +123,7 @@ class JobOperator(_Operator):
             return self._outcome
         if event.type == "ESC" and event.value == "PRESS":
             self.cancel(context)
-            tell(self, "INFO", self._stopped(), logged_as="ERROR")
+            tell(self, "INFO", self._stopped(alive=True), logged_as="ERROR")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if passes(context, event) else {"RUNNING_MODAL"}
@@ -134,7 +137,7 @@ class JobOperator(_Operator):
             self._end_modal(context)
             return self._outcome
         self._display.show(context)
-        JobOperator.fraction = self._display.fraction
+        JobOperator.step, JobOperator.fraction = self._display.progress.label, self._display.whole or 0.0
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -198,7 +201,7 @@ class JobOperator(_Operator):
             tell(self, "INFO", stop.value, file=self._file)
             self._outcome = {"FINISHED"}
         except StoppedError as error:
-            text = self._stopped() if alive else str(error)
+            text = self._stopped(alive=True) if alive else str(error)
             tell(self, "INFO" if alive else "ERROR", text, logged_as="ERROR")
             self._outcome = {"CANCELLED"}
         except PatchNetError as error:
@@ -216,7 +219,9 @@ class JobOperator(_Operator):
         else:
             self._display.see(progress)
 
-    def _stopped(self) -> str:
+    def _stopped(self, *, alive: bool = False) -> str:
+        if self._goes_on:
+            return "Stopped. Press again to go on." if alive else f"{self.bl_label} was stopped: run it again to go on"
         return f"{self.bl_label} was stopped: nothing was changed"
 
     def _end_modal(self, context: bpy.types.Context) -> None:

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
 
 from ...patchnet_addon.runtime import log
+from ...patchnet_addon.runtime.quantities import counted
 
 _EVENTS = {
     "INFO": ("result", logging.INFO),
@@ -25,6 +27,15 @@ def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str =
     operator.report({kind}, text)
     name, level = _EVENTS[logged_as or kind]
     log.event(name, text, level, **fields)
+
+
+def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = "Preview Selection") -> str:
+    """Report what was left out or is approximate as warnings; the end of a report, how many and where they stay."""
+    said = list(dict.fromkeys(notes))
+    for text in said:
+        tell(operator, "WARNING", text)
+    where = "" if bpy.app.background else f" below {below}"
+    return f"; {counted(len(said), 'note')}{where}" if said else ""
 
 
 def tell_start(operator: bpy.types.Operator) -> None:

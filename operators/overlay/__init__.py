@@ -25,7 +25,7 @@ from .unfinished import unfinished_pictures as unfinished_pictures
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
-_MODULES = (toggle, drag_wipe, inspect_pixels, panel)
+_MODULES = (toggle, drag_wipe, inspect_pixels, open_pictures, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 

@@ -1,23 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image Editors for new pictures; none is taken that shows something of the user's."""
+"""Image Editors for pictures, new ones and what buttons ask for; none is taken that shows something of the user's."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import bpy
+from bpy.props import StringProperty
 
-from ..scene_access.own import is_own
+from ..scene_access.own import OWNER, is_own
 from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
-def open_picture(context: bpy.types.Context, image: bpy.types.Image, *, new_window: bool = True) -> bool:
+class PATCHNET_OT_show_picture(bpy.types.Operator):
+    """Show this picture in an Image Editor that shows nothing of your own, else in a new window"""
+
+    bl_idname = "patchnet.show_picture"
+    bl_label = "Show Picture"
+    bl_options = {"REGISTER"}
+
+    image: StringProperty(name="Image", description="Which picture, such as PatchNet Camera heatmap")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Look for the picture, and show it."""
+        found = next((item for item in bpy.data.images if item.get(OWNER) == self.image), None)
+        if found is None:
+            self.report({"ERROR"}, f"There is no picture '{self.image}' any more: run Render Preview again")
+            return {"CANCELLED"}
+        open_picture(context, found, asked=True)
+        return {"FINISHED"}
+
+
+def open_picture(
+    context: bpy.types.Context, image: bpy.types.Image, *, new_window: bool = True, asked: bool = False
+) -> bool:
     """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be; not in background.
 
-    new_window: whether one may open where no editor is free.
+    new_window: whether one may open where no editor is free. asked: the user did, whatever the preferences say.
     A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
     """
-    chosen = preferences(context).open_pictures
+    chosen = OPEN_WINDOW if asked else preferences(context).open_pictures
     if bpy.app.background or chosen == OPEN_NEVER:
         return False
     manager = context.window_manager
@@ -86,10 +108,16 @@ def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.
 
 
 def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types.Area] | None:
-    """Open a window with an Image Editor alone, as renders open one."""
+    """Open a window with an Image Editor alone.
+
+    It is as large as an editor other than a 3D viewport, over which it comes up: a window of Blender's own choice
+    covers the one where the user works.
+    """
     before = {window.as_pointer() for window in context.window_manager.windows}
-    with context.temp_override(window=context.window or context.window_manager.windows[0]):
-        bpy.ops.wm.window_new()
+    window = context.window or context.window_manager.windows[0]
+    areas = sorted(window.screen.areas, key=lambda item: (item.type == "VIEW_3D", -min(item.width, item.height)))
+    with context.temp_override(window=window, area=areas[0]):
+        bpy.ops.screen.area_dupli("INVOKE_DEFAULT")
     for window in context.window_manager.windows:
         if window.as_pointer() not in before:
             area = max(window.screen.areas, key=lambda item: item.width * item.height)
@@ -113,3 +141,6 @@ def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
     with bpy.context.temp_override(window=window, area=area, region=region):
         if bpy.ops.image.view_all.poll():
             bpy.ops.image.view_all(fit_view=True)
+
+
+CLASSES = (PATCHNET_OT_show_picture,)

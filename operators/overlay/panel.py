@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ...patchnet_addon.runtime.wording import named_list
 from ..session import views
+from ..session.scene_session import session_of
+from ..ui.panels.tab import draw_sentence
 from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .overlay_settings import overlay_settings
@@ -32,11 +35,13 @@ class _OverlayPanel(_Panel):
         on = getattr(values, self.shown_by)
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
         if handlers.problem:
-            layout.label(text=handlers.problem, icon="ERROR")
+            draw_sentence(layout, context, handlers.problem, "ERROR")
         elif not views.has_views(context.scene):
-            layout.label(text=NO_VIEW, icon="INFO")
+            draw_sentence(layout, context, NO_VIEW, "INFO")
         elif on and not context.space_data.overlay.show_overlays:
-            layout.label(text="Hidden by Show Overlays", icon="INFO")
+            draw_sentence(layout, context, "Hidden by Show Overlays", "INFO")
+        elif on and self.shown_by == "show_viewport":
+            _draw_how_to_see(layout, context)
         column = layout.column()
         column.active = on
         column.prop(values, "picture")
@@ -50,6 +55,19 @@ class _OverlayPanel(_Panel):
         layout.operator("patchnet.drag_wipe", icon="ARROW_LEFTRIGHT")
         running = PATCHNET_OT_inspect_pixels.runs_in(context.window)
         layout.operator("patchnet.inspect_pixels", icon="EYEDROPPER", depress=running)
+
+
+def _draw_how_to_see(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what a viewport has to look through to show a picture, unless it does."""
+    space, cameras = context.space_data, list(session_of(context.scene).views)
+    camera = space.camera if space.use_local_camera else context.scene.camera
+    if camera is None or camera.name not in cameras:
+        draw_sentence(layout, context, f"Pictures are of {named_list(cameras)}: make that the active camera", "INFO")
+    elif space.region_3d.view_perspective != "CAMERA":
+        draw_sentence(layout, context, f"Look through camera '{camera.name}' to see it (Numpad 0)", "INFO")
+        row = layout.row()
+        row.operator_context = "INVOKE_REGION_WIN"
+        row.operator("view3d.view_camera", text="View Camera", icon="VIEW_CAMERA")
 
 
 class PATCHNET_PT_overlay(_OverlayPanel, bpy.types.Panel):

@@ -15,7 +15,8 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text, counted
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import looking_cameras
+from ..cycles.bake.gloss_passes import gloss_warnings, with_view
+from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
@@ -43,6 +44,7 @@ class Estimate:
     texels, paths: of the bake, both 0 without one; paths of one side of the surface.
     seconds: of the whole job, by stage. time_line: their sum in words.
     device, encoder: what will compute, in words. made_for: surface and views, in words.
+    notes: sentences on what will be left out or is approximate, as far as that is known without a bake.
     settings: values of the scene's settings. state: of the scene. stale: what changed since, in words.
     """
 
@@ -67,6 +69,7 @@ class Estimate:
     state: SceneState | None = None
     stale: dict[Hashable, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
 
     @property
     def stale_because(self) -> str:
@@ -96,7 +99,12 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
     device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
     steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
-    found = replace((yield from steps), state=state)
+    light = settings.light
+    of_light = source.color_warnings
+    if light.is_baked:
+        of_light = gloss_warnings(source, with_view(context, light, views.cameras))
+    notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
+    found = replace((yield from steps), state=state, notes=notes)
     found.lines = estimate_lines(found, length_text(context.scene, found.voxel_size_world))
     return found
 

@@ -54,17 +54,22 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
 class JobResult:
     """Result of a job.
 
-    warnings: sentences about what had to be assumed or left out. layout: levels of the leaves, if not all on one.
+    notes: sentences about what had to be assumed or left out, by step. layout: levels of the leaves, if not all on one.
     cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
     """
 
     coded: CodedOctree
     views: tuple[View, ...]
     report: dict[str, Any]
-    warnings: tuple[str, ...]
+    notes: dict[str, tuple[str, ...]]
     layout: LeafLevels | None = None
     cycles: tuple[CyclesView, ...] = ()
     state: SceneState | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All notes."""
+        return tuple(text for texts in self.notes.values() for text in texts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +77,7 @@ class Before:
     """Octree that is there: a job takes its grid, and of the rest what fits.
 
     lit: whether its light fits. state: of the scene that it fits. coded: its codes if they fit, and the encoder's name.
+    warnings: sentences on what the octree leaves out.
     """
 
     octree: Octree
@@ -168,7 +174,10 @@ def _compute(
     if before is not None:
         grid, cube = GridChoice(before.octree.grid, before.layout), np.array([[0.0] * 3, [1.0] * 3])
         bounds_world = before.octree.grid.to_world(cube)
-        cameras[:] = choose_cameras(context.evaluated_depsgraph_get(), wanted.cameras, wanted.size, bounds_world)
+        depsgraph = context.evaluated_depsgraph_get()
+        cameras[:] = yield from looking_cameras(
+            depsgraph, wanted.cameras, wanted.size, bounds_world, before.octree
+        )
     made: LitOctree | Before
     if before is not None and before.lit:
         made = before
@@ -197,10 +206,13 @@ def _compute(
             views[-1].report["cycles"] = cycles[-1].report
     unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
     others = estimators_warning(wanted.strategy, coded.weights)
-    focus = focus_warnings(context.scene, cameras)
-    warnings = (*made.warnings, *coding_warnings, *([others] if others else []), *focus, *unseen)
-    report = job_report(coded, views, wanted, clock.seconds, warnings) | {"encoder": encoder}
-    return JobResult(coded, tuple(views), report, warnings, made.layout, tuple(cycles), made.state)
+    notes = {
+        "octree": made.warnings,
+        "codes": (*coding_warnings, *([others] if others else [])),
+        "view": (*focus_warnings(context.scene, cameras), *unseen),
+    }
+    report = job_report(coded, views, wanted, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
+    return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
 
 def _codes(

@@ -10,7 +10,7 @@ import bpy
 
 from ..jobs.job_operator import JobOperator
 from ..session import results
-from ..ui.panels.tab import draw_samples, draw_setting, draw_settings, split
+from ..ui.panels.tab import draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.
@@ -71,11 +71,11 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
             column.label(text="No voxels yet", icon="INFO")
         else:
             if result.stale:
-                column.label(text="The scene has changed", icon="ERROR")
+                draw_sentence(column, context, "The scene has changed", "ERROR")
             for line in result.summary:
-                column.label(text=line)
+                draw_sentence(column, context, line)
         if JobOperator.running:
-            layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
+            draw_progress(layout)
         else:
             layout.operator("patchnet.run_all", icon="PLAY")
         for name in ("scope", "light", "samples", "color"):

@@ -24,6 +24,7 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import background
 from ..importance.pixels import read_strokes
+from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
@@ -54,7 +55,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     strokes = None
     if wanted.importance is not None:  # what is missing is said before anything is made
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
-    _mention_left_out(engine, scene)
+    _mention_left_out(engine, scene, camera)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     with rendered_frame(engine, scene) as frames:
         coded = pull(engine, making, 0.0, 0.3, frames)
@@ -177,7 +178,9 @@ def warn(engine: bpy.types.RenderEngine, text: str) -> None:
     event("warning", text, logging.WARNING)
 
 
-def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
+def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, camera: Camera) -> None:
+    for text in focus_warnings(scene.original, [camera]):
+        warn(engine, text)
     if scene.render.use_multiview:
         warn(engine, "PatchNet renders no stereo: all views show what the middle camera sees")
     if scene.render.use_motion_blur:

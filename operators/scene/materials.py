@@ -62,6 +62,8 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
         note = f"Material '{name}' is black, as in Cycles: no Material Output of it is for Cycles"
         return MaterialReading(Material(name, base_color=_BLACK), note)
     walk = _Walk(images)
+    if output.inputs["Volume"].is_linked:
+        walk.values.notes.append("its volume is left out, which Refine with Cycles, Passes: Combined shows")
     if output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked:  # a mist box is no wall
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
-from ...patchnet_addon.runtime.wording import named_are, named_list
+from ...patchnet_addon.runtime.wording import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners
@@ -52,9 +52,9 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
     readings, gloss = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
-    warnings += [reading.note for reading in readings if reading.note]
     warnings += _partly_transparent([reading.material for reading in readings])
     warnings += notes + _unlike_renders(depsgraph) + _not_found(reader.instance_reader.unknown)
+    warnings += [reading.note for reading in readings if reading.note]
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
@@ -63,9 +63,9 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMes
 
 def _partly_transparent(materials: Sequence[Material]) -> list[str]:
     """Sentence about materials that are partly transparent."""
-    these = named_are("Material", (material.name for material in materials if is_partly_transparent(material)))
-    what = "partly transparent: left out where less than half opaque, solid elsewhere; Refine with Cycles shows it"
-    return [f"{these} {what}"] if these else []
+    begun = subject("Material", (material.name for material in materials if is_partly_transparent(material)))
+    what = "partly transparent: solid where at least half opaque, left out elsewhere"
+    return [f"{begun} {what}; Refine with Cycles shows it"] if begun else []
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
@@ -197,7 +197,8 @@ class _Reader:
     def left_out(self) -> list[str]:
         """Sentences that name objects that renders show and that are no surface."""
         return [
-            f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes"
+            f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes, or "
+            "use Refine with Cycles, Passes: Combined"
             for kind, names in self._left_out.items()
         ]
 

@@ -27,8 +27,8 @@ ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:
     """Create or update the result image `name`; `raw`: float values (Non-Color) instead of encoded colours.
 
-    An image of the user's that happens to have this name is left alone. The pixels are packed, so that they are saved
-    with the file and closing Blender does not ask about them.
+    An image of the user's that happens to have this name is left alone. The pixels are packed, and the image has a fake
+    user: so all pictures are saved with the file, shown or not, and closing Blender does not ask about them.
     """
     height, width = picture.shape[:2]
     image = next((item for item in bpy.data.images if item.get(OWNER) == name), None)
@@ -39,6 +39,7 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=alpha, float_buffer=raw, is_data=raw)
         image[OWNER] = name
+        image.use_fake_user = True
     write_pixels(image, picture)
     image.pack()
     return image

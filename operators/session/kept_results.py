@@ -139,6 +139,7 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
         "encoder": result.encoder,
         "made_with": result.made_with,
         "made_by": result.made_by,
+        "notes": results.without_view(result).notes,
         "gloss_from": "" if result.state is None else result.state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
@@ -167,6 +168,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         encoder=notes["encoder"],
         made_with=made_with,
         made_by=notes.get("made_by", {}),
+        notes={step: tuple(texts) for step, texts in notes.get("notes", {}).items()},
         state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
 

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import re
 from hashlib import blake2b
 from typing import TYPE_CHECKING
 
 import bpy
 
 from ..scene_access.images import PICTURES, drop_image, show_image
+from ..scene_access.own import OWNER
 from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
 
 if TYPE_CHECKING:
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
 RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
 PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and how many views lie on them
+_NAME = re.compile(r"PatchNet (.+?) ((?:cycles )?\w+)")
 _NAME_BYTES = 34  # of a camera's, so that nothing of an image's name is cut off in Blender 4.5
 
 
@@ -25,6 +28,16 @@ def image_name(camera: str, name: str) -> str:
         kept = camera.encode()[: _NAME_BYTES - 5].decode(errors="ignore")
         camera = f"{kept}~{blake2b(camera.encode(), digest_size=2).hexdigest()}"  # others may begin like it
     return f"PatchNet {camera} {name}"
+
+
+def shown_pictures() -> dict[str, dict[str, str]]:
+    """Names of our images but the raw ones: camera -> what it shows -> name."""
+    found: dict[str, dict[str, str]] = {}
+    for name in (image.get(OWNER, "") for image in bpy.data.images):
+        match = _NAME.fullmatch(name)
+        if match and not name.endswith(RAW):
+            found.setdefault(match[1], {})[match[2]] = name
+    return found
 
 
 def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:

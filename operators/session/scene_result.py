@@ -56,6 +56,7 @@ class SceneResult:
     made_with: the scene's settings when each step was done, by step; made_by: keys of the job's, and of the cameras
     that the depth was found for. state: of the scene when it was read for them,
     None where nothing was compared with it.
+    notes: sentences on what was left out or is approximate, by the step that they are of: "octree", "codes", "view".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
@@ -74,6 +75,7 @@ class SceneResult:
     made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
     made_by: dict[str, str] = field(default_factory=dict)
     state: SceneState | None = None
+    notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     summary: list[str] = field(default_factory=list)
 
     @property
@@ -107,6 +109,11 @@ class SceneResult:
         """Reason why a step is stale, in a few words."""
         names = list(dict.fromkeys(self.reasons.get(step, {}).values()))
         return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
+
+    @property
+    def all_notes(self) -> list[str]:
+        """Notes of all steps, those of the picture first."""
+        return list(dict.fromkeys(text for step in sorted(self.notes, reverse=True) for text in self.notes[step]))
 
     @property
     def is_stale_by_gloss_alone(self) -> bool:

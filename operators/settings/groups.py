@@ -23,7 +23,7 @@ from ..schema.table import CYCLES, GPU, TABLE, TWO_LIGHTS, VISIBLE
 from .cycles_settings import CyclesSettings
 
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
-NETWORK_DEVICE = f"The network's device ({TABLE['network_device'].label}, --device)"
+NETWORK_DEVICE = f"The network's device ({TABLE['network_device'].label})"
 _FLAT = "flat name"  # of a field whose own name says too little among all settings
 
 

@@ -44,7 +44,8 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
         if not _is_told():  # else logging itself would write what is said about it, a second time
             LOG.addHandler(_Lines(as_json=False))
         raise SettingError(
-            f"There is no log format {chosen!r}: give --log-format or {VARIABLE} as {' or '.join(FORMATS)}"
+            f"There is no log format {chosen!r}: give {'--log-format' if log_format else VARIABLE} as "
+            f"{' or '.join(FORMATS)}"
         )
     for handler in [handler for handler in LOG.handlers if isinstance(handler, _Lines)]:
         LOG.removeHandler(handler)

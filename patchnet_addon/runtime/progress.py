@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 Result = TypeVar("Result")
+_COUNTED = 1000
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,12 @@ class Progress:
     def fraction(self) -> float:
         """Share that is done, 0 to 1."""
         return min(max(self.done / self.total, 0.0), 1.0) if self.total > 0 else 1.0
+
+    @property
+    def count_text(self) -> str:
+        """Finished parts of a step that has a few whole ones, such as pages of a bake: " 3 of 8"; else ""."""
+        counts = 1 < self.total <= _COUNTED and self.total == int(self.total)
+        return f" {int(self.done)} of {int(self.total)}" if counts else ""
 
 
 Steps = Generator[Progress, None, Result]

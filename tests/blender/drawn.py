@@ -12,6 +12,10 @@ class Layout:
     def __init__(self, texts: list[str] | None = None) -> None:
         self.texts: list[str] = [] if texts is None else texts
 
+    def panel(self, name: str) -> tuple["Layout", "Layout"]:
+        """Header and body of a part that users close, which is open."""
+        return Layout(self.texts), Layout(self.texts)
+
     def __getattr__(self, name: str) -> Any:
         def call(*args: object, **keywords: object) -> "Layout":
             self.texts.extend(str(value) for value in (*args, *keywords.values()) if isinstance(value, str))

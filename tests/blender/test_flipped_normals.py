@@ -11,6 +11,7 @@ import pytest
 from mathutils import Vector
 
 from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake.sheet_survey import _sentences
 from patchnet.operators.cycles.bake.side_probe import light_of_sides
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import JobResult, run_job
@@ -245,7 +246,7 @@ def test_what_light_cannot_decide_is_named(build: Callable[[], None], named: str
     result = run(out=tmp_path / "out", cameras=("all",))
     assert_unchanged(before)
     assert turned(result) == []
-    assert named in said(result) and ("--both-sides" in said(result)) == (named == "'Shade'"), "no help if closed"
+    assert named in said(result) and ("Both Sides: On" in said(result)) == (named == "'Shade'"), "no help if closed"
     assert "'Table'" not in said(result)
     assert said(result) in json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
 
@@ -272,6 +273,42 @@ def test_what_is_right_or_dark_on_both_sides_stays_and_is_not_named(build: Calla
     build()
     result = run()
     assert said(result) == "" and turned(result) == []
+
+
+def pipe(inward: bool) -> None:
+    """A bevelled curve, open, into whose near end sun and camera look; a cube, a box, and a sheet seen from behind."""
+    box(inward)
+    add("Cube", corners_of((0.8, -0.5, 0.01), (1.4, 0.1, 0.6)), CUBE_FACES)
+    add("Sheet", [(-0.5, 1.0, 0.1), (0.5, 1.0, 0.1), (0.5, 1.0, 1.4), (-0.5, 1.0, 1.4)], [(3, 2, 1, 0)])
+    data = bpy.data.curves.new("Pipe", "CURVE")
+    data.dimensions, data.bevel_depth = "3D", 0.16
+    data.splines.new("POLY").points.add(1)
+    for point, place in zip(data.splines[0].points, ((-0.9, 0.6, 0.3), (-0.5, -0.8, 0.9)), strict=True):
+        point.co = (*place, 1.0)
+    data.materials.append(bpy.data.materials["Gray"])
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Pipe", data))
+    lamp_object = bpy.data.objects["Lamp"]
+    lamp_object.rotation_euler = (Vector((0, 0, 0.4)) - Vector((1.5, -2.5, 1.6))).to_track_quat("-Z", "Y").to_euler()
+
+
+def test_who_is_named() -> None:
+    """Neither a curve at whose end one looks in, a cube, nor a sheet from behind; a box that is inside out is."""
+    pipe(False)
+    right = run()
+    pipe(True)
+    flipped = run()
+    notes = [[text for text in result.warnings if "ormals" in text] for result in (right, flipped)]
+    assert notes[0] == []
+    (note,) = notes[1]
+    assert note.startswith("Normals of 'Box' point inward") and set(turned(flipped)) == {"Box", "Sheet"}
+
+
+def test_sentences_on_normals_are_in_singular_and_plural() -> None:
+    one, inward = _sentences({"A": 9.0}, ["B"], has_sheets=False)
+    (two,) = _sentences({"A": 9.0, "B": 9.0}, [], has_sheets=True)
+    assert one.startswith("'A' is seen") and "of its normals, and looks too dark" in one and "Both Sides" not in one
+    assert two.startswith("'A', 'B' are seen") and "of their normals, and look too dark" in two
+    assert two.endswith("else bake with Both Sides: On") and inward.startswith("Normals of 'B' point inward")
 
 
 @pytest.mark.parametrize("closed", ["box", "cylinder"])

@@ -126,7 +126,7 @@ def test_metals_show_the_sky_and_what_is_not_shown_is_named() -> None:
     off, atlas = baked(LightSettings(samples=32, gloss="off"))
     assert off["Mirror"] == off["Gold"] == 0.0
     assert off["Grey"] == pytest.approx(found["Grey"], rel=0.02), "what has a diffuse part is baked as before"
-    assert any("'Gold', 'Mirror'" in warning and "are baked without gloss" in warning for warning in atlas.warnings)
+    assert any("'Gold', 'Mirror'" in warning and "black: choose Gloss" in warning for warning in atlas.warnings)
     above, _ = baked(LightSettings(samples=32, gloss="above"))
     assert above["Grey"] > 1.02 * off["Grey"], "gloss of all materials"
 

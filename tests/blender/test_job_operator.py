@@ -98,9 +98,40 @@ def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     states = [operator.modal(window, event("TIMER")) for _ in range(6)]
     assert states == [{"RUNNING_MODAL"}] * 5 + [{"FINISHED"}]
     assert operator.reports == [({"INFO"}, "5 steps")] and operator.closed
-    assert window.percents == [0, 20, 40, 60, 80]
-    assert window.texts[0] == "PatchNet: Counting 0 %   (Esc stops)" and window.texts[-1] is None
+    assert window.percents == [], "steps of a job whose whole is not known have no percentage"
+    assert window.texts[0] == "PatchNet: Counting 0 of 5   (Esc stops)" and window.texts[-1] is None
     assert JobOperator.running == "" and window.timers == []
+
+
+class Known(Counting):
+    """Steps whose own shares fall, in a job of which the whole is known but at its begin and its end."""
+
+    _goes_on = True
+
+    def steps(self, context, settings):
+        shares = ("A", 0.9, None), ("B", 0.0, 0.1), ("B", 0.8, 0.4), ("C", 0.1, 0.35), ("D", 0, None)
+        for label, done, whole in shares:
+            yield Progress(done, 1, label, whole=whole)
+        return ""
+
+
+def test_there_is_one_percentage_which_never_falls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(job_operator, "SLICE_S", 1e-9)
+    window, operator, shares = Window(), Known(0), []
+    operator.invoke(window, event("LEFTMOUSE"))
+    while operator.modal(window, event("TIMER")) == {"RUNNING_MODAL"}:
+        shares.append(JobOperator.fraction)
+    assert shares == [0.0, 0.1, 0.4, 0.4, 0.4] and window.percents == [10, 40, 40, 40]
+    assert [text.removeprefix("PatchNet: ").split("   ")[0] for text in window.texts[:-1]] == [
+        "A", "B 10 %", "B 40 %", "C 40 %", "D 40 %",
+    ]  # fmt: skip
+
+
+def test_a_job_that_goes_on_where_it_was_says_so() -> None:
+    window, operator = Window(), Known(0)
+    operator.invoke(window, event("LEFTMOUSE"))
+    operator.modal(window, event("ESC"))
+    assert operator.reports == [({"INFO"}, "Stopped. Press again to go on.")]
 
 
 def test_escape_stops_and_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +151,7 @@ def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
     operator.invoke(window, event("LEFTMOUSE"))
     states = [operator.modal(window, event("TIMER")) for _ in range(5)]
     assert states == [{"RUNNING_MODAL"}] * 5
-    assert window.texts == ["PatchNet: Compiling 0 %   (Esc stops)"]
+    assert window.texts == ["PatchNet: Compiling   (Esc stops)"]
     assert operator.modal(window, event("ESC")) == {"CANCELLED"}
     assert operator.closed and JobOperator.running == "" and not operator.go.is_set()
     assert operator.thread.is_alive() and operator.thread is not threading.main_thread()

@@ -1,15 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab: what it shows, before and after, what is stale and why, estimates, presets, comparison."""
 
+import ast
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
+
+import blf  # isort: skip  (there once bpy is)
 import pytest
 
+from patchnet.operators.overlay.panel import _draw_how_to_see
+from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
+from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.settings.step_settings import recorded
 from patchnet.operators.ui import panels, presets_menu
+from patchnet.operators.ui.panels import tab
 from patchnet.operators.ui.panels.advice import advice
 from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
 from patchnet.operators.ui.panels.main import PATCHNET_PT_main
@@ -20,10 +29,11 @@ from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
 from patchnet.operators.ui.panels.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
-from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.job_scene import SMALL, drop_result_images
+from patchnet.tests.blender.drawn import Layout, drawn
+from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
+ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("scene")
 
 OPERATORS = {
@@ -250,7 +260,7 @@ def test_compare(scene: bpy.types.Scene) -> None:
     text = drawn(PATCHNET_PT_compare)
     for row in again.rows:
         assert error_text(row.error) in text
-    assert "Eye, 24 x 16" in text and error_text(again.unrefined) in text
+    assert any("Eye, 24 x 16" in line for line in text) and error_text(again.unrefined) in text
     after = scene_snapshot()
     assert {name for name in after if name.startswith("objects")} == {
         name for name in before if name.startswith("objects")
@@ -269,8 +279,7 @@ def test_advice_on_strategies(scene: bpy.types.Scene) -> None:
     assert advice(result, values) == [], "the chosen one was not compared"
     values.strategy = "patchnet"
     (found,) = advice(result, values)
-    assert "Screen leaves 20% less error than PatchNet: choose it, and render again" in found.text
-    assert (found.setting, found.value) == ("strategy", "ss-variance")
+    assert "Screen leaves 20% less error than PatchNet: choose Strategy: Screen, and render again" in found
     values.strategy = "ss-variance"
     assert advice(result, values) == [], "an oracle is no choice"
     values.strategy, values.budget = "patchnet", 0.1
@@ -283,27 +292,137 @@ def test_advice_on_strategies(scene: bpy.types.Scene) -> None:
 def test_advice_on_look_ahead(scene: bpy.types.Scene) -> None:
     result = SceneResult(octree=None, scope="VISIBLE", lookahead_share=0.4)
     values = scene.patchnet
-    for resolution, setting, value in (
-        ("AUTO", "resolution", "FIT"), ("DEPTH", "resolution", "AUTO"), ("VOXEL_SIZE", "resolution", "AUTO"),
-        ("FIT", "", ""),
-    ):  # fmt: skip
+    for resolution, todo in (("AUTO", {"FIT"}), ("DEPTH", {"AUTO"}), ("VOXEL_SIZE", {"AUTO"}), ("FIT", set())):
         values.resolution = resolution
         (found,) = advice(result, values)
-        assert found.text.startswith("Voxels are too coarse to look ahead on 60% of this picture: ")
-        assert (found.setting, found.value) == (setting, value)
+        assert found.startswith("Voxels are too coarse to look ahead on 60% of this picture: ")
+        assert {(row.name, value) for row, value in named_settings(found).values()} == {
+            ("resolution", value) for value in todo
+        }
     result.lookahead_share = 0.95
     assert advice(result, values) == []
 
 
-def test_advice_is_drawn_in_lines_with_its_button(scene: bpy.types.Scene) -> None:
+def test_advice_is_drawn_with_its_button(scene: bpy.types.Scene) -> None:
     result = small_preview()
     result.lookahead_share = 0.4
     text = drawn(PATCHNET_PT_preview)
-    assert "wm.context_set_enum" in text and "Fit to Cameras" not in " ".join(text[:-3])
-    start = next(index for index, line in enumerate(text) if line.startswith("Voxels are too"))
-    assert all(len(line) <= 24 for line in text[start : start + 3])  # no region: the narrowest
+    assert "wm.context_set_enum" in text and "Resolution: Fit to Cameras" in text
     result.lookahead_share = 1.0
     assert "wm.context_set_enum" not in drawn(PATCHNET_PT_preview)
+
+
+def test_texts_have_lines_as_wide_as_the_region() -> None:
+    text = "Materials 'Glass', 'Bottle' are see-through, without reflections and refraction: use Refine with Cycles"
+    for width, scale in ((280, 1.0), (292, 1.0), (640, 2.0)):
+        layout, region = Layout(), SimpleNamespace(width=width)
+        system = SimpleNamespace(ui_scale=scale)
+        context = SimpleNamespace(region=region, preferences=SimpleNamespace(system=system))
+        tab.draw_sentence(layout, context, text, "INFO")
+        lines = [line for line in layout.texts if line not in ("INFO", "BLANK1")]
+        assert " ".join(lines) == text and len(lines) > 2
+        blf.size(0, 11.0 * scale)
+        assert all(blf.dimensions(0, line)[0] < width - 60 * scale for line in lines)
+
+
+def with_notes(scene: bpy.types.Scene) -> None:
+    """Glass, a mirror, a curtain that is half transparent, a mist, and objects that are no surface."""
+    for index, (name, values) in enumerate(
+        {
+            "Glass": {"Transmission Weight": 1.0, "Roughness": 0.0},
+            "Mirror": {"Metallic": 1.0, "Roughness": 0.0},
+            "Curtain": {"Alpha": 0.5},
+        }.items()
+    ):
+        for key, value in values.items():
+            principled(f"Lath {index}").inputs[key].default_value = value
+        bpy.data.materials[f"Lath {index}"].name = name
+    tree = bpy.data.materials["Lath 3"].node_tree
+    mist = tree.nodes.new("ShaderNodeVolumePrincipled").outputs[0]
+    tree.links.new(mist, tree.nodes["Material Output"].inputs["Volume"])
+    bpy.data.materials["Lath 3"].name = "Mist"
+    scene.collection.objects.link(bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke")))
+    scene.camera.data.dof.use_dof = True
+    update()
+
+
+def test_what_is_left_out_is_said_in_the_panel(scene: bpy.types.Scene) -> None:
+    """Beside the estimate before the job and below its button after it, without flags, with buttons, until the next."""
+    with_notes(scene)
+    values = {"scope": "VISIBLE", "depth": 4, "size": (24, 16)}
+    bpy.ops.patchnet.estimate(**values)
+    known = results.estimate_of(scene).notes
+    for name in ("'Eye'", "'Glass'", "'Mirror'", "'Curtain'", "'Mist'", "'Smoke'"):
+        assert any(name in text for text in known), name
+    scene.patchnet.gloss = "off"
+    bpy.ops.patchnet.run_all(samples=1, light="cycles", **values)
+    result = results.voxels_of(scene)
+    assert set(known) - set(result.all_notes) == {text for text in known if "reflections" in text}
+    text = drawn(PATCHNET_PT_main)
+    assert "Gloss: Automatic" in text and "patchnet.refine_with_cycles" in text
+    assert not any("--" in line for line in text)
+    scene.patchnet.gloss = "auto"
+    assert "Gloss: Automatic" not in drawn(PATCHNET_PT_main), "it is chosen already"
+    assert any("black: choose Gloss: Automatic" in note for note in result.all_notes)
+    result.notes = {"octree": tuple(f"Note {number}" for number in range(8))}
+    text = drawn(PATCHNET_PT_main)
+    assert {"8 Notes", "Note 0", "Note 4", "and 3 more in the Info log"} <= set(text) and "Note 5" not in text
+    bpy.ops.patchnet.voxelize(depth=4, scope="SELECTED")
+    assert results.voxels_of(scene).all_notes == []
+
+
+def test_sentences_of_a_window_have_no_flags() -> None:
+    """Commands add them, in one place."""
+    found = []
+    for path in sorted([*(ROOT / "operators").rglob("*.py"), *(ROOT / "patchnet_addon").rglob("*.py")]):
+        if path.name in ("table.py", "named.py", "ahead.py", "log.py") or "furnished_scene" in path.parts:
+            continue
+        tree = ast.parse(path.read_text())
+        docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in docs]
+        found += [(path.name, text) for text in texts if isinstance(text, str) and re.search(r"(^|[ (])--[a-z]", text)]
+    assert found == []
+    said = with_flags("Choose Gloss: From Camera, bake with Both Sides: On, or Denoise: Off (Network On)")
+    assert said == (
+        "Choose Gloss: From Camera (--gloss camera), bake with Both Sides: On (--both-sides), or Denoise: Off "
+        "(--no-denoise) (Network On, --device)"
+    )
+    assert list(named_settings("choose Strategy: PatchNet Plus, one ray")) == ["Strategy: PatchNet Plus, one ray"]
+
+
+def test_the_overlay_says_how_to_see_it(scene: bpy.types.Scene) -> None:
+    """Through the camera of the picture, which a button looks through."""
+    session_of(scene).views["Eye"] = None
+    region = SimpleNamespace(view_perspective="PERSP")
+    context = SimpleNamespace(scene=scene, region=None, preferences=bpy.context.preferences)
+    context.space_data = SimpleNamespace(camera=None, use_local_camera=False, region_3d=region)
+
+    def said() -> list[str]:
+        layout = Layout()
+        _draw_how_to_see(layout, context)
+        return [text for text in layout.texts if text not in ("INFO", "VIEW_CAMERA")]
+
+    assert said() == ["Look through camera 'Eye' to see it (Numpad 0)", "view3d.view_camera", "View Camera"]
+    region.view_perspective = "CAMERA"
+    assert said() == []
+    scene.camera = None
+    assert said() == ["Pictures are of 'Eye': make that the active camera"]
+
+
+def test_pictures_have_buttons_and_are_saved_with_the_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """All of them, whether an editor shows them or not."""
+    small_preview(reference=False)
+    names = {image.name for image in bpy.data.images if "patchnet_result" in image}
+    text = drawn(PATCHNET_PT_main)
+    assert {"Preview", "Predicted", "Heatmap", "Refined"} <= set(text)
+    assert not {"Priority", "Reference"} & set(text)
+    assert bpy.ops.patchnet.show_picture(image="PatchNet Eye heatmap") == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="no picture 'PatchNet Eye gone' any more"):
+        bpy.ops.patchnet.show_picture(image="PatchNet Eye gone")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    assert {image.name for image in bpy.data.images if "patchnet_result" in image} == names
+    assert "Heatmap" in drawn(PATCHNET_PT_main)
 
 
 def test_device(scene: bpy.types.Scene) -> None:

@@ -55,7 +55,7 @@ def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pyt
     monkeypatch.setenv(log.VARIABLE, "foo")
     assert commands.main(["info", "octree.safetensors"]) == 2
     (line,) = capfd.readouterr().err.splitlines()
-    assert line.startswith("patchnet: error: There is no log format 'foo': give --log-format or PATCHNET_LOG as")
+    assert line.startswith("patchnet: error: There is no log format 'foo': give PATCHNET_LOG as")
 
 
 def test_every_sub_command_hears_the_format_and_those_of_bench() -> None:

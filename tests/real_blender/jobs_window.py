@@ -174,6 +174,9 @@ def after_the_job() -> clicks.Session:
             window.event_simulate(type=kind, value="NOTHING" if kind == "MOUSEMOVE" else "PRESS", x=300, y=300)
             yield 0.1
     seen["ended"] = {"modal": modal(), "shown": shown(), "stale": dict(result().reasons)}
+    view, windows = clicks.area("VIEW_3D"), bpy.context.window_manager.windows
+    seen["new window"] = {"width": windows[1].width, "height": windows[1].height, "view": [view.width, view.height]}
+    seen["stopped with"] = [text for text in heard.told if text.startswith("Stopped")]
 
 
 def false_reports() -> clicks.Session:

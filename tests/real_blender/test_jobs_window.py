@@ -53,6 +53,15 @@ def test_image_editors_keep_their_pictures(jobs: dict) -> None:
     assert jobs["meanwhile"]["shown"] == jobs["stopped"]["shown"] == jobs["ended"]["shown"] == "Mine"
 
 
+def test_a_new_window_leaves_the_viewport_free(jobs: dict) -> None:
+    opened = jobs["new window"]
+    assert opened["width"] * opened["height"] < 0.5 * opened["view"][0] * opened["view"][1]
+
+
+def test_escape_says_that_a_bake_goes_on(jobs: dict) -> None:
+    assert set(jobs["stopped with"]) == {"Stopped. Press again to go on."}
+
+
 def test_jobs_leave_no_handler(jobs: dict) -> None:
     assert jobs["stopped"]["running"] == "" and jobs["stopped"]["modal"] == jobs["ended"]["modal"] == []
 

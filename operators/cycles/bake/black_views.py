@@ -85,7 +85,7 @@ def _black_material(
     material, owner = source.materials[number], names[np.flatnonzero(materials == number)[0]]
     why = ", in Cycles too"
     if source.gloss[number].is_glossy and without_gloss:
-        why = " without its gloss; choose Gloss: Automatic (--gloss auto)"
+        why = " without its gloss; choose Gloss: Automatic"
     elif notes := [text for text in source.warnings if text.startswith("Material") and f"'{material.name}'" in text]:
         why = f": {notes[0]}"
     elif any(f"of material '{material.name}'" in text for text in atlas.warnings):

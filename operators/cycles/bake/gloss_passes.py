@@ -10,11 +10,12 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import SceneError
-from ....patchnet_addon.runtime.wording import named_are
+from ....patchnet_addon.runtime.wording import subject
 from ...scene.scene_mesh import SceneMesh
 from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 
+_REFINE = "use Refine with Cycles, Passes: Combined"
 _TINTED = 0.2  # share of light that passes, from which on a material that is no clear glass is one to speak of
 
 
@@ -80,23 +81,23 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
     tinted = [name for name, gloss in rest if gloss.clear > _TINTED]
     if light.gloss == GLOSS_OFF:
         dark = [name for name, gloss in kinds if gloss.is_glossy]
-        return _named(dark, "baked without gloss, in black: choose Gloss: Automatic (--gloss auto)")
+        return _named(dark, "baked without gloss, and black: choose Gloss: Automatic")
     sharp = [name for name, gloss in rest if gloss.is_glossy and gloss.is_sharp and name not in tinted]
     if light.from_camera:
-        mirrors = "baked with reflections as the active camera sees them: they are wrong from elsewhere"
+        mirrors = f"baked with reflections as the active camera sees them, wrong from elsewhere: there {_REFINE}"
     else:
         mirrors = (
             "baked with reflections as seen from above the surface, not as cameras see them: choose Gloss: From Camera "
-            "(--gloss camera) for one view, or Refine with Cycles, Passes: Combined"
+            f"for one view, or {_REFINE}"
         )
     return (
         *_named(sharp, mirrors),
-        *_named(clear, "see-through: reflections and bent light are not shown; Refine with Cycles shows them"),
-        *_named(tinted, "baked as if opaque, with what shines through: nothing is seen behind"),
+        *_named(clear, f"see-through, without reflections and refraction: {_REFINE} for these"),
+        *_named(tinted, f"baked as if opaque, with what shines through: {_REFINE} to see through"),
     )
 
 
 def _named(names: Iterable[str], what: str) -> tuple[str, ...]:
     """Sentence that names materials; none for none."""
-    these = named_are("Material", names)
-    return (f"{these} {what}",) if these else ()
+    begun = subject("Material", names)
+    return (f"{begun} {what}",) if begun else ()

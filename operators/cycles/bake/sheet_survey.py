@@ -38,7 +38,8 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.tracing.seen_triangles import Sight
 
 _MOST_CAMERAS = 16
-_SHARE = 0.01  # of the pixels that see something: fewer are edges
+_SHARE = 0.01  # of the pixels that see something: an object with fewer on its back shows edges, or an open end
+_BEHIND = 1.0 / 3.0  # of an object's own pixels: fewer are an open end, and its normals are as they should be
 _POINTS = 48  # a camera, on backs that it sees
 _NAMED, _NOTED = 4, 20
 _MOST_TIMES = 100.0  # that a sentence says: a front may be black
@@ -118,7 +119,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
         areas[mine], _ = triangle_areas_and_normals(batch.corners_world)
         may_turn[mine] = one_sided[batch.materials]
         sight.add(batch.corners_world, opaque[batch.materials], batch.first_triangle)
-    backs, places = _seen_backs(sight, may_turn) if warns else (np.empty(0, np.int64), np.empty((0, 3)))
+    backs, places = _seen_backs(source, sight, may_turn) if warns else (np.empty(0, np.int64), np.empty((0, 3)))
     may_turn = (sheet >= 0) & (may_turn | ~np.append(is_open, True)[sheet])
     areas *= may_turn
     by_sheet = np.bincount(sheet[may_turn], areas[may_turn], len(is_open))
@@ -147,21 +148,23 @@ def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(numbers), np.concatenate(is_open)
 
 
-def _seen_backs(sight: Sight, may_warn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _seen_backs(source: SceneMesh, sight: Sight, may_warn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (B,) whose back cameras see, and places (B, 3) there, spread over their pictures.
 
-    None of a camera that sees such backs in few pixels only. may_warn: (T,) bool.
+    Of a camera those alone of objects that it sees from behind in more than few pixels. may_warn: (T,) bool.
     """
     triangles, places = [np.empty(0, np.int64)], [np.empty((0, 3))]
     for camera in range(len(sight.seen.triangle)):
-        triangle = sight.seen.triangle[camera].ravel()
-        met = triangle >= 0
-        backs = np.flatnonzero(met & sight.seen.behind[camera].ravel() & may_warn[np.where(met, triangle, 0)])
-        if len(backs) < max(_SHARE * np.count_nonzero(met), 1):
-            continue
-        backs = backs[np.linspace(0, len(backs) - 1, min(len(backs), _POINTS)).astype(int)]
-        triangles.append(triangle[backs])
-        places.append(sight.places(camera, backs))
+        pixels = np.flatnonzero(sight.seen.triangle[camera].ravel() >= 0)
+        triangle = sight.seen.triangle[camera].ravel()[pixels]
+        behind = sight.seen.behind[camera].ravel()[pixels] & may_warn[triangle]
+        own = source.object_numbers(triangle)
+        seen, turned = np.bincount(own), np.bincount(own, behind)
+        backs = pixels[behind & ((turned >= _SHARE * len(pixels)) & (turned >= _BEHIND * seen))[own]]
+        if len(backs):
+            backs = backs[np.linspace(0, len(backs) - 1, min(len(backs), _POINTS)).astype(int)]
+            triangles.append(sight.seen.triangle[camera].ravel()[backs])
+            places.append(sight.places(camera, backs))
     return np.concatenate(triangles), np.concatenate(places)
 
 
@@ -189,7 +192,8 @@ def _decided(source: SceneMesh, survey: _Survey, measured: np.ndarray) -> Sides:
     closed = ~np.append(survey.is_open, True)[survey.sheet[survey.backs]]
     shown = ~of_triangle[survey.backs]
     named = _brighter_backs(names[shown], measured[count:][shown], closed[shown], float(measured.max(initial=0.0)))
-    warnings = (_sentence(named, has_sheets=not set(named) <= set(names[closed].tolist())),) if named else ()
+    has_sheets = not set(named) <= set(names[closed].tolist())
+    warnings = _sentences(named, _inside_out(source, survey, of_triangle), has_sheets=has_sheets)
     if not turned.any():
         return Sides(of_triangle, survey.sight, warnings)
     _, first = np.unique(np.where(of_triangle, survey.sheet, -1), return_index=True)
@@ -214,11 +218,29 @@ def _brighter_backs(names: np.ndarray, light: np.ndarray, closed: np.ndarray, br
     return found
 
 
-def _sentence(names: dict[str, float], *, has_sheets: bool) -> str:
-    text = named_list(names, _NAMED)
-    times = float(np.median(list(names.values())))
-    return (
-        f"{text} is seen from behind, where {times:.0f} times as much light falls as on the side of its normals, and "
-        "looks too dark: flip the normals if they are wrong (Mesh > Normals)"
-        + (", else bake with Both Sides (--both-sides)" if has_sheets else "")
-    )
+def _inside_out(source: SceneMesh, survey: _Survey, turned: np.ndarray) -> list[str]:
+    """Names of closed objects whose normals point inward, of those with triangles that are `turned`, (T,) bool."""
+    triangles = np.flatnonzero(turned & ~np.append(survey.is_open, True)[survey.sheet])
+    corners, _ = source.corners_and_materials(triangles)
+    volumes = np.linalg.det(corners - source.bounds_world.mean(axis=0))  # which add up to that of a closed surface
+    sheet = survey.sheet[triangles]
+    return sorted(set(source.objects_of(triangles[np.bincount(sheet, volumes)[sheet] < 0.0]).tolist()))
+
+
+def _sentences(brighter: dict[str, float], inside_out: list[str], *, has_sheets: bool) -> tuple[str, ...]:
+    """Sentences about normals. brighter: see `_brighter_backs`. has_sheets: whether some of these are open."""
+    said = []
+    if brighter:
+        is_seen, looks, its = ("is", "looks", "its") if len(brighter) == 1 else ("are", "look", "their")
+        times = float(np.median(list(brighter.values())))
+        said.append(
+            f"{named_list(brighter, _NAMED)} {is_seen} seen from behind, where {times:.0f} times as much light falls "
+            f"as on the side of {its} normals, and {looks} too dark: flip the normals if they are wrong (Mesh > "
+            f"Normals){', else bake with Both Sides: On' if has_sheets else ''}"
+        )
+    if inside_out:
+        said.append(
+            f"Normals of {named_list(inside_out, _NAMED)} point inward; the side that cameras see was baked: "
+            "recalculate them (Mesh > Normals) if other views look wrong"
+        )
+    return tuple(said)

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Advice on the present picture: look-ahead that is short, and strategies that do better, each with what to do."""
+"""Advice on the present picture, with the setting to choose: look-ahead that is short, strategies that do better."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import bpy
 
@@ -15,23 +13,13 @@ from ...settings.step_settings import recorded
 BETTER = 0.95  # share of the chosen strategy's error from which another one is worth a sentence
 
 
-@dataclass(frozen=True)
-class Advice:
-    """Sentence about the picture, and the setting that a button below it changes: its name, value, and title."""
-
-    text: str
-    setting: str = ""
-    value: str = ""
-    button: str = ""
-
-
-def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[Advice]:
+def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
     """Advice on a result's last view; none before there is one. `values`: settings of its scene."""
     found = [_look_ahead(result, values), _strategy(result, values)]
     return [item for item in found if item is not None]
 
 
-def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> Advice | None:
+def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
     from ....patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # with a result its kernels are there already
 
     share = result.lookahead_share
@@ -40,14 +28,13 @@ def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> Advice 
     again = "press Preview Selection again"
     text = f"Voxels are too coarse to look ahead on {1.0 - share:.0%} of this picture: "
     if values.resolution == FIT:
-        return Advice(f"{text}choose a smaller Picture Size or fewer cameras, then {again}")
+        return f"{text}choose a smaller Picture Size or fewer cameras, then {again}"
     if values.resolution == AUTO:
-        todo = f"{again} if camera or size changed, else fit them to the camera"
-        return Advice(f"{text}{todo}", "resolution", FIT, "Fit to Cameras")
-    return Advice(f"{text}let cameras choose the depth, then {again}", "resolution", AUTO, "Resolution By Cameras")
+        return f"{text}{again} if camera or size changed, else choose Resolution: Fit to Cameras"
+    return f"{text}choose Resolution: By Cameras, then {again}"
 
 
-def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> Advice | None:
+def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
     """Best strategy of the comparison where it is clearly better; only for the view that was compared."""
     if result.comparison is None or result.why(VIEW) or _others(recorded(values, VIEW)) != _others(_made_with(result)):
         return None
@@ -57,8 +44,8 @@ def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> Advice | 
     if chosen is None or best is None or best.error > BETTER * chosen.error:
         return None
     less = 1.0 - best.error / chosen.error
-    text = f"In this picture {best.title} leaves {less:.0%} less error than {chosen.title}: choose it, and render again"
-    return Advice(text, "strategy", best.name, f"Use {best.title}")
+    leaves = f"leaves {less:.0%} less error than {chosen.title}"
+    return f"In this picture {best.title} {leaves}: choose Strategy: {best.title}, and render again"
 
 
 def _made_with(result: SceneResult) -> dict[str, object]:

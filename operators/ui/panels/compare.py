@@ -8,7 +8,9 @@ import bpy
 from ....patchnet_addon.runtime.quantities import error_text
 from ...session import results
 from ...session.scene_result import Comparison
-from .tab import SubPanel, draw_setting, draw_stale, split
+from .tab import SubPanel, draw_sentence, draw_setting, draw_stale, split
+
+_NAMES = 0.5  # of the table's width
 
 
 class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
@@ -25,29 +27,28 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         layout.prop(context.scene.patchnet, "strategy")  # all of them
         result = results.result_of(context.scene)
         if result is None or result.comparison is None:
-            layout.label(text="Not compared yet", icon="INFO")
+            draw_sentence(layout, context, "Not compared yet", "INFO")
             return
         found = result.comparison
-        draw_stale(layout, context.scene, "view")
-        layout.label(text=found.view)
-        layout.label(text=f"Squared error x 10,000, budget {found.budget:.0%}")
+        draw_stale(layout, context, "view")
+        draw_sentence(layout, context, f"{found.view}: squared error x 10,000, budget {found.budget:.0%}")
         table = layout.box().column(align=True)
-        _row(table, "Strategy", "Error", "Left")
+        _row(table, context, "Strategy", "Error", "Left")
         for title, error in found.pictures:
-            _row(table, f"{title}, unrefined", error_text(error), _share(error, found))
+            _row(table, context, f"{title}, unrefined", error_text(error), _share(error, found))
         for row in found.rows:
             marked = "> " if row.name == context.scene.patchnet.strategy else ""
-            _row(table, f"{marked}{row.title}", error_text(row.error), _share(row.error, found))
+            _row(table, context, f"{marked}{row.title}", error_text(row.error), _share(row.error, found))
 
 
 def _share(error: float, found: Comparison) -> str:
     return f"{error / found.unrefined:.0%}" if found.unrefined else "-"
 
 
-def _row(layout: bpy.types.UILayout, name: str, error: str, share: str) -> None:
-    row = layout.split(factor=0.55)
-    row.label(text=name)
-    numbers = row.split(factor=0.65)
+def _row(layout: bpy.types.UILayout, context: bpy.types.Context, name: str, error: str, share: str) -> None:
+    row = layout.split(factor=_NAMES)
+    draw_sentence(row, context, name, share=_NAMES)
+    numbers = row.split(factor=0.6)
     numbers.label(text=error)
     numbers.label(text=share)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ....patchnet_addon.export.vdb import vdb_module_name
-from .tab import SubPanel, split
+from .tab import SubPanel, draw_sentence, split
 
 
 class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
@@ -23,7 +23,7 @@ class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
         layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
         layout.operator("patchnet.export_octree", icon="EXPORT")
         if not vdb_module_name():  # looked for once
-            layout.label(text="This Blender cannot write .vdb", icon="INFO")
+            draw_sentence(layout, context, "This Blender cannot write .vdb", "INFO")
 
 
 CLASSES = (PATCHNET_PT_export,)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ...schema.table import CYCLES, GLOSS_OFF
-from .tab import SubPanel, Tab, draw_setting, draw_settings, draw_stale, split
+from .tab import SubPanel, Tab, draw_sentence, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
@@ -20,9 +20,9 @@ class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "light")
         layout.operator("patchnet.bake_light", icon="LIGHT")
-        draw_stale(layout, context.scene, "light")
+        draw_stale(layout, context, "light")
         if context.scene.patchnet.light == CYCLES and context.scene.patchnet.gloss == GLOSS_OFF:
-            layout.label(text="Diffuse light only, no gloss", icon="INFO")
+            draw_sentence(layout, context, "Diffuse light only, no gloss", "INFO")
 
 
 class PATCHNET_PT_animation(Tab, bpy.types.Panel):

@@ -5,11 +5,16 @@ from __future__ import annotations
 
 import bpy
 
+from ....patchnet_addon.runtime.quantities import counted
 from ...jobs.job_operator import JobOperator
 from ...session import results
+from ...session.result_images import shown_pictures
 from ...settings.step_settings import ESTIMATED, changed
 from ..presets_menu import PATCHNET_PT_presets
-from .tab import Tab, draw_first, draw_stale, split
+from .notes import draw_notes
+from .tab import Tab, draw_first, draw_progress, draw_sentence, draw_stale, split
+
+_MOST_CAMERAS = 3
 
 
 class PATCHNET_PT_main(Tab, bpy.types.Panel):
@@ -26,34 +31,59 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
         layout = split(self.layout)
         draw_first(layout, context.scene.patchnet)
         if JobOperator.running:
-            layout.progress(factor=JobOperator.fraction, text=f"{JobOperator.running}: Esc stops")
+            draw_progress(layout)
         else:
             row = layout.row()
             row.scale_y = 1.5
             row.operator("patchnet.run_all", icon="PLAY")
+        _draw_pictures(layout, context)
+        result = results.result_of(context.scene)
+        notes = [] if result is None else result.all_notes
+        draw_notes(layout, context, notes, "result")
         layout.operator("patchnet.estimate", icon="INFO")
-        _draw_estimate(layout, context.scene)
-        draw_stale(layout, context.scene, "surface", "light")  # of the view beside its button, in Preview
+        _draw_estimate(layout, context, notes)
+        draw_stale(layout, context, "surface", "light")  # of the view beside its button, in Preview
 
 
-def _draw_estimate(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw the last estimate, and what it was made for."""
+def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw a button for each picture, camera by camera."""
+    cameras = shown_pictures()
+    for camera, names in list(cameras.items())[:_MOST_CAMERAS]:
+        column = layout.column(align=True)
+        if len(cameras) > 1:
+            column.label(text=camera, icon="CAMERA_DATA")
+        grid = column.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+        for what, name in names.items():
+            grid.operator("patchnet.show_picture", text=what.title(), icon="IMAGE_DATA").image = name
+    if len(cameras) > _MOST_CAMERAS:
+        more = len(cameras) - _MOST_CAMERAS
+        draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
+
+
+def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said: list[str]) -> None:
+    """Draw the last estimate, what it was made for, and its notes but those that were `said`."""
+    scene = context.scene
     found = results.estimate_of(scene)
     if found is None:
         return
-    box = layout.box().column(align=True)
+    header, body = layout.panel("PATCHNET_estimate")
+    header.label(text="Estimate")
+    if body is None:
+        return
+    box = body.box().column(align=True)
     setting = changed(scene.patchnet, found.settings, *ESTIMATED)
     why = f"'{setting}' changed" if setting else found.stale_because
     if why:
-        box.label(text=f"Estimate again: {why}", icon="ERROR")
+        draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
     for line in found.made_for:
-        box.label(text=line)
+        draw_sentence(box, context, line)
     for line in found.lines:
         row = box.row()
         row.active = not why
-        row.label(text=line)
+        draw_sentence(row, context, line)
     if found.too_large:
-        box.label(text="Does not fit into memory", icon="ERROR")
+        draw_sentence(box, context, "Does not fit into memory", "ERROR")
+    draw_notes(layout, context, [text for text in found.notes if text not in said], "estimate")
 
 
 CLASSES = (PATCHNET_PT_presets, PATCHNET_PT_main)

@@ -7,7 +7,7 @@ import bpy
 
 from ...session import results
 from ...settings.step_settings import changed
-from .tab import SubPanel, draw_settings, split
+from .tab import SubPanel, draw_sentence, draw_settings, split
 
 
 class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
@@ -25,11 +25,11 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
         if result is None or result.coded is None:
             return
         if result.encoder:
-            layout.label(text=f"Prepared by {result.encoder}", icon="INFO")
+            draw_sentence(layout, context, f"Prepared by {result.encoder}", "INFO")
         before = result.made_with.get("codes")
         name = changed(context.scene.patchnet, before, "codes") if before is not None else ""
         if name:
-            layout.label(text=f"'{name}' changed: prepare again", icon="ERROR")
+            draw_sentence(layout, context, f"'{name}' changed: prepare again", "ERROR")
 
 
 CLASSES = (PATCHNET_PT_network,)

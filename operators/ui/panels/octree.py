@@ -21,7 +21,7 @@ class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("patchnet.voxelize", icon="MESH_GRID")
         row.operator("patchnet.load_octree", text="", icon="FILEBROWSER")
-        draw_stale(layout, context.scene, "surface")
+        draw_stale(layout, context, "surface")
 
 
 CLASSES = (PATCHNET_PT_octree,)

@@ -7,7 +7,7 @@ import bpy
 
 from ...session import results
 from ...session.memory import held
-from .tab import SubPanel, split
+from .tab import SubPanel, draw_sentence, split
 
 
 class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
@@ -21,16 +21,16 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
         layout = split(self.layout)
         result = results.result_of(context.scene)
         if result is None:
-            layout.label(text="Nothing computed yet")
+            draw_sentence(layout, context, "Nothing computed yet")
             return
         column = layout.column(align=True)
         for line in result.summary:
-            column.label(text=line)
+            draw_sentence(column, context, line)
         column = layout.column(align=True)
         taken = held()
-        column.label(text=f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
+        draw_sentence(column, context, f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
         if taken.process is not None:
-            column.label(text=f"Blender as a whole: {_size(taken.process)}")
+            draw_sentence(column, context, f"Blender as a whole: {_size(taken.process)}")
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 

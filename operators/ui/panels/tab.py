@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING
 
+import blf
 import bpy
 
+from ...jobs.job_operator import JobOperator
 from ...schema.setting import Kind
 from ...schema.table import TABLE
 from ...session import results
@@ -24,9 +25,8 @@ else:
 FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
 # What empty text settings mean.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
-# Of a line in a region: mean width of a character where Blender's texts are not scaled, and characters that icon and
-# margins take.
-_CHARACTER_PX, _MARGIN, _SHORTEST = 6.5, 8, 24
+# Of texts in panels, where nothing is scaled: points, what tabs and frames take of a region, and what an icon does.
+_POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
 _ADVICE = {
     "surface": ("voxelize again", "octree"),
     "light": ("bake again", "light"),
@@ -110,25 +110,45 @@ def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) ->
     draw_setting(layout, values, "spp")
 
 
-def draw_sentence(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """Draw a sentence in as many lines as the region is wide, the first with an icon."""
+def draw_sentence(
+    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", share: float = 1.0
+) -> None:
+    """Draw a text in lines that the region has room for, the first with an icon. share: of the width that it gets."""
     region, scale = context.region, context.preferences.system.ui_scale  # which is 0 without a window
-    width = region.width / scale if region is not None and scale else 0.0
     column = layout.column(align=True)
-    for line in textwrap.wrap(text, max(int(width / _CHARACTER_PX) - _MARGIN, _SHORTEST)):
+    taken = (_MARGIN_PX + (_ICON_PX if icon != "NONE" else 0.0)) * scale
+    for line in [text] if region is None or not scale else _lines(text, (region.width - taken) * share, scale):
         column.label(text=line, icon=icon)
-        icon = "BLANK1"
+        icon = "NONE" if icon == "NONE" else "BLANK1"
 
 
-def draw_stale(layout: bpy.types.UILayout, scene: bpy.types.Scene, *steps: str) -> None:
+def _lines(text: str, width: float, scale: float) -> list[str]:
+    """Lines of words, none of them wider than `width` pixels unless it is one long word."""
+    blf.size(0, _POINTS * scale)
+    lines: list[str] = []
+    for word in text.split(" "):
+        if lines and blf.dimensions(0, f"{lines[-1]} {word}")[0] <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
+def draw_progress(layout: bpy.types.UILayout) -> None:
+    """Draw how much of the job is done, or what it does where that is not known, and how to stop it."""
+    what = JobOperator.running if JobOperator.fraction else JobOperator.step
+    layout.progress(factor=JobOperator.fraction, text=f"{what}: Esc stops")
+
+
+def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: str) -> None:
     """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
-    result = results.result_of(scene)
+    result = results.result_of(context.scene)
     if result is None:
         return
     look_soon()
     for step in steps:
-        if text := stale_text(result, scene, step):
-            layout.label(text=text, icon="ERROR")
+        if text := stale_text(result, context.scene, step):
+            draw_sentence(layout, context, text, "ERROR")
 
 
 def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings that a sentence names as "Label: Value", as a window does: what buttons set, and flags of the command line.
+
+So a sentence is written once, in the words of a window; `with_flags` is what commands say.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from .setting import Kind, Setting
+from .table import TABLE
+
+
+def _named_values() -> dict[str, tuple[Setting, Any]]:
+    on_and_off = ((True, "On", ""), (False, "Off", ""))
+    choices = {row: row.choices if row.kind is Kind.CHOICE else on_and_off for row in TABLE.values()}
+    rows = [row for row in choices if row.kind in (Kind.CHOICE, Kind.SWITCH)]
+    return {f"{row.label}: {label}": (row, value) for row in rows for value, label, _ in choices[row]}
+
+
+_NAMED = _named_values()
+_WORDS = re.compile("|".join(re.escape(words) for words in sorted(_NAMED, key=len, reverse=True)))
+
+
+def named_settings(text: str) -> dict[str, tuple[Setting, Any]]:
+    """Settings that a sentence names, and the values that it gives them, by the words in it."""
+    return {words: _NAMED[words] for words in _WORDS.findall(text)}
+
+
+def with_flags(text: str) -> str:
+    """Add to each setting that a sentence names the flag of the command line: "Gloss: Automatic (--gloss auto)"."""
+
+
+    def flagged(match: re.Match[str]) -> str:
+        row, value = _NAMED[match[0]]
+        argument = row.argument or ("--strategy" if row.name == "strategy" else "")
+        switch = argument if value else f"--no-{argument[2:]}"
+        flag = switch if row.kind is Kind.SWITCH else f"{argument} {value}"
+        return f"{match[0]} ({flag})" if argument else match[0]
+
+    return _WORDS.sub(flagged, text).replace("(Network On)", "(Network On, --device)")  # which means more than a row
