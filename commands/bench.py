@@ -24,7 +24,6 @@ from .benches import (
     first_use,
     fit,
     frame,
-    incremental,
     nodes,
     opening,
     scene,
@@ -36,7 +35,7 @@ from .benches import (
 
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
-    "bake": bake, "incremental": incremental, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace,
+    "bake": bake, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace,
     "frame": frame, "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
 }  # fmt: skip
 

@@ -39,7 +39,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "both_sides", "gloss")
-    add_settings(parser, "incremental", "tolerance")
     add_settings(parser, "device")
     parser.add_argument(
         "--color", action=argparse.BooleanOptionalAction, default=False,

@@ -12,7 +12,7 @@ from .ui.preferences import apply_preferences, kept
 
 class PATCHNET_OT_clear_cache(bpy.types.Operator):
     """Delete compiled kernels, light of bakes and finished octrees from the cache folder, and nothing else.
-    Kernels are compiled again when needed, bakes begin anew, incremental ones too, and files that are opened have no
+    Kernels are compiled again when needed, bakes begin anew, and files that are opened have no
     voxels"""
 
     bl_idname = "patchnet.clear_cache"

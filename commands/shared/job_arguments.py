@@ -60,8 +60,6 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_settings(
         parser,
-        "incremental",
-        "tolerance",
         "color",
         "both_sides",
         "gloss",

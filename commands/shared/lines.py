@@ -23,14 +23,11 @@ def say_result(text: str, **fields: Any) -> None:
 
 
 def say_exposure(octree: Octree) -> None:
-    """Print the factor that luminance was multiplied with, how to choose it, and what an incremental bake baked."""
-    from ...patchnet_addon.lightmap.incremental.text import incremental_text
+    """Print the factor that luminance was multiplied with and how to choose it."""
     from ...patchnet_addon.octree.exposure import exposure_text
 
     automatic = octree.provenance.get("exposure") == "automatic"
     print(f"{exposure_text(octree)}{', --exposure chooses another one' if automatic else ''}")
-    if text := incremental_text(octree.provenance):
-        print(text)
 
 
 def say_note(text: str) -> None:

@@ -35,10 +35,6 @@ def _baked(values: Any) -> bool:
     return bool(values.light == CYCLES)
 
 
-def _incremental(values: Any) -> bool:
-    return _baked(values) and bool(values.incremental)
-
-
 _SURFACE = (
     Setting(
         "scope", "Objects", "Which objects are voxelized", OCTREE, Kind.CHOICE, AUTO,
@@ -99,19 +95,6 @@ _LIGHT = (
         "Average baked light with that of the texels around, where they differ by no more than its noise. Shadows, "
         "edges and textures stay",
         LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="take the noise out of baked light",
-    ),
-    Setting(
-        "incremental", "Incremental",
-        "Bake only what changed since the last bake of this scene, and what that may light or shadow by more than the "
-        "tolerance; the rest stays as it was",
-        LIGHT, Kind.SWITCH, False, counts=_baked,
-        argument="--incremental", help="bake only what changed since the last bake of the scene, and what it lights",
-    ),
-    Setting(
-        "tolerance", "Tolerance",
-        "Largest error of light that stays as it was, as a share of white: smaller ones bake more again",
-        LIGHT, Kind.NUMBER, 0.05, bounds.TOLERANCE, counts=_incremental,
-        argument="--tolerance", help="with --incremental: largest error of light that stays, as a share of white",
     ),
     Setting(
         "texel_voxels", "Texel (Voxels)",

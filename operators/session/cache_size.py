@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Size of the disk cache: compiled kernels, pages of stopped bakes, light of incremental ones, and finished octrees.
+"""Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
 
 Only files that look like those are counted and deleted. A user may have chosen a folder that holds other things.
 """
@@ -20,8 +20,6 @@ _KEY = re.compile(r"[0-9a-f]{32}")
 _KERNEL_FILE = re.compile(r".+\.(nbi|nbc)")
 _KERNEL_MARK = re.compile(r"[a-z]+-[0-9a-f]{16}")  # see `compiled_mark`
 _PAGE_FILE = re.compile(r"\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?")
-_INCREMENTAL = re.compile(r"incremental-[0-9a-f]{32}")
-_LIGHT_FILE = re.compile(r"\.?light\.safetensors(\.[0-9a-f]{8}\.tmp)?")
 _OCTREE_FILE = re.compile(r"notes\.json|(octree|codes|layout)\.safetensors")
 
 
@@ -68,24 +66,19 @@ def page_files(root: Path) -> Iterator[Path]:
     yield from _files(root / BAKES, _KEY, _PAGE_FILE)
 
 
-def light_files(root: Path) -> Iterator[Path]:
-    """Light that incremental bakes go on from: root / bakes / incremental- and 32 hex digits / light.safetensors."""
-    yield from _files(root / BAKES, _INCREMENTAL, _LIGHT_FILE)
-
-
 def octree_files(root: Path) -> Iterator[Path]:
     """Finished octrees: root / octrees / 32 hex digits / octree.safetensors and what belongs to it."""
     yield from _files(root / OCTREES, _KEY, _OCTREE_FILE)
 
 
-_ALL = (kernel_files, page_files, light_files, octree_files)
+_ALL = (kernel_files, page_files, octree_files)
 
 
 def clear_cache(root: Path) -> int:
     """Delete what is ours, and folders that are empty then; the bytes that were freed.
 
-    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, an
-    incremental one bakes the whole scene, and octrees that are open stay so.
+    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, and
+    octrees that are open stay so.
     """
     freed = 0
     for path in [path for files in _ALL for path in files(root)]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ...patchnet_addon.lightmap.incremental.text import incremental_text
 from ...patchnet_addon.octree.exposure import exposure_text
 from ...patchnet_addon.runtime.quantities import counted, error_text
 from ..scene_access.lengths import length_text
@@ -36,7 +35,6 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
         f"{counted(octree.leaf_count, 'voxel')}, {counted(octree.node_count, 'node')}",
         f"Light: {_LIGHTS.get(result.light, result.light)}",
         *([exposure_text(octree)] if "exposure" in octree.provenance else []),
-        *([text] if (text := incremental_text(octree.provenance)) else []),
     ]
     if result.coded is not None:
         lines.append(f"{counted(result.coded.coded_count, 'voxel')} with look-ahead")

@@ -73,8 +73,6 @@ class LightSettings:
     both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of one, by normals and cameras.
     gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
-    incremental: bake only what changed since the last bake of the scene, and what that may change in the light by more
-    than `tolerance` of white (methods 7.2i).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
@@ -87,8 +85,6 @@ class LightSettings:
     both_sides: bool = TABLE["both_sides"].default
     gloss: str = TABLE["gloss"].default
     denoise: bool = TABLE["denoise"].default
-    incremental: bool = TABLE["incremental"].default
-    tolerance: float = TABLE["tolerance"].default
     color: bool = TABLE["color"].default
     texel_voxels: float = TABLE["texel_voxels"].default
     daylight: bool | None = None

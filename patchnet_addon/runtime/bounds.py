@@ -82,7 +82,6 @@ SHOWN_VOXELS = Bounds("Limit", 1, 2**31 - 1, True)
 
 # Light.
 SAMPLES = Bounds("Samples per texel", 1, _MAX_PATHS, True)
-TOLERANCE = Bounds("Tolerance of an incremental bake", 1e-4, 1.0, advice="choose a share of white in this range")
 TEXEL_VOXELS = Bounds("Texel size in voxels", 0.25, 16)
 EXPOSURE = Bounds("Exposure", 1e-9, _LARGEST, advice="choose a factor in this range, or leave it automatic")
 

@@ -24,7 +24,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.worker import computed, run_in_worker
+from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.unseen import BLACK_VIEWS
 from ...scene.scene_mesh import SceneMesh
@@ -34,10 +34,9 @@ from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key, scene_key
-from .baker import Baker, lift_world, texel_channels
+from .baker import Baker, lift_world
 from .black_views import black_views
 from .gloss_passes import place_of_view
-from .incremental import Incremental, incremental_bake
 from .sheet_survey import sides_of_sheets
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -69,8 +68,7 @@ def bake_luminance(
     MAX_TEXELS.
     light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
     (`Atlas.texels`); with `both_sides` those of opaque sheets are lit; `gloss` says whose reflections are baked; with
-    `daylight` sun and sky of ours shine in place of the scene's world; with `incremental` only what changed since the
-    last bake of the scene is baked, as far as its light may differ by more than `tolerance` (methods 7.2i).
+    `daylight` sun and sky of ours shine in place of the scene's world.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
     depsgraph: what `source` was read from, for the pages' key; None takes the context's.
@@ -87,25 +85,12 @@ def bake_luminance(
     sides = yield from sides_of_sheets(context, source, cameras, light, lift)
     switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
     switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
-    again: Incremental | None = None
-    if light.incremental:
-        own = (light.samples, seed, *switches[:-1])
-        # What sides were measured with is gone again, from the context's graph once that is asked for anew.
-        graph = depsgraph or context.evaluated_depsgraph_get()
-        again = yield from incremental_bake(graph, source, charts, light, texel_channels(light), sides.turned, own)
-        charts = again.charts
     baker = Baker(context, source, charts, light, seed=seed, device=device, turned=sides.turned)
-    texels = np.zeros((0, baker.channels), np.float32)
-    if again is None or (again.before < 0).any():
-        switches += (np.packbits(sides.turned).tobytes(),) if sides.turned.any() else ()
-        key = "" if kept is None else bake_key(scene, source, charts, light.samples, seed, switches)
-        texels = yield from _pages(baker, charts, kept, key)
+    switches += (np.packbits(sides.turned).tobytes(),) if sides.turned.any() else ()
+    key = "" if kept is None else bake_key(scene, source, charts, light.samples, seed, switches)
+    texels = yield from _pages(baker, charts, kept, key)
     warnings = (*baker.warnings, *_coarse(charts), *sides.warnings)
     notes: dict[str, Any] = dict(sides.notes)
-    if again is not None:
-        done = again
-        texels = yield from computed(lambda: done.finish(texels), Progress(1, 1, "Baking light"))
-        charts, notes = again.whole, notes | {"incremental": again.notes}
     atlas = _atlas(charts, texels, light, sides.turned, warnings, notes)
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
