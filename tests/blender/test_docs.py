@@ -57,7 +57,6 @@ def settings_of_panels() -> dict[str, set[str]]:
     values, window = bpy.context.scene.patchnet, bpy.context.window_manager.patchnet_overlay
     tabs = [panel for panel in panels.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
     found: dict[str, set[str]] = {}
-    values.incremental = True
     for chosen in ("resolution", "importance"):
         for value, _, _ in TABLE[chosen].choices:
             setattr(values, chosen, value)

@@ -366,23 +366,11 @@ def test_every_way_to_the_octree_asks_the_cameras() -> None:
     assert "turned_objects" not in made.octree.provenance
 
 
-def test_an_incremental_bake_bakes_again_what_is_seen_from_the_other_side() -> None:
-    sheet(True)
-    _, dark = baked(look=False, incremental=True)
-    source, again = baked(look=True, incremental=True)
-    _, whole = baked(look=True)
-    own = triangles_of(source, "Sheet")
-    light = [triangle_means(atlas.charts, atlas.texels, np.flatnonzero(own))[:, 0] for atlas in (dark, again, whole)]
-    assert (light[1] > 2.0 * light[0]).all()
-    np.testing.assert_allclose(light[1], light[2], rtol=0.1)
-    assert again.notes["incremental"]["triangles_baked"] < source.triangle_count
-
-
-def baked(*, look: bool, incremental: bool = False) -> tuple[SceneMesh, Atlas]:
+def baked(*, look: bool) -> tuple[SceneMesh, Atlas]:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     source = read_scene(depsgraph, "VISIBLE")
     cameras = choose_cameras(depsgraph, (), (32, 24), source.bounds_world) if look else ()
-    light = LightSettings(samples=16, incremental=incremental, denoise=False)
+    light = LightSettings(samples=16, denoise=False)
     return source, drain(bake_luminance(bpy.context, source, 0.1, light, cameras=cameras))
 
 

@@ -10,7 +10,7 @@ import pytest
 from patchnet.commands import run
 from patchnet.commands.shared.job_arguments import job_settings
 from patchnet.operators.schema.table import TABLE
-from patchnet.operators.settings.groups import LightSettings, ViewSettings
+from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.ui import panels
 from patchnet.operators.ui.preferences import PatchNetPreferences
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
@@ -62,7 +62,6 @@ def properties_of(argument: str) -> set[str]:
 def drawn_settings() -> set[str]:
     """Names of the settings that the tab's panels show, whatever is chosen in them."""
     values, texts = bpy.context.scene.patchnet, set()
-    values.incremental = True  # its tolerance counts
     for name in DerivedProperties.__annotations__:
         if name.startswith("use_"):
             setattr(values, name, True)  # its number is shown
@@ -102,7 +101,7 @@ def test_defaults_are_the_same() -> None:
     bpy.context.scene.property_unset("patchnet")
     given = job_settings(parser().parse_args(["scene.blend"]), Path("out"))
     assert given.view.size == (192, 192)  # square pictures, while the panel's follow the render's aspect
-    scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget, tolerance=LightSettings.tolerance)
+    scene = scene_settings(bpy.context.scene).changed(budget=ViewSettings.budget)
     assert given.compute.torch_device == scene.compute.torch_device == "auto"
     assert given.changed(size=scene.view.size, out=None, network_device="AUTO") == scene
 

@@ -19,8 +19,6 @@ from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui import preferences
-from patchnet.patchnet_addon.lightmap.charts import Charts
-from patchnet.patchnet_addon.lightmap.incremental.record import CHART_ARRAYS, BakeRecord, save_record
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.kernels import compiled_mark
@@ -43,15 +41,11 @@ def fill(root: Path) -> set[Path]:
     pages = BakePageCache(root / "bakes")
     pages.open("0123456789abcdef" * 2)
     pages.save(3, np.ones((16, 2), np.float32))
-    charts = Charts(texel_world=1.0, growth=1.0, page_side=16, **{name: np.zeros(1) for name in CHART_ARRAYS})
-    none = np.zeros(0, np.float32)
-    record = BakeRecord(charts, np.ones((16, 2), np.float32), none, none > 0, [], np.zeros(0, np.int64), {})
-    save_record("89abcdef01234567" * 2, record, root / "bakes")
     own = {
         root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
         root / "bakes" / "cake.txt", root / "bakes" / "page-00001.safetensors",
         root / "bakes" / ("0123456789abcdef" * 2) / "mine.safetensors",
-        root / "bakes" / "bread" / "page-00001.safetensors", root / "bakes" / "incremental-bread" / "light.safetensors",
+        root / "bakes" / "bread" / "page-00001.safetensors",
         root / "kernels" / "0123456789abcdef" / "octree_1a" / "all-0123456789abcdef",
     }  # fmt: skip
     for path in own:

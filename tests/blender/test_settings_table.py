@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "fit": True, "memory_bytes": 2**30, "light": "two-lights",
     "samples": 3, "texel_voxels": 1.0, "both_sides": True, "exposure": 2.0, "color": False, "weights": Path("other"),
-    "gloss": "off", "denoise": False, "incremental": True, "tolerance": 0.1,
+    "gloss": "off", "denoise": False,
 }  # fmt: skip
 
 
@@ -143,5 +143,4 @@ def test_scene_and_table_have_the_same_defaults() -> None:
     bpy.context.scene.property_unset("patchnet")
     found = scene_settings(bpy.context.scene)
     assert found.view.budget == pytest.approx(0.3), "Blender keeps single precision"
-    assert found.light.tolerance == pytest.approx(0.05)
-    assert found.changed(budget=ViewSettings.budget, tolerance=LightSettings.tolerance) == JobSettings()
+    assert found.changed(budget=ViewSettings.budget) == JobSettings()
