@@ -26,11 +26,7 @@ def quiet_import() -> Iterator[None]:
     Only its file browser reads that file. All else that the block prints goes to stderr at its end.
     """
     with tempfile.TemporaryFile() as said:
-        try:
-            with diverted(stdout=said, stderr=said):
-                yield
-        finally:
-            said.seek(0)
-            for line in said:
-                if b"list of mounted file-systems" not in line:
-                    sys.stderr.write(line.decode(errors="replace"))
+        with diverted(stdout=said, stderr=said):
+            yield
+        said.seek(0)
+        sys.stderr.writelines(line.decode(errors="replace") for line in said if b"mounted file-systems" not in line)

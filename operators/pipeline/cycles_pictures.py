@@ -92,4 +92,4 @@ def _errors(view: CyclesView) -> np.ndarray:
     views = [magnify(colormap(view.errors[name] / np.float32(ERROR_MAXIMUM))) for name in names]
     titles = [f"{name}: error {error_text(view.report['mse'][name])}" for name in names]
     ticks = [f"{ERROR_MAXIMUM * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    return with_legend(views, titles, colormap, ticks, "luminance error against Cycles; above: squared x 10,000")
+    return with_legend(views, titles, colormap, ticks, "luminance error against Cycles (above: squared x 10,000)")

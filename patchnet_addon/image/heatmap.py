@@ -75,7 +75,7 @@ def error_picture(
     views = [magnify(colormap(error / np.float32(maximum), map_name)) for error in (before, after)]
     titles = [f"{name}: error {error_text(value)}" for name, value in zip((unrefined, "refined"), mse, strict=True)]
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    legend = "luminance error; above: squared x 10,000"
+    legend = "luminance error (above: squared x 10,000)"
     return with_legend(views, titles, lambda position: colormap(position, map_name), ticks, legend)
 
 

@@ -160,3 +160,12 @@ def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.Capture
     assert "Each step drew new voxels of 8 views" in card and "| drawn by each step | not learned from |" in card
     last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
     assert "slats.blend is in training" in last["not_held_out"]["slats"]
+    said = capsys.readouterr().out
+    for name, errors in (("learned from", last_curve(out)), ("slats", last["validation"]["slats"])):
+        assert f"  {name:<24} {errors['coverage']:.4f} {errors['luminance']:.4f}" in said
+    assert f"{out} holds patchnet.safetensors, model_card.md, " in said and "log.jsonl, checkpoint.pt" in said
+
+
+def last_curve(out: Path) -> dict:
+    lines = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+    return [line for line in lines if "coverage" in line][-1]
