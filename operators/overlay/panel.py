@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..scene_access.images import unlike_view
 from ..session import views
 from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
@@ -37,6 +38,8 @@ class _OverlayPanel(_Panel):
             layout.label(text=NO_VIEW, icon="INFO")
         elif on and not context.space_data.overlay.show_overlays:
             layout.label(text="Hidden by Show Overlays", icon="INFO")
+        elif unlike := unlike_view(context.scene):
+            layout.label(text=unlike, icon="INFO")
         column = layout.column()
         column.active = on
         column.prop(values, "picture")

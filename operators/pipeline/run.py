@@ -24,7 +24,7 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import choose_cameras, focus_warnings
 from ..scene.scene_mesh import SceneMesh
-from ..scene_access.images import save_png
+from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
@@ -193,6 +193,7 @@ def job_report(
         "timings_s": timings_s,
         "frames": [item.report for item in views],
         "strategy": settings.strategy,
+        "view_transform": VIEW_TRANSFORM,
         "light": octree.provenance,
         "warnings": list(warnings),
         "weights": {"hash": coded.weights_hash} | _scalars(coded.weights.metadata),
