@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
+from ..scene_access.images import VIEW_TRANSFORM, unlike_view
 from ..session import views
 from ..session.scene_session import InspectedPixel, session_of
 from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
@@ -35,6 +36,7 @@ class _Look:
     maximum: float
     colormap: str
     scale: float
+    transform: str  # said of light, where the scene's view is another
 
 
 def draw_region(context: bpy.types.Context) -> None:
@@ -65,6 +67,7 @@ def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None
         maximum_of(context.scene, view),
         preferences(context).colormap,
         context.preferences.system.ui_scale,
+        f" ({VIEW_TRANSFORM})" if unlike_view(context.scene) else "",
     )
     whole = free_rect(context.area, context.region)
     left, right = sides_of_wipe(rect, values.wipe) if values.use_wipe else (rect, rect._replace(left=rect.right))
@@ -97,7 +100,7 @@ def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: b
     if not shown:
         return
     gap = _GAP_PX * look.scale
-    title = TITLES.get(name, "Below")
+    title = TITLES.get(name, "Below") + (look.transform if name in look.view.looks else "")
     width, height = paint.box_size([title], look.scale)
     x = seen.right - gap - width if right_side else seen.left + gap
     if width + 2 * gap <= seen.width / 2:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...patchnet_addon.runtime.wording import named_list
+from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of
 from ..ui.panels.tab import draw_sentence
@@ -40,8 +41,11 @@ class _OverlayPanel(_Panel):
             draw_sentence(layout, context, NO_VIEW, "INFO")
         elif on and not context.space_data.overlay.show_overlays:
             draw_sentence(layout, context, "Hidden by Show Overlays", "INFO")
-        elif on and self.shown_by == "show_viewport":
-            _draw_how_to_see(layout, context)
+        else:
+            if on and self.shown_by == "show_viewport":
+                _draw_how_to_see(layout, context)
+            if unlike := unlike_view(context.scene):
+                draw_sentence(layout, context, unlike, "INFO")
         column = layout.column()
         column.active = on
         column.prop(values, "picture")

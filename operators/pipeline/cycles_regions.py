@@ -87,7 +87,9 @@ def cycles_view(
     wanted = yield from computed(lambda: wanted_pixels(surface, camera), choosing)
     regions = yield from computed(lambda: _chosen(priority, wanted, settings), choosing)
     added = not has_light(depsgraph) if sun is None else sun
-    renders = yield from _rendered(context, camera, regions, _with_gloss(octree, settings), added)
+    gloss = bool(wanted.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
+    light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
+    renders = yield from _rendered(context, camera, regions, (settings, light), added)
     exposure = octree.exposure
     view = (
         yield from computed(
@@ -116,12 +118,6 @@ def refine_view(
         sun=sun,
     )
     return (yield from steps)
-
-
-def _with_gloss(octree: Octree, settings: CyclesSettings) -> tuple[CyclesSettings, str]:
-    """Settings, and the light that is rendered: of metals and glass all, if the voxels show their gloss."""
-    glossy = settings.light == DIFFUSE and octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
-    return settings, WITH_GLOSS if glossy else settings.light
 
 
 def check_light(octree: Octree) -> None:

@@ -27,7 +27,7 @@ from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras
 from ..scene.scene_mesh import SceneMesh
-from ..scene_access.images import save_png
+from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
@@ -251,6 +251,7 @@ def job_report(
         "frames": [item.report for item in views],
         "error_unit": ERROR_UNIT,
         "strategy": settings.strategy,
+        "view_transform": VIEW_TRANSFORM,
         "light": octree.provenance,
         "warnings": list(warnings),
         "weights": {"hash": coded.weights_hash} | _scalars(coded.weights.metadata),

@@ -21,7 +21,18 @@ PICTURES = ("preview", "predicted", "heatmap", "overlay", "refined", "reference"
 OF_REFERENCE = ("reference", "error")  # those of views with a reference alone
 PRIORITY_NAME = "priority.exr"
 _DEPTHS_WITH_ALPHA = (32, 128)  # bits of a pixel, bytes and floats
+VIEW_TRANSFORM = "Standard"  # of pictures of light, as sRGB: heatmaps and errors are of what they show
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
+
+
+def unlike_view(scene: bpy.types.Scene) -> str:
+    """Say which view transform pictures of light have, which measures need, where the scene's view is another."""
+    view = scene.view_settings
+    plain = view.look == "None" and (view.exposure, view.gamma, view.use_curve_mapping) == (0.0, 1.0, False)
+    if view.view_transform == VIEW_TRANSFORM and plain:
+        return ""
+    shown = f"{view.view_transform} with its settings" if not plain else view.view_transform
+    return f"Pictures are {VIEW_TRANSFORM}, F12 is {shown}"
 
 
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:

@@ -115,7 +115,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     seen = np.max(list(alone.values()), axis=0)
     assert all((alpha > 0.9).sum() > 1 for alpha in alone.values()), {name: item.max() for name, item in alone.items()}
     assert wanted[seen > 0.9].all() and not wanted[seen == 0.0].any()
-    result = drain(run_job(bpy.context, job(weights, None)))
+    result = drain(run_job(bpy.context, job(weights, None, gloss="off")))
     traced, octree = result.views[0], result.coded.octree
 
     def refined(budget: float) -> CyclesView:
@@ -124,6 +124,8 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
 
     view = refined(0.15)
     assert view.mask[wanted].all() and view.warnings == () and view.report["wanted"]["left_share"] == 0.0
+    mist = view.composited[alone["Mist"] > 0.9]
+    assert mist.min() > 0.0, "with its light, which is no diffuse one"
     assert "raise Budget" in refined(0.005).warnings[0]
 
 

@@ -21,10 +21,12 @@ from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, SAMPLES, wo
 from patchnet.operators.cycles.world.plain import world_color
 from patchnet.operators.overlay.textures import texels
 from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.pipeline.views import save_view
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes
+from patchnet.operators.scene_access.images import unlike_view
 from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session import world_maps
 from patchnet.operators.session.scene_session import KeyedMap, session_of
@@ -290,6 +292,45 @@ def test_a_preview_with_a_map_is_that_of_its_pixels(scene: bpy.types.Scene, weig
 def run(**values: object) -> JobResult:
     settings = JobSettings.of(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
     return drain(run_job(bpy.context, settings))
+
+
+def test_pictures_say_which_view_transform_they_have(scene: bpy.types.Scene, weights: Path, tmp_path: Path) -> None:
+    """A pixel of known value in a saved picture is what Blender saves by Standard, whatever the scene's view is."""
+    nodes_of_world(scene)[1].inputs["Color"].default_value = (0.18, 0.5, 0.9, 1.0)
+    bpy.context.view_layer.update()
+    saved = {}
+    for name in ("Standard", "AgX", "Filmic"):
+        scene.view_settings.view_transform = name
+        made = run(weights=weights, exposure=1.0)
+        save_view(made.views[0], tmp_path / name)
+        row, column = np.argwhere(made.views[0].buffers.picture(~made.views[0].buffers.hit))[0]
+        saved[name] = read_png(tmp_path / name / "preview.png")[row, column, :3]
+        assert made.report["view_transform"] == "Standard"
+        assert unlike_view(scene) == ("" if name == "Standard" else f"Pictures are Standard, F12 is {name}")
+        blenders = saved_by_blender(scene, (0.18, 0.5, 0.9), tmp_path / f"{name}.png")
+        assert (np.abs(saved[name] - blenders).max() < 1.5 / 255) == (name == "Standard"), (name, saved[name], blenders)
+    np.testing.assert_array_equal(saved["AgX"], saved["Standard"])
+    scene.view_settings.view_transform, scene.view_settings.exposure = "Standard", 1.0
+    assert unlike_view(scene) == "Pictures are Standard, F12 is Standard with its settings"
+
+
+def saved_by_blender(scene: bpy.types.Scene, light: tuple[float, float, float], path: Path) -> np.ndarray:
+    """Encoded colour (3,) of linear light in a picture that Blender saves by the scene's view."""
+    image = bpy.data.images.new("Known", 4, 4, float_buffer=True)
+    image.pixels.foreach_set(np.tile(np.array([*light, 1.0], np.float32), 16))
+    if hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "IMAGE"
+    scene.render.image_settings.file_format = "PNG"
+    image.save_render(str(path), scene=scene)
+    return read_png(path)[0, 0, :3]
+
+
+def read_png(path: Path) -> np.ndarray:
+    """(H, W, 4) encoded colours of a file."""
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(image.size[1], image.size[0], 4)
 
 
 def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Scene, weights: Path) -> None:
