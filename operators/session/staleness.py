@@ -69,7 +69,9 @@ def _compare(
 ) -> None:
     known = result.known_changes()
     slow = [each for each in updates if each.id.original.session_uid in known and state.is_slow(each.id.original)]
-    if slow:
+    if bpy.app.background:
+        slow = []  # nobody waits, and nobody pauses
+    elif slow:
         look_soon()
     for change in changes(state, scene, [update for update in updates if update not in slow], known):
         result.see(change)
