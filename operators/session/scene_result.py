@@ -95,7 +95,7 @@ class SceneResult:
 
     def mark(self, step: str, what: str, key: Hashable = None) -> None:
         """Mark a step, or the "view", as stale because of `what`; key: what it is, by default its words."""
-        self.reasons.setdefault(step, {})[key or what] = what
+        self.reasons.setdefault(step, {})[what if key is None else key] = what
 
     def known_changes(self) -> set[Hashable]:
         """Keys of what is marked."""

@@ -51,28 +51,20 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if many:
             _recheck_if_quick(result, scene, MANY)
         else:
-            _compare(result, result.state, scene, updates)
+            for change in changes(result.state, scene, updates, result.known_changes()):
+                result.see(change)
         _look_at_layers(result, scene)
     for watch in watches:
         assert watch.state is not None
-        for change in changes(watch.state, scene, updates, ()):
-            watch.changes += [(step, change.text, change.key) for step in change.steps]
+        known = {key for _, _, key in watch.changes}
+        for change in changes(watch.state, scene, updates, known):
+            if change.key not in known:
+                watch.changes += [(step, change.text, change.key) for step in change.steps]
     if estimate is not None and estimate.state is not None:
         for change in changes(estimate.state, scene, updates, list(estimate.stale)):
             estimate.see(change)
         if many:
             estimate.stale[MANY] = MANY
-
-
-def _compare(
-    result: SceneResult, state: SceneState, scene: bpy.types.Scene, updates: list[bpy.types.DepsgraphUpdate]
-) -> None:
-    known = result.known_changes()
-    slow = [each for each in updates if each.id.original.session_uid in known and state.is_slow(each.id.original)]
-    if slow:
-        look_soon()
-    for change in changes(state, scene, [update for update in updates if update not in slow], known):
-        result.see(change)
 
 
 def changes(
@@ -86,6 +78,9 @@ def changes(
     for update in updates:
         block = update.id.original
         if isinstance(block, _MEMBERS):
+            continue
+        if block.session_uid in known and state.is_slow(block) and not bpy.app.background:
+            look_soon()
             continue
         moved = isinstance(block, bpy.types.Object) and update.is_updated_transform and not update.is_updated_geometry
         change = state.compared(scene, block, "moved" if moved else "changed")

@@ -22,16 +22,16 @@ from .gloss_view import place_of_gloss
 
 SURFACE, LIGHT, VIEW = "surface", "light", "view"
 STEPS = (SURFACE, LIGHT, VIEW)  # each needs those after it anew, too
-Key = tuple[str, str]  # type and full name of a data-block
+Named = tuple[str, str]  # word for a kind of data-block, and its name
 _SCENE = 0  # in the place of a session_uid: settings of the scene and its view layer
 
 # Never more than light, whatever refers to them.
 _LIGHT_TYPES = (bpy.types.Light, bpy.types.LightProbe, bpy.types.World, bpy.types.Material)
 _SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"})
 _SHADING = frozenset({"VOLUME", "GREASEPENCIL"})  # without voxels
-_KINDS_OF_OBJECTS = {"CAMERA": "Camera object", "LIGHT": "Light object", "LIGHT_PROBE": "Light object"}
-_WORDS = {"Material": "material", "World": "world", "Image": "image", "ShaderNodeTree": "node group"}
-_WORDS_OF_OBJECTS = {"Camera object": "camera", "Light object": "lamp"}
+_WORDS = {"CAMERA": "camera", "LIGHT": "lamp", "LIGHT_PROBE": "lamp"}  # by type of object
+_OWN_WORDS = {bpy.types.Material: "material", bpy.types.World: "world", bpy.types.Image: "image",
+              bpy.types.Texture: "texture", bpy.types.ShaderNodeTree: "node group"}  # fmt: skip
 _PASSED_OVER = (bpy.types.Scene, bpy.types.Library, bpy.types.Action, bpy.types.WorkSpace)
 _OF_RENDERS = ("use_simplify", "simplify_subdivision_render", "simplify_child_particles_render", "hair_type")
 _OF_CYCLES = (
@@ -39,7 +39,7 @@ _OF_CYCLES = (
     "transparent_max_bounces", "caustics_reflective", "caustics_refractive", "blur_glossy", "use_fast_gi",
     "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree",
 )  # fmt: skip
-_SETTINGS = "world or render settings changed"
+_SETTINGS = "world or render settings", ""
 _NEIGHBOURS = 4  # so far is followed what data-blocks refer to, to tell two apart that have the same values
 _SLOW_S = 0.02
 
@@ -55,10 +55,10 @@ class Change(NamedTuple):
 class _Entry(NamedTuple):
     """One data-block: `main` counts for `step`, `look`, how it looks in light, never for more than light.
 
-    owner: session_uid of the object through which it was found. seconds: what its hashes took.
+    named: None where the object says more, through which it was found: `owner`, a session_uid. seconds: of its hashes.
     """
 
-    key: Key
+    named: Named | None
     owner: int
     step: str
     main: Part
@@ -93,12 +93,10 @@ class SceneState:
     def identity(self, *more: object) -> str:
         """32 hex digits over all of it but the cameras, and over `more`; the same in each process."""
         lit = {uid: entry for uid, entry in self.entries.items() if entry.step != VIEW}
-        marks = {uid: _short(entry.key[0], entry.main.text, entry.look.text) for uid, entry in lit.items()}
+        marks = {uid: _short(entry.main.text, entry.look.text) for uid, entry in lit.items()}
+        near = {uid: (uid, *entry.main.references, *entry.look.references) for uid, entry in lit.items()}
         for _ in range(_NEIGHBOURS):
-            marks = {
-                uid: _short(marks[uid], *(marks.get(other, "") for part in entry[3:5] for other in part.references))
-                for uid, entry in lit.items()
-            }
+            marks = {uid: _short(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
         digest = Digest()
         digest.text(sorted(marks.values()), sorted((marks[uid], repr(how)) for uid, how in self.shown.items()))
         digest.text(self.layer, self.frame, *more)
@@ -109,9 +107,11 @@ class SceneState:
         found = self._differences_of_shown(now.shown, scene)
         for uid, before in self.entries.items():
             after = now.entries.get(uid)  # what refers to others changed, too
-            step = before.step if after is None else min(before.step, after.step, key=STEPS.index)
-            if after is not None and (steps := before.changed_steps(after, step)):
-                found.append(Change(uid, steps, self._words(scene, uid, before, "changed")))
+            if after is None:
+                continue
+            if steps := before.changed_steps(after, min(before.step, after.step, key=STEPS.index)):
+                named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
+                found.append(Change(uid, steps, _text(named, "changed")))
         lasting = [change for change in found if change.steps != (VIEW,)]
         return lasting if lasting and self.identity() != now.identity() else []
 
@@ -133,7 +133,8 @@ class SceneState:
         if isinstance(block, bpy.types.Object) and step == LIGHT and _has_voxels(block, self.chosen):
             step = SURFACE
         steps = before.changed_steps(before._replace(main=main, look=look), step)
-        return Change(block.session_uid, steps, self._words(scene, block.session_uid, before, verb) if steps else "")
+        text = _text(_named(block) or self._owner(scene, before.owner), verb) if steps else ""
+        return Change(block.session_uid, steps, text)
 
     def is_slow(self, block: bpy.types.ID) -> bool:
         """Return whether to compare a data-block takes too long to do it after each movement of the mouse."""
@@ -153,7 +154,7 @@ class SceneState:
         found = self._differences_of_shown(shown, scene)
         before = self.entries[_SCENE]
         if steps := before.changed_steps(_settings(scene, layer), SURFACE):
-            found.append(Change(_SCENE, steps, _SETTINGS))
+            found.append(Change(_SCENE, steps, _text(_SETTINGS, "changed")))
         return found
 
     @staticmethod
@@ -180,20 +181,17 @@ class SceneState:
                 verb = "was added"
             else:
                 verb = "changed" if before[1] == after[1] else "was hidden" if after[1] else "was shown"
-            key = entry.key if item is None and entry is not None else key_of(item) if item is not None else ("", "")
-            found.append(Change(("shown", uid), (step,), _text(_WORDS_OF_OBJECTS.get(key[0], ""), key[1], verb)))
+            named = (entry and entry.named) if item is None else _named(item)
+            found.append(Change(("shown", uid), (step,), _text(named or _SETTINGS, verb)))
         return found
 
-    def _words(self, scene: bpy.types.Scene, uid: int, entry: _Entry, verb: str) -> str:
-        """Words for a change, which name the object where data-blocks of its own changed."""
-        kind, name = entry.key
-        if uid == _SCENE:
-            return _SETTINGS
-        if word := _WORDS.get(kind, "texture" if kind.endswith("Texture") else ""):
-            return _text(word, name, verb)
-        owner = next((key_of(item) for item in scene.objects if item.session_uid == entry.owner), None)
-        kind, name = owner or (self.entries[entry.owner].key if entry.owner in self.entries else entry.key)
-        return _text(_WORDS_OF_OBJECTS.get(kind, ""), name, verb)
+    def _owner(self, scene: bpy.types.Scene, uid: int) -> Named:
+        """Name an object as it is called now."""
+        known = self.entries[uid].named if uid in self.entries else None
+        item = scene.objects.get(known[1]) if known else None
+        if item is None or item.session_uid != uid:
+            item = next((each for each in scene.objects if each.session_uid == uid), None)
+        return (item and _named(item)) or known or _SETTINGS
 
 
 def scene_state(
@@ -210,8 +208,7 @@ def scene_state(
     if selected:
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
     reader = BlockReader()
-    settings = _settings(scene, view_layer)
-    entries = {_SCENE: settings}
+    entries = {_SCENE: _settings(scene, view_layer)}
     waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {step: [] for step in STEPS}
     for item, _ in found.values():
         waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
@@ -228,7 +225,7 @@ def scene_state(
             at, owner = time.perf_counter(), uid if isinstance(block, bpy.types.Object) else owner
             mine = _at_most(LIGHT, step) if isinstance(block, _LIGHT_TYPES) else step
             main, look, references = reader.parts(block)
-            entries[uid] = _Entry(key_of(block), owner, mine, main, look, time.perf_counter() - at)
+            entries[uid] = _Entry(_named(block), owner, mine, main, look, time.perf_counter() - at)
             animated |= reader.animated and mine != VIEW
             for target, blocks in ((mine, references[0]), (_at_most(LIGHT, mine), references[1])):
                 waiting[target] += [(other, owner) for other in blocks]
@@ -237,16 +234,16 @@ def scene_state(
     return SceneState(entries, shown, view_layer.name, chosen, frame, time.perf_counter() - begun)
 
 
-def key_of(block: bpy.types.ID) -> Key:
-    """Key that a data-block is found by."""
-    kind = type(block).__name__
+def _named(block: bpy.types.ID) -> Named | None:
+    """Word and name for a data-block; None where those of an object that it is a part of say more."""
     if isinstance(block, bpy.types.Object):
-        kind = _KINDS_OF_OBJECTS.get(block.type, kind)
-    return kind, block.name_full
+        return _WORDS.get(block.type, ""), block.name_full
+    return next(((word, block.name_full) for kind, word in _OWN_WORDS.items() if isinstance(block, kind)), None)
 
 
-def _text(word: str, name: str, verb: str) -> str:
-    return f"{word} '{name}' {verb}".lstrip()
+def _text(named: Named, verb: str) -> str:
+    word, name = named
+    return f"{word} '{name}' {verb}".lstrip() if name else f"{word} {verb}"
 
 
 def _at_most(most: str, step: str) -> str:
@@ -274,23 +271,21 @@ def _shown(
 
     With values that count for renders alone: Blender reports no change of them.
     """
-    found: dict[int, bpy.types.Object] = {}
-    flags: dict[int, set[tuple[bool, ...]]] = {}
-    stack = [(layer.layer_collection, (False,) * 4)]
+    found: dict[int, tuple[bpy.types.Object, set[tuple[bool, ...]]]] = {}
+    stack = [(layer.layer_collection, (False,) * 3)]
     while stack:
         item, above = stack.pop()
         if item.exclude or item.collection.hide_render:
             continue
         hidden = item.hide_viewport or item.collection.hide_viewport
-        own = tuple(map(max, above, (item.holdout, item.indirect_only, hidden, False)))
+        flags = tuple(map(max, above, (item.holdout, item.indirect_only, hidden)))
         for each in item.collection.objects:
             if _counts(each):
-                found[each.session_uid] = each
-                flags.setdefault(each.session_uid, set()).add(own)
-        stack.extend((child, own) for child in item.children)
+                found.setdefault(each.session_uid, (each, set()))[1].add(flags)
+        stack.extend((child, flags) for child in item.children)
     return {
-        uid: (item, (sorted(flags[uid]), item.hide_get(view_layer=layer), *_unreported(item)))
-        for uid, item in found.items()
+        uid: (item, (sorted(flags), item.hide_get(view_layer=layer), *_unreported(item)))
+        for uid, (item, flags) in found.items()
     }
 
 
@@ -311,7 +306,7 @@ def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
         light.text(*(getattr(owner, key, None) for key in keys))
     for key in ("material_override", "world_override"):
         light.block(getattr(layer, key, None))
-    return _Entry(("", "scene"), 0, SURFACE, surface.part(), light.part())
+    return _Entry(_SETTINGS, 0, SURFACE, surface.part(), light.part())
 
 
 def _counts(item: bpy.types.Object) -> bool:

@@ -8,7 +8,7 @@ import bmesh
 import bpy
 import pytest
 
-from patchnet.operators.session import results, staleness
+from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.scene_state import scene_state
@@ -264,6 +264,13 @@ TABLE: dict[str, tuple[Callable[[], Actions], Marks]] = {
 }
 
 
+# Of which Blender says nothing: they are seen when the panel is drawn, and before a job or a render.
+SILENT = {
+    "levels of a render", "resolution of a rendered curve", "resolution of rendered metaballs", "bounces of light",
+    "children of rendered hair", "steps of rendered hair",
+}  # fmt: skip
+
+
 def full() -> None:
     """The richer scene with an object of each kind that the table speaks of; meshes have names of their own."""
     richer()
@@ -303,22 +310,19 @@ def test_table_of_what_is_said_and_taken_back() -> None:
         change, back = actions()
         change()
         bpy.context.view_layer.update()
-        look_soon_in_background()
+        if name in SILENT:
+            look_again(result(), bpy.context.scene)
         found = {step: result().why(step) for step in sorted(result().stale)}
         if found.keys() != expected.keys() or any(expected[step] not in found[step] for step in expected):
             wrong.append((name, "said", found, "for", expected))
         back()
         bpy.context.view_layer.update()
-        look_soon_in_background()
+        if name in SILENT:
+            look_again(result(), bpy.context.scene)
         if result().stale:
-            wrong.append((name, "kept", result().reasons))
+            wrong.append((name, "kept", str(result().reasons)))
             look_again(result(), bpy.context.scene)
     assert not wrong, "\n".join(map(str, wrong))
-
-
-def look_soon_in_background() -> None:
-    """Do what a window does once its panel was drawn and the user pauses."""
-    staleness.look()
 
 
 def move_vertex(name: str) -> None:
