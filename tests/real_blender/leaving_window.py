@@ -101,7 +101,7 @@ def rendered(engine: str) -> clicks.Session:
     scene, ended = clicks.window().scene, []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
     bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
-    yield from start(2 if engine == "CYCLES" else 3)
+    yield from start(2)
     scene.render.engine, scene.cycles.samples = engine, 512
     begun = time.monotonic()
     with bpy.context.temp_override(window=clicks.window()):
@@ -112,9 +112,10 @@ def rendered(engine: str) -> clicks.Session:
     while not ended:
         notes.add(display.progress.note)
         yield 0.05
-    before = [running(), *ended]
-    yield from clicks.wait_for(lambda: not running(), "the job ends", 240.0)
-    seen[f"rendered by {engine}"] = {"then": before, "notes": sorted(notes - {""}), "told": heard.told[-1:]}
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "the bake goes on", 120.0)
+    seen[f"rendered by {engine}"] = {"then": [running(), *ended], "notes": sorted(notes - {""})}
+    yield from clicks.key("ESC", *clicks.over_viewport())
+    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
     for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
         handlers.pop()
     scene.render.engine, scene.cycles.samples = "CYCLES", 64
