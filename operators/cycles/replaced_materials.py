@@ -33,7 +33,7 @@ def replaced_materials(
 @contextmanager
 def _replaced(material: bpy.types.Material, change: Callable[[bpy.types.Material, str], None]) -> Iterator[None]:
     """Put a changed copy in the place of a material, wherever it is used."""
-    with temporary(material.copy()) as copy:
+    with temporary(material.copy(), material) as copy:
         change(copy, material.name)
 
         def use() -> None:

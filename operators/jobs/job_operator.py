@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
-from ...patchnet_addon.runtime.errors import FileAccessError, PatchNetError, StoppedError
+from ...patchnet_addon.runtime.errors import FileAccessError, FilesGoneError, PatchNetError, StoppedError
 from ...patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
 from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
@@ -207,8 +207,8 @@ class JobOperator(_Operator):
         except PatchNetError as error:
             tell(self, "ERROR", str(error))
             self._outcome = {"CANCELLED"}
-        except OSError as error:
-            explained = FileAccessError.of(error)
+        except (ImportError, OSError) as error:
+            explained = FilesGoneError.of(error) or (FileAccessError.of(error) if isinstance(error, OSError) else None)
             if explained is None:
                 raise
             tell(self, "ERROR", str(explained))

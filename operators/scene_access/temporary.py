@@ -31,9 +31,13 @@ _FOLDER = re.compile(r"blender_\w{6}")  # without one of its own, Blender names 
 
 
 @contextmanager
-def temporary(block: Block) -> Iterator[Block]:
-    """Create a data-block that is removed after the block of code, unless opening another file has done so."""
-    block.is_runtime_data = block[_MARK] = True
+def temporary(block: Block, instead_of: bpy.types.ID | None = None) -> Iterator[Block]:
+    """Create a data-block that is removed after the block of code, unless opening another file has done so.
+
+    instead_of: what users of the block get back where a step of undo has it.
+    """
+    block.is_runtime_data = True
+    block[_MARK] = instead_of or True
     collection = getattr(bpy.data, _COLLECTIONS[type(block).__name__])
     try:
         yield block
@@ -93,6 +97,8 @@ def _leftovers_go(*_: object) -> None:
         for name in _COLLECTIONS.values():
             collection = getattr(bpy.data, name)
             for block in [block for block in collection if _MARK in block]:
+                if isinstance(block[_MARK], bpy.types.ID):
+                    block.user_remap(block[_MARK])
                 collection.remove(block)
         sync_view_layers()
 

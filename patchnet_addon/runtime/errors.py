@@ -50,6 +50,18 @@ class FileAccessError(PatchNetError):
         return cls(f"{' and '.join(names)}: {cause.strerror}; see that it can be reached, and that its disk has room")
 
 
+class FilesGoneError(PatchNetError):
+    """Libraries that come with PatchNet are gone: Blenders share a folder of them, and one of them has emptied it."""
+
+    @classmethod
+    def of(cls, cause: ImportError | OSError) -> FilesGoneError | None:
+        """Sentence for a library that cannot be imported any more, else None."""
+        text = f"{getattr(cause, 'name', '')} {cause}"
+        if "numba" not in text and "llvmlite" not in text:
+            return None
+        return cls(f"PatchNet's files have been removed by another Blender: restart Blender ({cause})")
+
+
 class FileFormatError(PatchNetError):
     """A file is missing, foreign, damaged or of a newer version; the message names file and cause."""
 

@@ -5,11 +5,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake import bake_luminance, baker
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import assert_agrees, compare, lamp, material, shader, shown, simple, slab
+from patchnet.tests.blender.light_scene import assert_agrees, compare, grey, lamp, material, shader, shown, simple, slab
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -112,3 +112,24 @@ def test_bumps() -> None:
     slab(paint=surface)
     lamp("SUN", 3.0, angle=0.0).rotation_euler.y = 0.6
     assert_agrees(compare(), contrast=0.1)
+
+
+def test_a_page_in_many_calls_has_the_same_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in range(6):
+        slab(f"Slab {number}", grey(), low=(-1.0 + 0.3 * number, -1.0))
+    lamp("POINT", 50.0)
+    bpy.context.view_layer.update()
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    light, calls, run = LightSettings(samples=4), [], baker.bake_now
+
+    def counted(*arguments: object) -> None:
+        calls.append(arguments)
+        run(*arguments)
+
+    monkeypatch.setattr(baker, "bake_now", counted)
+    whole = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
+    once = len(calls)
+    monkeypatch.setattr(baker, "most_paths", lambda _count: 1024)
+    parts = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
+    assert whole.any() and np.array_equal(parts, whole)
+    assert len(calls) - once > 3 * once

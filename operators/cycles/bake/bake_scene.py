@@ -27,6 +27,8 @@ _NAME = "PatchNet Bake"
 # without one a page with both its halves is one tile, and what stops a command does not ask Cycles. The bits are the
 # same.
 _TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
+# Beside a window: some seconds of work, and about four times what it takes to read the scene.
+_LEAST_PATHS, _PATHS_A_TRIANGLE = 1 << 21, 8
 
 
 @contextmanager
@@ -59,6 +61,11 @@ def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *,
     scene.render.engine, scene.cycles_curves.shape = "CYCLES", "RIBBONS"
     for name, value in values.items():
         setattr(scene.cycles, name, value)
+
+
+def most_paths(triangle_count: int) -> float:
+    """Paths of one bake call: beside a window calls are short, because nothing stops one for a render or an undo."""
+    return max(_LEAST_PATHS, _PATHS_A_TRIANGLE * triangle_count) if window_is_alive() else np.inf
 
 
 def tile_side() -> int:

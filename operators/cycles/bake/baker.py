@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
-from .bake_scene import bake_scene, page_image, page_mesh, page_object, set_cycles
+from .bake_scene import bake_scene, most_paths, page_image, page_mesh, page_object, set_cycles
 from .closed_runs import ClosedPieces
 from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
 from .light_links import lit_as
@@ -185,13 +185,27 @@ class Baker:
             for what in (_DIFFUSE, _GLOSSY, _THROUGH):
                 chosen = self._translucent if what.through else self._with_gloss == what.gloss
                 front, back = (part.only(chosen[part.materials]) for part in linked)
-                if not len(front) and not len(back):
-                    continue
-                for index, side in enumerate((yield from self._bake(page, front, back, links, what, at))):
-                    if what.through:
-                        side[:, 1] = 0.0  # opacity counts once
-                    sides[index] += side
+                for fronts_now, backs_now in self._calls(page, front, back):
+                    baked = yield from self._bake(page, fronts_now, backs_now, links, what, at)
+                    for index, side in enumerate(baked):
+                        if what.through:
+                            side[:, 1] = 0.0  # opacity counts once
+                        sides[index] += side
         return sides
+
+    def _calls(
+        self, page: int, fronts: PageTriangles, backs: PageTriangles
+    ) -> Iterator[tuple[PageTriangles, PageTriangles]]:
+        """Divide what is baked on a page into calls of as many paths as `most_paths` says, or of one triangle."""
+        from ....patchnet_addon.lightmap.chart_lookup import texel_owners
+
+        texels = np.bincount(texel_owners(self._charts, page) + 1, minlength=len(self._charts.page) + 1)[1:]
+        triangles = np.concatenate([fronts.triangles, backs.triangles])
+        paths = np.cumsum(texels[triangles]) * int(self._charts.page_samples[page])
+        call = np.floor_divide(paths, most_paths(self._source.triangle_count)).astype(np.int64)
+        for number in np.unique(call):
+            now = call == number
+            yield fronts.only(now[: len(fronts)]), backs.only(now[len(fronts) :])
 
     def _bake(
         self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, what: _Passes, at: Progress

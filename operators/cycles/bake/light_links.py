@@ -33,7 +33,7 @@ def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
 def _with_member(
     collection: bpy.types.Collection, item: bpy.types.Object, state: str
 ) -> Iterator[bpy.types.Collection]:
-    with temporary(bpy.data.collections.new("PatchNet Bake")) as copy:
+    with temporary(bpy.data.collections.new("PatchNet Bake"), collection) as copy:
         for member, its_state in (members(collection) | {item: state}).items():
             copy.objects.link(member)
             copy.collection_objects[-1].light_linking.link_state = its_state

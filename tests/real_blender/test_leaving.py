@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Leaving in the middle of a bake: what leaving_window.py saw, and what quit.blend holds."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+
+PATIENCE_S = 60.0  # for what takes a second or two; the bake that is left would take hours
+LEAVES = ("disabled", "undone", "deleted scene", "other file")
+
+
+@pytest.fixture(scope="module")
+def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
+    """Report of leaving_window.py."""
+    folder = out / "leaving-temp"
+    folder.mkdir()
+    more = {"PATCHNET_PAGE_SIDE": "256", "TMPDIR": str(folder)}
+    blender = Blender(installed.prefix, installed.program, installed.environment | more)
+    script = Path(__file__).with_name("leaving_window.py")
+    done = blender.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=900.0)
+    ended, said = time.time(), done.stdout + done.stderr
+    (out / "leaving.log").write_text(said)
+    found: dict = json.loads((out / "leaving.json").read_text())
+    assert found["problem"] == "stopped after all", found["problem"]
+    assert done.returncode == 0 and "Traceback" not in said and "Saved session recovery" in said, said
+    return found | {"seconds to quit": ended - found["quits at"]}
+
+
+def test_leaving_takes_a_moment_and_leaves_nothing(seen: dict) -> None:
+    assert {name: seen[name]["changed"] for name in LEAVES} == {name: {} for name in LEAVES}
+    assert max(seen[name]["seconds"] for name in ("disabled", "other file")) < PATIENCE_S
+    assert seen["seconds to quit"] < PATIENCE_S
+    assert seen["deleted scene"]["told"] == ["The scene that was worked on is gone: open it and start again"]
+
+
+def test_quit_blend_is_the_users_own(seen: dict, installed: Blender, out: Path) -> None:
+    values = "s.render.engine, s.cycles.samples, s.cycles.use_sample_subset, s.cycles.sample_clamp_indirect"
+    receivers = "s.objects['Sun'].light_linking.receiver_collection.name"
+    ours = "[item.name for kind in (bpy.data.objects, bpy.data.scenes, bpy.data.materials) for item in kind]"
+    line = f"import bpy, json; s = bpy.data.scenes['Scene']; print('is:', json.dumps([{values}, {receivers}, {ours}]))"
+    done = installed.run("-b", "--factory-startup", out / "leaving-temp" / "quit.blend", "--python-expr", line)
+    said = next(line for line in done.stdout.splitlines() if line.startswith("is: "))
+    *settings, names = json.loads(said.removeprefix("is: "))
+    assert settings == ["CYCLES", 64, False, 10.0, "Receivers"]
+    assert [name for name in names if "PatchNet" in name] == []
+
+
+def test_renders_come_first_and_the_job_goes_on(seen: dict) -> None:
+    """PatchNet's own engine has nothing to render before the first bake, and says so."""
+    for engine, end in (("CYCLES", "complete"), ("PATCHNET", "cancel")):
+        rendered = seen[f"rendered by {engine}"]
+        assert rendered["then"] == ["Preview Selection", end]
+        assert rendered["notes"] == ["waits for Blender's render"]
