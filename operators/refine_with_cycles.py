@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from .pipeline.cycles_regions import CyclesView
 
 
+_READING_S = 5.0  # that Cycles takes for a small scene before it renders, about
+
+
 class PATCHNET_OT_refine_with_cycles(
     CameraProperties, ViewProperties, CyclesRefineProperties, CodesJob, bpy.types.Operator
 ):
@@ -44,8 +47,8 @@ class PATCHNET_OT_refine_with_cycles(
         check_light(octree)
         width, height = camera_size_px(context.scene, settings.view.size)
         work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
-        time = JobTime()
-        time.expect(Rates().seconds({name: work[name] for name in ("views", "cycles")}))
+        time, seconds = JobTime(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
+        time.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
         seen = yield from with_time(look(context, settings, compare=settings.view.reference), time, lambda: "views")
         refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
         view = yield from with_time(refining, time, lambda: "cycles")

@@ -80,7 +80,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
             (
                 OPEN_WINDOW,
                 "Image Editor or New Window",
-                "An Image Editor that is open and shows nothing of your own, else a new window as for renders",
+                "An Image Editor that is open and shows nothing of your own, else a new window, not over the viewport",
             ),
             (OPEN_EDITOR, "Open Image Editor", "An Image Editor that is open and shows nothing of your own"),
             (OPEN_NEVER, "Nowhere", "Pictures are among the images, and come up nowhere"),

@@ -32,8 +32,8 @@ CALLS = {
     "weights=WEIGHTS, out=OUT + '/frames', skip_existing=True",
 }
 LAST = {"copy_diagnostics": "", "add_demo_scene": ""}  # another scene is shown in the end
-# test_preferences.py, on a cache of its own; test_cycles_refine.py, with light that was baked
-ELSEWHERE = {"clear_cache", "refine_with_cycles"}
+# test_preferences.py, on a cache of its own; test_cycles_refine.py, with light that was baked; test_panel.py
+ELSEWHERE = {"clear_cache", "refine_with_cycles", "show_picture"}
 # Not without a window; tests/real_blender/test_overlay.py tries them.
 WINDOW = {"toggle_overlay", "drag_wipe", "inspect_pixels"}
 PREPARE = """

@@ -113,7 +113,7 @@ def test_a_setting_stands_in_one_group() -> None:
         (
             ComputeSettings,
             {"network_device": "TPU"},
-            r"The network's device \(Network On, --device\) 'tpu' is unknown: choose auto, cpu, cuda",
+            r"The network's device \(Network On\) 'tpu' is unknown: choose auto, cpu, cuda",
         ),
         (ComputeSettings, {"memory_bytes": 1}, "is outside"),
         (

@@ -24,6 +24,7 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Se
     header.label(text=counted(len(notes), "Note"), icon="INFO")
     if body is None:
         return
+    notes = sorted(notes, key=lambda text: not named_settings(text))  # those first that a button helps
     for text in notes[:_MOST]:
         draw_todo(body.box(), context, text, "NONE")
     if len(notes) > _MOST:
