@@ -12,7 +12,6 @@ from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
-from .scene.cameras import cameras_key
 from .schema.table import SELECTED
 from .session import results
 from .session.scene_result import SceneResult
@@ -37,6 +36,7 @@ class PATCHNET_OT_run_all(
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Run of the job what is stale, keep its results, show the first camera's pictures."""
+        from .pipeline.lit_octree import cameras_key
         from .pipeline.run import run_job
 
         self._file, self._goes_on, scene = settings.out, settings.light.is_baked, context.scene
@@ -70,6 +70,7 @@ class PATCHNET_OT_run_all(
 
 def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     """What need not be made again of what is there; None where voxels have to be."""
+    from .pipeline.lit_octree import cameras_key
     from .pipeline.run import Before
 
     scene = context.scene

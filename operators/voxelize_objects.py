@@ -10,7 +10,6 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
-from .scene.cameras import cameras_key
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
@@ -25,7 +24,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree in the surface's own colour, and keep it."""
-        from .pipeline.lit_octree import Recipe, build_lit_octree
+        from .pipeline.lit_octree import Recipe, build_lit_octree, cameras_key
 
         clock = StageClock()
         made = yield from build_lit_octree(context, settings, clock, recipe=Recipe(unlit=True))

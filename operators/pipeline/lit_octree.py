@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -160,6 +160,15 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
     if settings.surface.has_given_depth:
         return []
     return (yield from looking_cameras(context.evaluated_depsgraph_get(), *wanted, source))
+
+
+def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
+    """Key of the cameras that a depth is found for, whatever the surface; "" where it is given. Raises SceneError."""
+    if settings.surface.has_given_depth:
+        return ""
+    wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
+    cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)
+    return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])
 
 
 def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> SceneState:

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import astuple, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -21,9 +20,6 @@ from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..scene_access.temporary import sync_view_layers, temporary
-
-if TYPE_CHECKING:
-    from ..settings.job_settings import JobSettings
 
 ALL = "all"
 AUTO = "auto"
@@ -231,15 +227,6 @@ def choose_cameras(
     size_px = camera_size_px(scene, size)
     numbered = {name: numbered_camera(name, size_px) for name in chosen if name not in cameras}
     return [numbered.get(name) or replace(_view(cameras[name], depsgraph, size), name=name) for name in chosen]
-
-
-def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
-    """Key of the cameras that a depth is found for, whatever the surface; "" where it is given. Raises SceneError."""
-    if settings.surface.has_given_depth:
-        return ""
-    wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
-    cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)
-    return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])
 
 
 def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:
