@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
-from ..scene.cameras import AUTO, looking_cameras, track_cameras
+from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
 from ..scene.precision import thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
