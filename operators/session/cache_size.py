@@ -25,7 +25,7 @@ _OCTREE_FILE = re.compile(r"notes\.json|(octree|codes|layout)\.safetensors")
 
 @dataclass(frozen=True)
 class CacheSize:
-    """Bytes of compiled kernels, of pages and light of bakes, and of finished octrees with their codes."""
+    """Bytes of compiled kernels, of pages of bakes, and of finished octrees with their codes."""
 
     kernels: int = 0
     bakes: int = 0
@@ -44,8 +44,7 @@ class CacheSize:
 
 def cache_size(root: Path) -> CacheSize:
     """Size of what is ours in `root`."""
-    kernels, pages, light, octrees = (sum(_size(path) for path in files(root)) for files in _ALL)
-    return CacheSize(kernels, pages + light, octrees)
+    return CacheSize(*(sum(_size(path) for path in files(root)) for files in _ALL))
 
 
 def kernel_files(root: Path) -> Iterator[Path]:
