@@ -113,6 +113,7 @@ def rendered(engine: str) -> clicks.Session:
         notes.add(display.progress.note)
         yield 0.05
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "the bake goes on", 120.0)
+    yield 1.0
     seen[f"rendered by {engine}"] = {"then": [running(), *ended], "notes": sorted(notes - {""})}
     yield from clicks.key("ESC", *clicks.over_viewport())
     yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
