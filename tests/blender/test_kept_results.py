@@ -67,6 +67,7 @@ def test_saved_elsewhere_and_recovered_files_find_it(file: Path, tmp_path: Path)
 def test_what_no_file_saves_does_not_matter(file: Path, cache: Path) -> None:
     """Blocks without users, as deleted objects leave them, are there when the octree is made, and not in the file."""
     clear_cache(cache)
+    bpy.ops.patchnet.clear_results()
     bpy.data.meshes.new("left over").materials.append(bpy.data.materials.new("left over"))
     assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
     assert reopen(saved(file)) is not None
