@@ -182,7 +182,7 @@ def test_presets_are_undone() -> None:
     current().patchnet.samples = 9
     push("start")
     (folder,) = [path for path in bpy.utils.preset_paths("patchnet") if "operators" in path]
-    bpy.ops.patchnet.apply_preset("EXEC_DEFAULT", True, filepath=f"{folder}/draft.py")
+    bpy.ops.patchnet.apply_preset("EXEC_DEFAULT", True, filepath=f"{folder}/Draft.py")
     assert current().patchnet.samples == 1
     undo()
     assert current().patchnet.samples == 9

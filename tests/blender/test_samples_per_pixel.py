@@ -103,7 +103,7 @@ def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[
     errors = "Error x 10,000: {}, refined {}".format(*map(error_text, result.errors))
     assert errors in "\n".join(drawn(PATCHNET_PT_statistics))
     assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
-    assert "Squared error x 10,000, budget 30%" in drawn(PATCHNET_PT_compare)
+    assert "Eye, 24 x 16: squared error x 10,000, budget 30%" in drawn(PATCHNET_PT_compare)
     assert bpy.ops.patchnet.render_preview(size=SMALL["size"], reference=True, spp=0.0) == {"FINISHED"}, "0 is again"
     assert results.voxels_of(scene).errors == by_share
 

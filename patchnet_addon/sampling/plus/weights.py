@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -101,12 +102,17 @@ def with_estimators(weights: Weights, estimators: Estimators) -> Weights:
     return replace(weights, plus=estimators.arrays(), metadata=weights.metadata | {"plus": plus})
 
 
-@lru_cache(maxsize=2)
+_of_weights: WeakKeyDictionary[Weights, Estimators] = WeakKeyDictionary()  # which go with their weights
+
+
 def estimators_of(weights: Weights | None) -> Estimators:
     """Estimators that came with PatchNet's weights, else those that are shipped; raises WeightsFileError."""
     if weights is None or not weights.plus:
         return shipped_estimators()
-    return _checked(weights.plus, dict(weights.metadata.get("plus", {})), "The estimator in the weights file")
+    if weights not in _of_weights:
+        metadata = dict(weights.metadata.get("plus", {}))
+        _of_weights[weights] = _checked(weights.plus, metadata, "The estimator in the weights file")
+    return _of_weights[weights]
 
 
 def _features() -> dict[str, str]:
