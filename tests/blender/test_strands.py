@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from patchnet.operators.cycles.bake.scene_items import NotFollowedError, change_of, scene_items
 from patchnet.operators.scene import strands
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
@@ -238,18 +237,6 @@ def test_grease_pencil_and_volumes_are_named() -> None:
     slab()
     warnings = read().warnings
     assert len(warnings) == 2 and all("left out, though renders show" in warning for warning in warnings)
-
-
-def test_light_of_changed_hair_is_baked_anew() -> None:
-    """Its box would be that of the mesh alone, and its shadow falls farther."""
-    item = hair_ball()
-    item.show_instancer_for_viewport = item.show_instancer_for_render = False
-    bpy.context.view_layer.update()
-    before = scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False)
-    item.particle_systems[0].settings.hair_length = 2.0
-    bpy.context.view_layer.update()
-    with pytest.raises(NotFollowedError, match="'Ball'"):
-        change_of(before, scene_items(bpy.context.evaluated_depsgraph_get(), daylight=False))
 
 
 def _grow(item: bpy.types.Object) -> None:

@@ -155,6 +155,7 @@ def reports() -> clicks.Session:
     """Blender's report at the end of each page is not shown."""
     editor = clicks.area("PROPERTIES")
     editor.type = "INFO"
+    editor.spaces.active.show_report_info = True
     yield 0.3
     with bpy.context.temp_override(window=clicks.window(), area=editor, region=clicks.region("WINDOW", "INFO")):
         bpy.ops.info.select_all(action="SELECT")
