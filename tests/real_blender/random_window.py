@@ -8,6 +8,7 @@ Writes OUT/random.json, and each step into OUT/random-steps.txt before it is tak
 
 import random
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -29,7 +30,8 @@ CHOICES = {
 }  # fmt: skip
 KEYS = ("G", "R", "S", "X", "H", "A", "TAB", "N", "Z", "DEL", "NUMPAD_0", "NUMPAD_5", "HOME", "SPACE", "RET")
 EDITORS = ("IMAGE_EDITOR", "NODE_EDITOR", "PROPERTIES", "OUTLINER", "VIEW_3D")
-WINDOW_WORK_S = 2.0
+WINDOW_WORK_S = 1.0
+BEGUN = time.monotonic()
 
 visit = Visit("random")
 chance = random.Random(SEED)
@@ -211,7 +213,7 @@ def session() -> clicks.Session:
     yield 0.5
     for number in range(STEPS):
         action = chance.choices(list(OFTEN), list(OFTEN.values()))[0]
-        say(number, action.__name__)
+        say(number, action.__name__, f"{time.monotonic() - BEGUN:.1f} s")
         if any(area.type == "VIEW_3D" for area in clicks.window().screen.areas):
             yield from action()
         else:  # a click made it another editor

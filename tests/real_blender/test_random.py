@@ -5,15 +5,15 @@ import json
 import os
 from pathlib import Path
 
-from patchnet.tests.real_blender.executable import Blender
+from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 STEPS, SEED = os.environ.get("STEPS", "100"), os.environ.get("SEED", "0")
 
 
 def test_clicks_at_random(installed: Blender, courtyard: Path, out: Path) -> None:
     script = Path(__file__).with_name("random_window.py")
-    seconds = 200.0 + 3.0 * int(STEPS)
-    done = installed.run_window(courtyard, "-P", script, "--", out, STEPS, SEED, seconds=seconds)
+    seconds = 300.0 + 5.0 * int(STEPS)
+    done = installed.run_window(courtyard, "-P", script, "--", out, STEPS, SEED, seconds=seconds, screen=SMALL_SCREEN)
     said = done.stdout + done.stderr
     (out / "random.log").write_text(said)
     assert (out / "random.json").exists(), f"Blender crashed: see {out / 'random-steps.txt'} and random.log"
