@@ -111,7 +111,9 @@ def escape() -> clicks.Session:
 
 def job() -> clicks.Session:
     """A button of ours, wherever it stands."""
-    names = [name for name in dir(bpy.ops.patchnet) if not name.startswith("_")]
+    shown = [name for name in dir(bpy.types) if name.startswith("PATCHNET_OT_")]
+    shown = [name for name in shown if "INTERNAL" not in getattr(bpy.types, name).bl_options]
+    names = [name.removeprefix("PATCHNET_OT_") for name in shown]
     called(getattr(bpy.ops.patchnet, chance.choice(names)), "INVOKE_DEFAULT")
     yield chance.random() * WINDOW_WORK_S
 
