@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import bpy
-import numpy as np
 
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import error_text
@@ -49,13 +48,11 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     compare: measure all strategies. Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
-    from .scene.cameras import focus_warnings, looking_cameras
+    from .scene.cameras import focus_warnings, octree_cameras
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
-    bounds = coded.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
-    depsgraph = context.evaluated_depsgraph_get()
     wanted = settings.view
-    camera = (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds, coded.octree))[0]
+    camera = (yield from octree_cameras(context, coded.octree, wanted.cameras, wanted.size))[0]
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
-import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
@@ -25,7 +24,7 @@ from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
-from ..scene.cameras import focus_warnings, looking_cameras
+from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import ViewSettings
@@ -172,12 +171,8 @@ def _compute(
 
     grid = None
     if before is not None:
-        grid, cube = GridChoice(before.octree.grid, before.layout), np.array([[0.0] * 3, [1.0] * 3])
-        bounds_world = before.octree.grid.to_world(cube)
-        depsgraph = context.evaluated_depsgraph_get()
-        cameras[:] = yield from looking_cameras(
-            depsgraph, wanted.cameras, wanted.size, bounds_world, before.octree
-        )
+        grid = GridChoice(before.octree.grid, before.layout)
+        cameras[:] = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
     made: LitOctree | Before
     if before is not None and before.lit:
         made = before
@@ -194,23 +189,19 @@ def _compute(
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
-        with clock.stage("views"):
-            if camera is not cameras[0]:
+        if camera is not cameras[0]:
+            with clock.stage("views"):
                 behind = yield from view_background(context, made.octree, camera, settings)
+        with clock.stage("views"):
             looking = view(coded, camera, wanted, surface.scope, background=behind, meanwhile=meanwhile)
             views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):
-                sun = settings.light.daylight
-                cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=sun)))
+                cycles.append((yield from refine_view(context, views[-1], wanted.cycles, sun=settings.light.daylight)))
             views[-1].report["cycles"] = cycles[-1].report
     unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
-    others = estimators_warning(wanted.strategy, coded.weights)
-    notes = {
-        "octree": made.warnings,
-        "codes": (*coding_warnings, *([others] if others else [])),
-        "view": (*focus_warnings(context.scene, cameras), *unseen),
-    }
+    focus = focus_warnings(context.scene, cameras)
+    notes = {"octree": made.warnings, "codes": coding_warnings, "view": (*focus, *unseen)}
     report = job_report(coded, views, wanted, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
@@ -219,11 +210,15 @@ def _codes(
     made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
 ) -> Steps[tuple[CodedOctree, str, tuple[str, ...]]]:
     """Codes of an octree, those that are there if they fit; who made them; and warnings."""
+    warnings: tuple[str, ...] = ()
     if made is before and before.coded is not None:
-        return before.coded, before.encoder, ()
-    with clock.stage("codes"):
-        coded, encoding = yield from encode(made.octree, weights, settings.compute)
-    return coded, encoding.text, encoding.warnings
+        coded, encoder = before.coded, before.encoder
+    else:
+        with clock.stage("codes"):
+            coded, encoding = yield from encode(made.octree, weights, settings.compute)
+        encoder, warnings = encoding.text, encoding.warnings
+    others = estimators_warning(settings.view.strategy, coded.weights)
+    return coded, encoder, (*warnings, *([others] if others else []))
 
 
 def job_report(

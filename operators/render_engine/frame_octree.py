@@ -69,13 +69,8 @@ def octree_of_frame(
         look_again(result, scene)
     fits = result is not None and (not result.stale or result.is_stale_by_gloss_alone)
     kept = result if fits else None
-    if kept is not None and animation and not still and _is_gloss_of_one_view(kept):
-        if threading.current_thread() is threading.main_thread() and not settings.light.from_camera:
-            kept = None  # else its frame, or all of them, would show another gloss than those that are baked now
-        else:
-            warn(_GLOSS)
-    elif kept is not None and kept.stale:
-        warn(_GLOSS)
+    if kept is not None:
+        kept = _with_its_gloss(kept, settings, warn, moves=animation and not still)
     other_layer = _shows_other_layer(kept, scene, depsgraph.view_layer.name)
     if kept is not None and other_layer:
         if _can_bake(settings):
@@ -101,20 +96,44 @@ def octree_of_frame(
         session.made_frame = KeyedResult(found, key)
         return (yield from _coded(scene, found, settings))
     there = results.result_of(scene)
+    result = yield from _made(depsgraph, camera, settings, warn, there)
+    if result is not there:
+        if key:
+            session.made_frame = KeyedResult(result, key)
+        if not fits:
+            results.keep(scene, result, "octree", "light")
+    return (yield from _coded(scene, result, settings))
+
+
+def _with_its_gloss(
+    kept: SceneResult, settings: JobSettings, warn: Callable[[str], None], *, moves: bool
+) -> SceneResult | None:
+    """Result with a warning where its gloss is of another view; None where it is baked anew. moves: cameras do."""
+    of_one_view = moves and _is_gloss_of_one_view(kept)
+    if of_one_view and threading.current_thread() is threading.main_thread() and not settings.light.from_camera:
+        return None  # else its frame, or all of them, would show another gloss than those that are baked now
+    if of_one_view or kept.stale:
+        warn(_GLOSS)
+    return kept
+
+
+def _made(
+    depsgraph: bpy.types.Depsgraph,
+    camera: Camera,
+    settings: JobSettings,
+    warn: Callable[[str], None],
+    there: SceneResult | None,
+) -> Steps[SceneResult]:
+    """Result of a render's graph, or what is `there`, with a warning, if it cannot be made."""
     try:
-        result = yield from _compute(depsgraph, camera, settings, warn, nothing_there=there is None)
+        return (yield from _compute(depsgraph, camera, settings, warn, nothing_there=there is None))
     except StoppedError:
         raise
     except PatchNetError as error:
         if there is None:
             raise
         warn(f"{error}. {_AS_IT_WAS}")
-        return (yield from _coded(scene, there, settings))
-    if key:
-        session.made_frame = KeyedResult(result, key)
-    if not fits:
-        results.keep(scene, result, "octree", "light")
-    return (yield from _coded(scene, result, settings))
+        return there
 
 
 def _on_disk(depsgraph: bpy.types.Depsgraph, settings: JobSettings, *, still: bool) -> SceneResult | None:

@@ -209,6 +209,15 @@ def looking_cameras(
     return placed or choose_cameras(depsgraph, names, size, bounds_world)
 
 
+def octree_cameras(
+    context: bpy.types.Context, octree: Octree, names: Sequence[str], size: tuple[int, int]
+) -> Steps[list[Camera]]:
+    """Cameras of `looking_cameras` around an octree that is there."""
+    bounds_world = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+    depsgraph = context.evaluated_depsgraph_get()
+    return (yield from looking_cameras(depsgraph, names, size, bounds_world, octree))
+
+
 def choose_cameras(
     depsgraph: bpy.types.Depsgraph,
     names: Sequence[str],

@@ -55,6 +55,7 @@ def trace_view(
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
     from ..tracing.render import fine_rays, hit_colors, node_colors
+    from ..tracing.supersample import supersample_all
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -69,11 +70,7 @@ def trace_view(
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled = None
-    if reference or REFERENCE in needs:
-        from ..tracing.supersample import supersample_all
-
-        sampled = yield from supersample_all(octree, camera)
+    sampled = (yield from supersample_all(octree, camera)) if reference or REFERENCE in needs else None
     return PixelBuffers(
         hits,
         behind=patch.behind,
