@@ -30,7 +30,8 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
 
         before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
         settings, clock = settings.changed(scope=before.scope), StageClock()
-        recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout))
+        chosen = None if before.state is None else before.state.chosen  # whatever is selected now, such as a lamp
+        recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout), chosen=chosen)
         with BakePageCache() as kept:
             made = yield from build_lit_octree(context, settings, clock, kept, recipe)
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}

@@ -12,10 +12,11 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.polls import CodesJob
-from .jobs.tell import tell
+from .jobs.tell import tell_notes
 from .render_preview import look
 from .schema.table import SELECTED
 from .session import results
+from .session.scene_result import SceneResult
 from .session.shown_view import CYCLES_PICTURE
 from .settings.job_settings import JobSettings
 from .ui.properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from .pipeline.cycles_regions import CyclesView
 
 
+_ALL = "Cycles renders all objects, but the voxels are those of the selected ones: choose Objects: Visible for all"
 _READING_S = 5.0  # that Cycles takes for a small scene before it renders, about
 
 
@@ -43,8 +45,7 @@ class PATCHNET_OT_refine_with_cycles(
         from .scene.cameras import camera_size_px
 
         wanted = cycles_settings(context, self)
-        octree, scope = results.codes_of(context.scene).octree, results.voxels_of(context.scene).scope
-        check_light(octree)
+        check_light(results.codes_of(context.scene).octree)
         width, height = camera_size_px(context.scene, settings.view.size)
         work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
         time, seconds = JobTime(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
@@ -53,11 +54,18 @@ class PATCHNET_OT_refine_with_cycles(
         refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
         view = yield from with_time(refining, time, lambda: "cycles")
         overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))
-        for warning in view.warnings:
-            tell(self, "WARNING", warning)
-        if scope == SELECTED:
-            tell(self, "WARNING", "Cycles renders all objects, but the voxels are those of the selected ones")
-        return summary(view)
+        result = results.voxels_of(context.scene)
+        notes = view.warnings + ((_ALL,) if _leaves_out(context.scene, result) else ())
+        result.notes["cycles"] = notes
+        return f"{summary(view)}{tell_notes(self, notes)}"
+
+
+def _leaves_out(scene: bpy.types.Scene, result: SceneResult) -> bool:
+    """Return whether objects with a surface have no voxels, because they were not selected."""
+    from .state.scene_state import with_surface
+
+    chosen = None if result.state is None else result.state.chosen
+    return result.scope == SELECTED and with_surface(scene, chosen) != with_surface(scene, None)
 
 
 def summary(view: CyclesView) -> str:

@@ -40,6 +40,8 @@ class PATCHNET_OT_run_all(
         from .pipeline.run import run_job
 
         self._file, self._goes_on, scene = settings.out, settings.light.is_baked, context.scene
+        there = results.result_of(scene)
+        replaced = _other_objects(context, there) if there and settings.surface.scope == SELECTED else ""
         before = _before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
             result = yield from run_job(context, settings, meanwhile, before)
@@ -58,14 +60,29 @@ class PATCHNET_OT_run_all(
                 state=result.state,
             )
         made = seen(made, first, compared=settings.view.reference)
-        made.seconds, made.notes = made.seconds | result.report["timings_s"], result.notes
+        made.seconds = made.seconds | result.report["timings_s"]
+        made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
         results.keep(scene, made, *steps, settings=settings)
         overlay.show(context, result.views, settings.view)
         errors = "" if first.errors is None else "; {}: error x 10,000 {} -> {}".format(
             first.camera.name, *map(error_text, first.errors)
         )
         where = f", files in {settings.out}" if settings.out else ""
-        return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, result.warnings)}"
+        return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, made.all_notes)}"
+
+
+def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
+    """Sentence if other objects are selected than have voxels, else ""; what has no surface is no choice of another."""
+    from .state.scene_state import with_surface
+
+    if result.state is None:
+        return ""
+    selected = with_surface(context.scene, frozenset(item.session_uid for item in context.selected_objects))
+    before = with_surface(context.scene, result.state.chosen)
+    if not selected or selected == before:
+        return ""
+    count = counted(len(selected), "selected object")
+    return f"Voxels of {count} are there now, of {len(before)} before: choose Objects: Visible for all"
 
 
 def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
@@ -78,8 +95,7 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     if result is None or result.state is None:
         return None
     look_again(result, scene)
-    selected = frozenset(item.session_uid for item in context.selected_objects)
-    others = settings.surface.scope == SELECTED and result.state.chosen != selected & result.state.shown.keys()
+    others = settings.surface.scope == SELECTED and _other_objects(context, result)
     if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
         return None
     if settings.surface.track or result.made_by.get("cameras") != cameras_key(context, settings):

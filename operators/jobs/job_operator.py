@@ -141,7 +141,12 @@ class JobOperator(_Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop when the window closes; Blender calls this. All is as it was then; the next event ends the operator."""
+        """Stop when the window closes; Blender calls this. All is as it was then; the next event ends the operator.
+
+        Blender also calls it where a file selection is left, before anything began.
+        """
+        if JobOperator.in_window is not self:
+            return
         self._outcome = self._outcome or {"CANCELLED"}
         try:
             with quiet():  # what stopping puts back is as it was

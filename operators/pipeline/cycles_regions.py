@@ -30,7 +30,7 @@ from .wanted_pixels import wanted_pixels, wanted_surface
 
 _LEFT = (
     "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
-    "Budget or Regions of Refine with Cycles"
+    "Pixels or Max Regions of Refine with Cycles"
 )
 NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
 

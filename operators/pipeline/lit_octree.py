@@ -46,8 +46,8 @@ class Recipe:
     still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
     depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
     of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut open, None for
-    none; not with a rotation. after_grid: what is done once surface and grid are known. provenance:
-    entries of the octree's file beside its own.
+    none; not with a rotation. chosen: session_uids of objects that count as the selected ones. after_grid: what is done
+    once surface and grid are known. provenance: entries of the octree's file beside its own.
     """
 
     unlit: bool = False
@@ -57,6 +57,7 @@ class Recipe:
     baking: Callable[[], AbstractContextManager[None]] = nullcontext
     rotation: int = 0
     bisect: tuple[int, float] | None = None
+    chosen: frozenset[int] | None = None
     after_grid: Callable[[SceneMesh, GridChoice], Steps[None]] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -96,7 +97,7 @@ def build_lit_octree(
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
-        source = read_scene(depsgraph, settings.surface.scope)
+        source = read_scene(depsgraph, settings.surface.scope, recipe.chosen)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
         state = _state(context, source, settings, recipe)
@@ -178,7 +179,7 @@ def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings,
     seen = seen and bool(baked_with_gloss(source, light.gloss).any())
     scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
     selected = settings.surface.scope == SELECTED
-    return read_state(scene, layer, selected=selected, gloss_from_camera=seen)
+    return read_state(scene, layer, selected=selected, chosen=recipe.chosen, gloss_from_camera=seen)
 
 
 def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:

@@ -177,7 +177,8 @@ def _compute(
     if before is not None and before.lit:
         made = before
     else:
-        recipe = Recipe(cameras=fit_to, after_grid=after_grid, grid=grid)
+        chosen = before.state.chosen if before is not None and before.state is not None else None
+        recipe = Recipe(cameras=fit_to, after_grid=after_grid, grid=grid, chosen=chosen)
         made = yield from build_lit_octree(context, settings, clock, kept, recipe)
     plan.resumed = bool(kept.found)
     with clock.stage("views"):

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import bpy
 
-from ...patchnet_addon.runtime.errors import PatchNetError, StoppedError
+from ...patchnet_addon.runtime.errors import FilesGoneError, PatchNetError, StoppedError
 from .passes import PASSES
 
 ENGINE = "PATCHNET"
@@ -26,10 +28,11 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
     def __del__(self) -> None:
         """Leave what was drawn to the viewport's next engine, which may follow at once."""
-        if self._viewport is not None:
-            from .viewport_handover import leave
+        with suppress(ReferenceError):  # Blender has removed its own part of it, as when it quits
+            if self._viewport is not None:
+                from .viewport_handover import leave
 
-            leave(self._viewport)
+                leave(self._viewport)
 
     def update_render_passes(self, scene: bpy.types.Scene = None, renderlayer: bpy.types.ViewLayer = None) -> None:
         """Tell the compositor which passes there are."""
@@ -38,14 +41,19 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render a frame of a final render."""
-        from .render_frame import render_frame
-
         try:
+            from .render_frame import render_frame
+
             render_frame(self, depsgraph)
         except StoppedError:
             pass  # the user stopped it and knows
         except PatchNetError as error:
             self._fail(str(error))
+        except ImportError as error:
+            gone = FilesGoneError.of(error)
+            if gone is None:
+                raise
+            self._fail(str(gone))
         except MemoryError:
             self._fail("The render ran out of memory: choose fewer pixels or a smaller depth")
 

@@ -43,7 +43,7 @@ _LAYER = (
     "window each layer has its own"
 )
 _AS_IT_WAS = "Until then voxels are shown that do not fit the scene any more"
-_BUTTON = "press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
+_BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
 
 def octree_of_frame(
@@ -193,8 +193,8 @@ def _compute(
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
     if not _can_bake(settings):
-        why = "There are no voxels yet" if nothing_there else "The scene is not what was voxelized and lit"
-        raise SceneError(f"{why}, and Cycles cannot bake while a window renders: {_BUTTON}")
+        why = "there are no voxels yet" if nothing_there else "the scene is not what was voxelized and lit"
+        raise SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")
     scene = depsgraph.scene.original
     weights = load_network(settings.network)
     recipe = Recipe(

@@ -33,17 +33,19 @@ _NO_MATERIAL = ""
 LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
-def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE) -> SceneMesh:
+def read_scene(
+    depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: frozenset[int] | None = None
+) -> SceneMesh:
     """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
-    Raises EmptySelectionError if nothing in scope has a surface, GeometryError if the surface has no area
-    or coordinates that are not finite.
+    chosen: session_uids of objects that count as the selected ones. Raises EmptySelectionError if nothing in scope has
+    a surface, GeometryError if the surface has no area or coordinates that are not finite.
     """
     if scope not in (SELECTED, VISIBLE):
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     reader = _Reader(depsgraph.scene.frame_current_final, hair=depsgraph.view_layer.use_strand)
     with render_geometry(depsgraph):
-        for instance in shown_instances(depsgraph, scope):
+        for instance in shown_instances(depsgraph, scope, chosen):
             reader.add(instance)
     parts, notes = reader.parts()
     notes += reader.left_out()

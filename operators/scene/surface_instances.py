@@ -11,10 +11,13 @@ from ..scene_access.own import is_own
 from ..schema.table import VISIBLE
 
 
-def shown_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.types.DepsgraphObjectInstance]:
+def shown_instances(
+    depsgraph: bpy.types.Depsgraph, scope: str, chosen: frozenset[int] | None = None
+) -> Iterator[bpy.types.DepsgraphObjectInstance]:
     """Instances that show anything of themselves to the camera, in the dependency graph's order.
 
-    SELECTED: selected objects and what they instance. VISIBLE: all that is visible and renders.
+    SELECTED: selected objects, or those `chosen` by session_uid, and what they instance. VISIBLE: all that is visible
+    and renders.
     Valid until the next step of the iteration, as Blender's own iterator. Within `render_geometry`.
     """
     layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
@@ -25,7 +28,8 @@ def shown_instances(depsgraph: bpy.types.Depsgraph, scope: str) -> Iterator[bpy.
         owner = (instance.parent if instance.is_instance else instance.object).original
         if owner.name_full not in rendered or (instance.is_instance and _hidden_instance(instance)):
             continue
-        if scope == VISIBLE or owner.select_get(view_layer=layer):
+        taken = owner.select_get(view_layer=layer) if chosen is None else owner.session_uid in chosen
+        if scope == VISIBLE or taken:
             yield instance
 
 

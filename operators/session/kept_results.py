@@ -192,6 +192,9 @@ def _restore_shown() -> None:
     for scene in {window.scene for window in bpy.context.window_manager.windows}:
         with suppress(PatchNetError):
             restore(scene)
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
 
 
 def register() -> None:

@@ -318,6 +318,11 @@ def _counts(item: bpy.types.Object) -> bool:
     return item.instance_collection is not None or (item.field is not None and item.field.type != "NONE")
 
 
+def with_surface(scene: bpy.types.Scene, chosen: frozenset[int] | None) -> frozenset[int]:
+    """Session_uids of a scene's objects that may have voxels, of those that are chosen."""
+    return frozenset(item.session_uid for item in scene.objects if _has_voxels(item, chosen))
+
+
 def _has_voxels(item: bpy.types.Object, chosen: frozenset[int] | None) -> bool:
     if chosen is not None and item.session_uid not in chosen:
         return False

@@ -64,11 +64,16 @@ def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
 
 
 def read_state(
-    scene: bpy.types.Scene, layer: str = "", *, selected: bool = False, gloss_from_camera: bool = False
+    scene: bpy.types.Scene,
+    layer: str = "",
+    *,
+    selected: bool = False,
+    chosen: frozenset[int] | None = None,
+    gloss_from_camera: bool = False,
 ) -> SceneState:
     """Read the scene's state, which is what the present job reads now.
 
-    selected: selected objects alone have voxels.
+    selected: selected objects alone have voxels, or those `chosen` by session_uid.
     """
     from .scene_state import scene_state
 
@@ -76,7 +81,7 @@ def read_state(
         for item in scene.objects:
             if item.mode == "EDIT":  # what is evaluated shows changes that the data have at its end alone
                 item.update_from_editmode()
-    state = scene_state(scene, layer, selected=selected)
+    state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
     if gloss_from_camera:
         state = state.seen_from_camera(scene)
     watch = _current.get()

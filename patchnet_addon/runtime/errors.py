@@ -51,7 +51,10 @@ class FileAccessError(PatchNetError):
 
 
 class FilesGoneError(PatchNetError):
-    """Libraries that come with PatchNet are gone: Blenders share a folder of them, and one of them has emptied it."""
+    """Libraries that come with PatchNet are not there.
+
+    Blenders share a folder of them, and one of them has emptied it; or the zip was one without libraries.
+    """
 
     @classmethod
     def of(cls, cause: ImportError | OSError) -> FilesGoneError | None:
@@ -59,7 +62,10 @@ class FilesGoneError(PatchNetError):
         text = f"{getattr(cause, 'name', '')} {cause}"
         if "numba" not in text and "llvmlite" not in text:
             return None
-        return cls(f"PatchNet's files have been removed by another Blender: restart Blender ({cause})")
+        return cls(
+            "PatchNet's libraries are gone, as when another Blender removed them: restart Blender, or install the zip "
+            f"for your platform ({cause})"
+        )
 
 
 class FileFormatError(PatchNetError):

@@ -126,7 +126,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     assert view.mask[wanted].all() and view.warnings == () and view.report["wanted"]["left_share"] == 0.0
     mist = view.composited[alone["Mist"] > 0.9]
     assert mist.min() > 0.0, "with its light, which is no diffuse one"
-    assert "raise Budget" in refined(0.005).warnings[0]
+    assert "raise Pixels" in refined(0.005).warnings[0]
 
 
 def test_what_fills_the_picture_is_wanted_from_inside() -> None:

@@ -26,5 +26,5 @@ except RuntimeError as error:
 
 def test_missing_libraries_are_one_sentence() -> None:
     done = subprocess.run([sys.executable, "-c", RUN, "llvmlite"], capture_output=True, text=True, check=False)
-    assert "said: Error: PatchNet's files have been removed by another Blender: restart Blender" in done.stdout
+    assert "said: Error: PatchNet's libraries are gone, as when another Blender removed them" in done.stdout
     assert "Traceback" not in done.stdout + done.stderr

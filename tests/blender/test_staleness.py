@@ -400,6 +400,27 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
     assert made() == (False, False, False), "the depth is found for where the camera stands"
 
 
+def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:
+    """A lamp is what one has selected after one has moved it."""
+    run(scope="SELECTED")
+    before = result().octree.leaf_count
+    for item in bpy.context.selected_objects:
+        item.select_set(False)
+    bpy.data.objects["Lamp"].select_set(True)
+    bpy.data.lights["Lamp"].energy = 9.0
+    bpy.context.view_layer.update()
+    assert bpy.ops.patchnet.bake_light(light="cycles", samples=1) == {"FINISHED"}
+    assert result().octree.leaf_count == before and result().stale == set()
+    bpy.data.lights["Lamp"].energy = 5.0
+    bpy.context.view_layer.update()
+    run(scope="SELECTED")
+    assert result().octree.leaf_count == before and not any("are there now" in text for text in result().all_notes)
+    bpy.data.objects["Slab"].select_set(True)
+    run(scope="SELECTED")
+    assert result().octree.leaf_count < before
+    assert [text for text in result().all_notes if text.startswith("Voxels of 1 selected object are there now")]
+
+
 def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
     """Marked by a change, and disproved by a comparison when a frame is rendered."""
     run()
