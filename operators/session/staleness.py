@@ -77,7 +77,7 @@ def changes(
         yield from _gloss(state, scene)
     for update in updates:
         block = update.id.original
-        if isinstance(block, _MEMBERS):
+        if isinstance(block, _MEMBERS) or getattr(block, "is_editmode", False):  # whose data are empty until its end
             continue
         if block.session_uid in known and state.is_slow(block) and not bpy.app.background:
             look_soon()
@@ -137,7 +137,7 @@ def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
     """Compare all of a scene with what the result was made of: mark what does not fit, and unmark what does."""
     from ..state.scene_state import LIGHT, SURFACE, scene_state
 
-    if result.state is None:
+    if result.state is None or any(item.mode == "EDIT" for item in scene.objects):  # data are empty until its end
         return
     before, now = result.state, scene_state(scene, result.state.layer, result.state.chosen)
     found = before.differences(now, scene)

@@ -10,7 +10,7 @@ import pytest
 
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
-from patchnet.operators.session.staleness import look_again
+from patchnet.operators.session.staleness import look_again, recheck
 from patchnet.operators.state.scene_state import scene_state
 from patchnet.tests.blender.job_scene import SMALL, box, principled, random_weights
 
@@ -398,6 +398,21 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
     assert made() == (True, True, True)
     bpy.data.objects["Eye"].location.y += 2.0
     assert made() == (False, False, False), "the depth is found for where the camera stands"
+
+
+def test_edit_mode_says_nothing_before_its_end() -> None:
+    """Data-blocks are empty meanwhile; what was changed is said afterwards."""
+    run()
+    bpy.context.view_layer.objects.active = bpy.data.objects["Slab"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.context.view_layer.update()
+    recheck(result(), bpy.context.scene)
+    assert result().stale == set()
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.translate(value=(0.1, 0.0, 0.0))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    assert result().why("surface") == "'Slab' changed"
 
 
 def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:
