@@ -184,6 +184,8 @@ def work() -> clicks.Session:
 def extension() -> clicks.Session:
     """The extension goes, and comes back; not in the middle of typing into one of its fields, which Blender forgets."""
     yield from escape()
+    if bpy.app.is_job_running("RENDER"):  # Blender frees all engines when one is unregistered, and crashes by itself
+        return
     called(bpy.ops.preferences.addon_disable, module=PACKAGE)
     yield 0.3
     called(bpy.ops.preferences.addon_enable, module=PACKAGE)
