@@ -67,9 +67,8 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
         )
         result = yield from looking
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
-    before = replace(
-        before, seconds=before.seconds | clock.seconds, notes=before.notes | {"view": result.warnings}
-    )
+    notes = results.without_view(before).notes | {"view": result.warnings}
+    before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
     results.keep(context.scene, seen(before, result, compared=compare), "view")
     overlay.show(context, [result], settings.view)
     return result

@@ -169,9 +169,8 @@ def _compute(
             with clock.stage("first look"):
                 yield from stand_in_look(source, choice, settings, cameras[0], meanwhile)
 
-    grid = None
+    grid = None if before is None else GridChoice(before.octree.grid, before.layout)
     if before is not None:
-        grid = GridChoice(before.octree.grid, before.layout)
         cameras[:] = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
     made: LitOctree | Before
     if before is not None and before.lit:

@@ -71,7 +71,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: Job
 def without_view(result: SceneResult) -> SceneResult:
     """Copy a result without what was found out about a view."""
     made = replace(result, lookahead_share=None, pictures=False, comparison=None, errors=None)
-    made.notes = {step: texts for step, texts in result.notes.items() if step != "view"}
+    made.notes = {step: texts for step, texts in result.notes.items() if step not in ("view", "cycles")}
     made.unmark("view")
     return made
 

@@ -56,7 +56,8 @@ class SceneResult:
     made_with: the scene's settings when each step was done, by step; made_by: keys of the job's, and of the cameras
     that the depth was found for. state: of the scene when it was read for them,
     None where nothing was compared with it.
-    notes: sentences on what was left out or is approximate, by the step that they are of: "octree", "codes", "view".
+    notes: sentences on what was left out or is approximate, by what they are of: "objects", "octree", "codes", "view",
+    "cycles".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 

@@ -17,6 +17,7 @@ from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.wanted_pixels import wanted_pixels, wanted_surface
 from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import COMBINED, CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
@@ -288,6 +289,9 @@ def test_operator_leaves_pictures_and_nothing_else(weights: Path, tmp_path: Path
     assert f"PatchNet {name} cycles error" in bpy.data.images
     drop_result_images()
     assert_unchanged(before)
+    assert "cycles" in results.voxels_of(bpy.context.scene).notes
+    assert bpy.ops.patchnet.render_preview(size=SIZE) == {"FINISHED"}
+    assert "cycles" not in results.voxels_of(bpy.context.scene).notes, "they were of the picture before"
 
 
 def test_light_that_is_not_cycles_is_refused(weights: Path) -> None:
