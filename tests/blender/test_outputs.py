@@ -93,11 +93,11 @@ REFUSED: dict[str, tuple[list[str], str]] = {
     "demo over an octree": (["demo", "--out", "octree"], FOREIGN),
     "verify-light over a report": (["verify-light", "small.blend", "--depth", "4", "--out", "report"], FOREIGN),
     "verify-light over a camera": (["verify-light", "small.blend", "--depth", "4", "--out", "camera"], WAY),
-    "dataset": (["dataset", "octree.safetensors", "--out", "samples"], FOREIGN),
-    "dataset into a file": (["dataset", "octree.safetensors", "--out", "mesh.ply"], WAY),
-    "train over weights": (["train", "octree.safetensors", "--out", "weights"], FOREIGN),
-    "train over a log": (["train", "octree.safetensors", "--out", "log"], FOREIGN),
-    "train over what it reads": (["train", "octree/../weights/patchnet.safetensors", "--out", "weights"], READ),
+    "dataset": (["lab", "dataset", "octree.safetensors", "--out", "samples"], FOREIGN),
+    "dataset into a file": (["lab", "dataset", "octree.safetensors", "--out", "mesh.ply"], WAY),
+    "train over weights": (["lab", "train", "octree.safetensors", "--out", "weights"], FOREIGN),
+    "train over a log": (["lab", "train", "octree.safetensors", "--out", "log"], FOREIGN),
+    "train over what it reads": (["lab", "train", "octree/../weights/patchnet.safetensors", "--out", "weights"], READ),
 }  # fmt: skip
 
 
