@@ -70,8 +70,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
     from ...patchnet_addon.network.weights import load_weights
-    from ...patchnet_addon.sampling.references.registry import EVALUATED
     from ...training.evaluation.second_truth import second_truth_results
+    from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
     settings = _Settings(
@@ -156,9 +156,9 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     import bpy
 
     from ...operators.cycles.halves import render_halves
-    from ...patchnet_addon.sampling.references.registry import EVALUATED
     from ...training.evaluation.scene import CYCLES
     from ...training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
+    from ...training.strategies.registry import EVALUATED
 
     first, second = yield from render_halves(bpy.context, camera, settings.samples)
     exposure = coded.octree.exposure

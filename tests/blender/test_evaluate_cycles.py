@@ -19,7 +19,6 @@ from patchnet.operators.verify_light.octree_light import as_in_octree
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.surface.two_lights import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
@@ -27,6 +26,7 @@ from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.training.evaluation.catalogue import SCENES
 from patchnet.training.evaluation.scene import CYCLES, FOLDER, TEST, TWO_LIGHTS, Scene
+from patchnet.training.strategies.registry import EVALUATED
 
 FILE = "bars.obj"
 DEPTH = 7

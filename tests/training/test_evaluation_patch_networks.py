@@ -13,7 +13,6 @@ from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.training.procedural import spheres_and_slats
@@ -25,6 +24,7 @@ from patchnet.training.evaluation.generalisation_figure import ordered_rows
 from patchnet.training.evaluation.kept_codes import codes_path
 from patchnet.training.evaluation.patch_networks import PatchNetwork, network_strategies, patch_networks
 from patchnet.training.evaluation.scene_codes import SceneFiles, load_scene, make_codes
+from patchnet.training.strategies.registry import EVALUATED
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
 NETWORKS = ("shells", "slats", "without-shells")

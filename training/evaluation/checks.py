@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.sampling.references.registry import STAGED
+from ..strategies.registry import STAGED
 from .curves import BUDGETS, OPTIMAL, RANDOM, TrackErrors
 
 # Sums of the same pixels in another order differ by that much of the frame's whole error.

@@ -13,10 +13,10 @@ from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.ranking import Ranking, rank
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
+from ..strategies.registry import EVALUATED
 from .panels import save_panels, show_picture, show_values
 
 PATTERN_STRATEGIES = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "fine-rays-4", "optimal")

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.sampling.references.registry import EVALUATED, evaluated
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..strategies.registry import EVALUATED, evaluated
 from .networks.strategies import map_strategy
 from .patch_networks import NetworkStrategy, PatchNetwork, network_strategies
 

@@ -15,10 +15,10 @@ from ....patchnet_addon.runtime.bounds import LOOKAHEADS
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.errors import sum_left_after
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ....patchnet_addon.sampling.references.registry import EVALUATED
 from ....patchnet_addon.sampling.refine import refinement_order
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
+from ...strategies.registry import EVALUATED
 from ..patterns import PATTERN_BUDGET
 from .split import found_share
 

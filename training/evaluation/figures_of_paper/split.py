@@ -14,10 +14,10 @@ from ....patchnet_addon.image.tone import gray
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.ranking import Ranking, rank
-from ....patchnet_addon.sampling.references.registry import EVALUATED
 from ....patchnet_addon.sampling.refine import refined_picture
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
+from ...strategies.registry import EVALUATED
 from ..crops import Crop, crops_of_difference
 from ..patterns import PATTERN_BUDGET
 
