@@ -15,8 +15,8 @@ from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.opacity import opacity_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.reference import needed_levels_reference
 from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.tests.references.first_hits import needed_levels_reference
 
 from .octree_samples import random_octree
 

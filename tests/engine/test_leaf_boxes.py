@@ -12,7 +12,6 @@ from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
-from patchnet.patchnet_addon.octree.clip_reference import piece_reference
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds, boxes_reference, unpacked
@@ -22,8 +21,9 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
-from patchnet.patchnet_addon.tracing.reference import first_hits_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.tests.references.clip import piece_reference
+from patchnet.tests.references.first_hits import first_hits_reference
 from patchnet.tests.references.single_rays import single_hits, single_means
 
 from .octree_samples import random_octree, with_boxes

@@ -27,9 +27,9 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.reference import first_hits_reference, needed_levels_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
+from patchnet.tests.references.first_hits import first_hits_reference, needed_levels_reference
 
 LOOKAHEADS = [1, 2, 3]
 HALF = 2.0**-11  # relative rounding of a half float

@@ -10,13 +10,13 @@ from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
-from patchnet.patchnet_addon.octree.clip_reference import clip_reference
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleBatch, TriangleMesh
+from patchnet.tests.references.clip import clip_reference
 
 from .leaf_samples import leaves_of
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patch_rays_reference import render_patches_reference
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.engine.octree_samples import with_boxes
+from patchnet.tests.references.patch_rays import render_patches_reference
 from patchnet.tests.training.procedural import prune, spheres_and_slats
 
 

@@ -7,9 +7,9 @@ import itertools
 
 import numpy as np
 
-from .footprint import CUT_PARTS, MAX_SQUARES, SMALL, SOFT_PARTS
-from .polygon_reference import half_space
-from .textures import CUT_SAMPLES
+from patchnet.patchnet_addon.surface.footprint import CUT_PARTS, MAX_SQUARES, SMALL, SOFT_PARTS
+from patchnet.patchnet_addon.surface.textures import CUT_SAMPLES
+from patchnet.tests.references.clip import half_space
 
 
 def wrapped_reference(index: np.ndarray, size: int, wrap: str) -> tuple[np.ndarray, np.ndarray]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..octree.leaf_boxes import box_bounds
-from ..octree.octree import Octree
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from .brick import brick_nodes
-from .patch_rays import VIEWPORT_PX, PatchRays
+from patchnet.patchnet_addon.codes.brick import brick_nodes
+from patchnet.patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRays
+from patchnet.patchnet_addon.octree.leaf_boxes import box_bounds
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 
 
 def render_patches_reference(

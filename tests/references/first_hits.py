@@ -11,12 +11,12 @@ import itertools
 
 import numpy as np
 
-from ..cells.contract import fits_pixel_of, fitting_level_of
-from ..cells.morton import morton_encode
-from ..octree.leaf_boxes import box_bounds
-from ..octree.octree import Octree
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from .camera import Camera, camera_in_unit_cube
+from patchnet.patchnet_addon.cells.contract import fits_pixel_of, fitting_level_of
+from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.leaf_boxes import box_bounds
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 
 
 def pixel_rays(

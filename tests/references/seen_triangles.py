@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .camera import PERSPECTIVE, Camera
-from .seen_triangles import HEIGHT_PX, WIDTH_PX, SeenTriangles
+from patchnet.patchnet_addon.tracing.camera import PERSPECTIVE, Camera
+from patchnet.patchnet_addon.tracing.seen_triangles import HEIGHT_PX, WIDTH_PX, SeenTriangles
 
 
 def seen_triangles_reference(cameras: Sequence[Camera], corners_world: np.ndarray) -> SeenTriangles:

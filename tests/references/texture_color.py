@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .chroma import BLUE, GREEN, RED
-from .footprint_reference import bilinear_reference
-from .mesh import Fragments, TriangleBatch
-from .textures import WRAP_MODES, MipChains, TextureTable
+from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+from patchnet.patchnet_addon.surface.textures import WRAP_MODES, MipChains, TextureTable
+from patchnet.tests.references.footprint import bilinear_reference
 
 _NAMES = {number: name for name, number in WRAP_MODES.items()}
 

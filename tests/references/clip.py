@@ -7,8 +7,7 @@ import itertools
 
 import numpy as np
 
-from ..cells.morton import morton_encode
-from ..surface.polygon_reference import half_space
+from patchnet.patchnet_addon.cells.morton import morton_encode
 
 
 def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:
@@ -50,3 +49,18 @@ def _share_and_centroid(polygon: list) -> tuple[float, np.ndarray]:
         total += share
         moment += share * (a + b + c) / 3
     return total, moment / total if total > 0 else moment
+
+
+def half_space(polygon: list, axis: int, plane: float, sign: float) -> list:
+    """Part of the polygon with sign * (coordinate - plane) >= 0 (Sutherland and Hodgman)."""
+    kept = []
+    for (a, wa), (b, wb) in zip(polygon, polygon[1:] + polygon[:1], strict=True):
+        da, db = sign * (a[axis] - plane), sign * (b[axis] - plane)
+        if da >= 0:
+            kept.append((a, wa))
+        if (da < 0 < db) or (db < 0 < da):
+            t = da / (da - db)
+            point = a + t * (b - a)
+            point[axis] = plane
+            kept.append((point, wa + t * (wb - wa)))
+    return kept
