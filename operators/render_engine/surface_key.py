@@ -4,18 +4,13 @@
 from __future__ import annotations
 
 import bpy
-import numpy as np
 
-from ..cycles.bake.bake_key import add_surface
-from ..scene.read import read_scene
-from ..scene_access.own import is_own
+from ..scene.fingerprint import SceneFingerprint, composed, has_films
 from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
 from ..settings.job_settings import JobSettings
 from ..state.block_hashes import MOVES_BY_ITSELF
-from ..state.digest import Digest
 
 _STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
-_FILMS = frozenset({"SEQUENCE", "MOVIE"})
 
 
 def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
@@ -23,31 +18,16 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
-    digest = Digest()
-    values = settings.flat()
-    digest.text(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)))
-    for scope in dict.fromkeys((settings.surface.scope, VISIBLE)):  # what is not voxelized shadows nevertheless
-        add_surface(digest, read_scene(depsgraph, scope))
-    digest.block(depsgraph.scene_eval.world)  # `depsgraph.scene` keeps values of the frame that it was left at
-    for instance in depsgraph.object_instances:
-        item = instance.object
-        if item.type == "LIGHT" and not item.hide_render:
-            digest.text(item.name_full)
-            digest.array("matrix", np.array(instance.matrix_world, np.float64))
-            digest.block(item.data)
-        for slot in item.material_slots:
-            if slot.material is not None and not is_own(slot.material):
-                digest.block(slot.material)
-    if any(image.source in _FILMS and image.users for image in bpy.data.images):
-        digest.text(depsgraph.scene.frame_current_final)
-    return digest.hexdigest()
+    values, scene = settings.flat(), SceneFingerprint(depsgraph)
+    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # what is not voxelized shadows nevertheless
+    parts = [*(scene.surface(scope) for scope in scopes), scene.lights()]
+    frame = depsgraph.scene.frame_current_final if has_films() else None
+    return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
 
 
 def may_change(scene: bpy.types.Scene) -> bool:
     """Return whether anything but a camera has keys or drivers, or moves without: else all frames have one surface."""
-    if any(image.source in _FILMS and image.users for image in bpy.data.images):
-        return True
-    if scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
+    if has_films() or scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
         return True
     kinds = (value for name in dir(bpy.data) if _is_collection(value := getattr(bpy.data, name)))
     return any(_is_animated(block) for kind in kinds for block in kind)

@@ -13,9 +13,10 @@ from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.octree.octree import Octree
 from ..cycles.daylight import has_light
 from ..cycles.world.background import SeenWorld, seen_world
+from ..scene.fingerprint import world_hash
 from ..schema.table import CYCLES
 from ..session.scene_session import session_of
-from ..session.world_maps import ask_for_map, world_key
+from ..session.world_maps import ask_for_map
 
 World = np.ndarray | CubeMap | None
 _KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
@@ -71,7 +72,7 @@ class ViewportWorld:
             daylit = baked and not has_light(depsgraph)
             self._known = state, daylit
             seen = seen_world(depsgraph, baked=baked, daylight=daylit)
-            self._key = world_key(seen) if seen.color is None else ""
+            self._key = world_hash(seen.world) if seen.color is None else ""
             self._asked = "" if seen.color is not None else self._asked
             return seen
         return seen_world(depsgraph, baked=self._known[1], daylight=self._known[1])
