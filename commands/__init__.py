@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Command line: `patchnet SUB-COMMAND`, one sub-command a file.
 
-A sub-command NAME is the module `commands/NAME.py`, a hyphen in its name an underscore, with two functions:
+A sub-command NAME is the module `commands/NAME.py`, `patchnet lab NAME` the module `commands/lab/NAME.py`, a hyphen in
+its name an underscore, with two functions:
 
     add_parser(subparsers) -> argparse.ArgumentParser    its arguments and help
     run(args) -> int                                     the work; the exit code
@@ -18,25 +19,7 @@ from types import ModuleType
 from typing import NoReturn
 
 # In the order of the help.
-NAMES: tuple[str, ...] = (
-    "run",
-    "demo",
-    "info",
-    "octree",
-    "export",
-    "verify-light",
-    "furnish",
-    "dataset",
-    "train",
-    "train-networks",
-    "validate",
-    "train-maps",
-    "train-plus",
-    "evaluate",
-    "figures",
-    "evaluate-cycles",
-    "bench",
-)
+NAMES: tuple[str, ...] = ("run", "demo", "octree", "info", "export", "verify-light", "bench", "lab")
 
 EXIT_UNEXPECTED = 1
 EXIT_ERROR = 2
@@ -115,7 +98,7 @@ def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> ar
 
 
 def _with_nested(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """A parser and those of its own sub-commands, such as of each bench."""
+    """A parser and those of its own sub-commands, as `bench` and `lab` have."""
     yield parser
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):

@@ -14,29 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import (
-    bake,
-    decode,
-    denoise,
-    depths,
-    device,
-    encode,
-    first_use,
-    fit,
-    frame,
-    nodes,
-    opening,
-    scene,
-    trace,
-    train,
-    voxel_grids,
-    walkthrough,
-)
+from .benches import bake, decode, device, encode, frame, trace, train, voxelize, walkthrough
 
 BENCHES = {
-    "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
-    "bake": bake, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace,
-    "frame": frame, "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
+    "voxelize": voxelize, "trace": trace, "encode": encode, "decode": decode, "frame": frame, "bake": bake,
+    "walkthrough": walkthrough, "train": train, "device": device,
 }  # fmt: skip
 
 

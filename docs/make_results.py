@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fill tables of results.md and training.md with the numbers of an evaluation.
 
-    patchnet evaluate ... --out out/evaluation
+    patchnet lab evaluate ... --out out/evaluation
     python docs/make_results.py out/evaluation
 
 A table that is of an evaluation has a comment above it. `<!-- tables.md: TITLE -->` names a table of the evaluation's

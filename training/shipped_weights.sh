@@ -18,7 +18,7 @@ mkdir -p "$work/octrees" "$work/scenes"
 furnish() { # NAME KIND SEED LIBRARIES...
     local out=$work/scenes/$1.glb kind=$2 seed=$3
     shift 3
-    [ -e "$out" ] || "$patchnet" furnish "${@/#/$libraries/}" --kind "$kind" --seed "$seed" --out "$out"
+    [ -e "$out" ] || "$patchnet" lab furnish "${@/#/$libraries/}" --kind "$kind" --seed "$seed" --out "$out"
 }
 
 octree() { # NAME SCENE OPTIONS...
@@ -54,16 +54,16 @@ octree san-miguel-turned "$scenes/san_miguel.glb" --depth 10 --light two-lights 
 
 # Scenes to validate on, which are not learned from.
 unseen=(courtyard furnished-room furnished-garden shuttle station sports-car)
-"$patchnet" evaluate --scenes "$(IFS=,; echo "${unseen[*]}")" --prepare --out "$work/unseen"
+"$patchnet" lab evaluate --scenes "$(IFS=,; echo "${unseen[*]}")" --prepare --out "$work/unseen"
 for scene in "${unseen[@]}"; do
     cp -n "$work/unseen/octrees/$scene"-????????????????.safetensors "$work/unseen/$scene.safetensors"
 done
 
 [ -d "$work/unseen-samples" ] ||
-    "$patchnet" dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
+    "$patchnet" lab dataset "$work"/unseen/*.safetensors --samples 240000 --seed 1 --out "$work/unseen-samples"
 resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
-"$patchnet" train "$work"/octrees/*.safetensors --fresh --validate "$work/unseen-samples" --preset improved \
+"$patchnet" lab train "$work"/octrees/*.safetensors --fresh --validate "$work/unseen-samples" --preset improved \
     --encoder-width 128 --passes 256000000 --out "$work/run" $resume
 
 # The estimator of errors, which learns from what these weights say of the octrees.
-"$patchnet" train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"
+"$patchnet" lab train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"

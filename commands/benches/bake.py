@@ -28,8 +28,8 @@ _VIEWS = 8
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench bake`."""
-    parser.add_argument("--scene", required=True, help="scene file; demo: the courtyard; room: a closed room")
-    add_depth(parser)
+    parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
+    add_depth(parser, 7)
     add_number(parser, "--samples", bounds.SAMPLES, default=16, help="paths per texel (16)")
     add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, default=2.0, help="side of a texel in finest voxels (2)")
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ..shared.arguments import add_number
 from ..shared.views import add_views, view_cameras
-from .arguments import add_repeats
+from .arguments import add_octree, add_repeats, given_octree
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
@@ -21,8 +20,7 @@ HELP = "a frame, from camera to priority and picture, against four rays in each 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench frame`."""
-    parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
-    add_number(parser, "--nodes", bounds.NODES, default=3_000_000, help="nodes of the octree that is made (3000000)")
+    add_octree(parser, 1_000_000)
     add_views(parser)
     add_number(parser, "--threads", bounds.THREADS, help="threads (one for each core)")
     add_repeats(parser, 5)
@@ -32,19 +30,16 @@ def measure(args: argparse.Namespace) -> Comparison:
     """Seconds of each view by stage; raises PatchNetError for a file that is no octree."""
     from ...patchnet_addon.codes.encode import encode_octree
     from ...patchnet_addon.network.weights import load_weights
-    from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.runtime.progress import drain
     from ...patchnet_addon.runtime.threads import usable_cores
     from ...training.benchmarks.frames import benchmark_frames
-    from ...training.benchmarks.shells import octree_of_shells
     from ...training.benchmarks.tracing import views_of
 
-    octree = load_octree(args.file) if args.file is not None else octree_of_shells(args.nodes)
+    octree, name = given_octree(args)
     coded = drain(encode_octree(octree, load_weights()))
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
     threads = args.threads or usable_cores()
     results = [benchmark_frames(coded, camera, args.repeats, threads=threads) for camera in cameras]
-    name = args.file.name if args.file is not None else "shells"
     details = {"octree": name, "depth": octree.depth, "frames": [result.as_json() for result in results]}
     return replace(results[0], details=details | results[0].details)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time the tracer against Embree on the same triangles, and against our own rays one at a time."""
+"""Time the tracer against Embree on the same triangles."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...patchnet_addon.runtime import bounds
-from ...patchnet_addon.runtime.errors import SceneError, SettingError
-from ..shared.arguments import add_number
+from ...patchnet_addon.runtime.errors import SceneError
 from ..shared.views import add_views, view_cameras
-from .arguments import add_depth, add_repeats, add_scene, read_triangles
+from .arguments import SHELLS, add_depth, add_repeats, add_scene, add_threads, read_triangles
 
 if TYPE_CHECKING:
     from ...patchnet_addon.octree.octree import Octree
@@ -26,31 +24,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file", type=Path, nargs="?", help="octree file of the scene (its triangles are voxelized at --depth)"
     )
-    add_scene(parser, required=False)
+    add_scene(parser)
     add_depth(parser)
     add_views(parser)
-    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads of ours; Embree has one (1)")
-    parser.add_argument(
-        "--plot", type=Path, help="also draw ours over threads, picture size and depth, to a .png, .svg or .pdf file"
-    )
+    add_threads(parser, "threads of ours; Embree has one")
     add_repeats(parser, 5)
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates in all views; raises PatchNetError without Embree where a scene is given."""
-    from ...training.benchmarks.embree_peer import EmbreeScene, import_embree
-    from ...training.benchmarks.figures import check_figure
-    from ...training.benchmarks.tracing import benchmark_tracing, views_of
-    from ...training.benchmarks.tracing_growth import draw_growth, measure_growth
+    """Rates in all views; raises PatchNetError without Embree, but for an octree file alone, which has no triangles."""
+    from ...training.benchmarks.tracing import EmbreeScene, benchmark_tracing, import_embree, views_of
 
-    if args.scene is None and args.file is None:
-        raise SettingError("There is nothing to trace: give a --scene, an octree file, or both")
-    if args.plot is not None:
-        check_figure(args.plot, [path for path in (args.scene, args.file) if path is not None])
     embree, triangles = None, None
-    if args.scene is not None:
+    if args.scene is not None or args.file is None:
         import_embree()  # before a long scene is read
-        if not args.scene.is_file():
+        if args.scene is not None and not args.scene.is_file():
             raise SceneError(f"Scene file {args.scene} does not exist: check its path")
         triangles = read_triangles(args.scene)
     octree = _octree(args, triangles)
@@ -59,13 +47,8 @@ def measure(args: argparse.Namespace) -> Comparison:
         del triangles
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
     result = benchmark_tracing(octree, cameras, embree, args.repeats, threads=args.threads)
-    name = args.scene.name if args.scene is not None else args.file.name
-    details = {"scene": name, **result.details}
-    if args.plot is not None:
-        details["growth"] = measure_growth(octree, cameras, args.repeats, args.threads)
-        title = f"{name}, depth {octree.depth}, {cameras[0].width_px} x {cameras[0].height_px}"
-        draw_growth(details["growth"], args.plot, title)
-    return replace(result, details=details)
+    given = args.scene or args.file
+    return replace(result, details={"scene": given.name if given else SHELLS, **result.details})
 
 
 def _octree(args: argparse.Namespace, triangles: Any) -> Octree:
@@ -87,8 +70,8 @@ def text(values: dict[str, Any]) -> str:
 
     peer = values["peer_name"] or "no peer"
     head = [
-        "view", "hit", "ours", peer, "ratio", "one by one", "leaves", "with all hits' data", "fine costs",
-        "behind costs", "32x32", "32x32 one by one", "ratio", "visits a ray", "boxes cost, at 32x32",
+        "view", "hit", "ours", peer, "ratio", "leaves", "with all hits' data", "fine costs", "behind costs", "32x32",
+        "visits a ray", "boxes cost, at 32x32",
     ]  # fmt: skip
     rows = [_row(row) for row in values["views"]]
     width, height = values["size"]
@@ -110,14 +93,11 @@ def _row(row: dict[str, Any]) -> list[str]:
         rates["ours"],
         rates.get("embree", ""),
         "" if row["ratio"] is None else f"{row['ratio']:.2f}",
-        rates["single"],
         rates["leaves"],
         rates["picture"],
         f"{row['fine_costs']:.0%}",
         f"{row['behind_costs']:.0%}",
         rates["reference"],
-        rates["single_reference"],
-        f"{row['reference_over_single']:.1f}",
         f"{row['visits_per_ray']:.2f}",
         "" if row["boxes_cost"] is None else f"{row['boxes_cost']:.0%}, {row['boxes_cost_reference']:.0%}",
     ]

@@ -13,7 +13,7 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
-from ..shared.arguments import add_number
+from ..shared.arguments import add_device, add_number
 from ..shared.job_arguments import require_blender
 
 if TYPE_CHECKING:
@@ -29,20 +29,21 @@ _PATH_DEPTH = 7  # of the voxels between which the way is found
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench walkthrough`."""
     parser.add_argument(
-        "--scene", default="demo",
-        help="demo: the courtyard; room; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
-        "(demo)",
+        "--scene", default="room",
+        help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
+        "(room)",
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, default=250, help="frames of the walk (250)")
-    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(960, 540), help="pixels of each (960 540)")
+    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(320, 180), help="pixels of each (320 180)")
     parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
     add_number(parser, "--samples", bounds.SAMPLES, default=4, help="of a baked texel (4)")
-    add_number(parser, "--timed", bounds.REPEATS, default=10, help="frames of PatchNet that are timed (10)")
-    add_number(parser, "--cycles-timed", bounds.REPEATS, default=3, help="frames of Cycles that are timed (3)")
+    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
+    add_number(parser, "--timed", bounds.REPEATS, default=3, help="frames of PatchNet that are timed (3)")
+    add_number(parser, "--cycles-timed", bounds.REPEATS, default=1, help="frames of Cycles that are timed (1)")
     add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, default=32, help="of Cycles' frames (32)")
-    add_number(parser, "--judged", bounds.REPEATS, default=2, help="frames whose errors are measured (2)")
-    add_number(parser, "--error-size", bounds.VIEW_PX, nargs=2, default=(240, 135), help="pixels of these (240 135)")
-    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, default=1024, help="samples that they are judged by (1024)")
+    add_number(parser, "--judged", bounds.REPEATS, default=1, help="frames whose errors are measured (1)")
+    add_number(parser, "--error-size", bounds.VIEW_PX, nargs=2, default=(160, 90), help="pixels of these (160 90)")
+    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, default=256, help="samples that they are judged by (256)")
 
 
 def measure(args: argparse.Namespace) -> Comparison:
@@ -75,8 +76,9 @@ def _settings(args: argparse.Namespace) -> Any:
     from ..shared.job_arguments import depth_of
 
     return JobSettings.of(
-        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=tuple(args.size)
-    )
+        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=tuple(args.size),
+        network_device=args.device,
+    )  # fmt: skip
 
 
 def _scene(name: str) -> str:
@@ -149,6 +151,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
         "frames": args.frames,
         "size": list(args.size),
         "depth": found.depth,
+        "device": args.device,
         "leaves": found.leaves,
         "setup_s": found.setup_s,
         "frames_s": {"patchnet": found.ours_s, "cycles": found.cycles_s},

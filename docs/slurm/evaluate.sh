@@ -4,13 +4,13 @@
 #
 #   PATCHNET_SCENES=/data/scenes SHARES=16 docs/slurm/evaluate.sh OUT --scenes all --every 10
 #
-# OUT: folder that all nodes see; what follows are arguments of `patchnet evaluate`. SHARES: tasks of the array (8).
+# OUT: folder that all nodes see; what follows are arguments of `patchnet lab evaluate`. SHARES: tasks of the array (8).
 # PATCHNET: the command, if it is not on the path. SBATCH_OPTIONS: more options of sbatch, such as a partition.
 set -euo pipefail
 out=$1
 shift
 mkdir -p "$out"
-words="${PATCHNET:-patchnet} $(printf '%q ' evaluate "$@" --out "$out")"
+words="${PATCHNET:-patchnet} $(printf '%q ' lab evaluate "$@" --out "$out")"
 shares=${SHARES:-8}
 read -ra options <<<"${SBATCH_OPTIONS:-}"
 

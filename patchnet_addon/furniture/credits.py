@@ -9,7 +9,7 @@ from .floor_plan import Placement
 from .library import Library
 from .policy import FREE, TEST, TRAIN
 
-HEAD = "# Credits of a scene composed by patchnet furnish"
+HEAD = "# Credits of a scene composed by patchnet lab furnish"
 _USES = {
     TRAIN: "This scene may be used for training.",
     TEST: "This scene is for testing only: nothing is trained on it.",

@@ -30,5 +30,5 @@ def own_piece(kind: str) -> Piece | None:
         return None
     top = None if kind in (kinds.FLOOR_LAMP, kinds.HANGING_LAMP, kinds.PLANT, kinds.SMALL) else _SIZES[kind][2]
     return Piece(
-        f"own {kind}", "", "", kind, _SIZES[kind], top=top, creator="patchnet furnish", licence="GPL-3.0-or-later"
+        f"own {kind}", "", "", kind, _SIZES[kind], top=top, creator="patchnet lab furnish", licence="GPL-3.0-or-later"
     )

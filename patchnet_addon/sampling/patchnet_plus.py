@@ -51,7 +51,7 @@ def estimators_warning(name: str, weights: Weights) -> str | None:
     return (
         f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
         "so its priorities may be worse: choose Strategy: PatchNet Behind, or weights that "
-        "patchnet train-plus has written"
+        "patchnet lab train-plus has written"
     )
 
 

@@ -100,7 +100,7 @@ def test_export_and_info(scene_file: Path, tmp_path: Path, capsys: pytest.Captur
         (["run", "--depth", "deep"], "'auto'"),
         (["run", "--frames", "3-1"], "before the first"),
         (["info", "/nowhere.safetensors"], "/nowhere.safetensors"),
-        (["train", "."], "invalid choice: 'train'"),
+        (["lab", "train", "."], "invalid choice: 'lab'"),
         (["run", "--nonsense"], "--nonsense"),
         ([], "SUB-COMMAND"),
     ],
@@ -167,7 +167,7 @@ def test_interruption_is_code_130(monkeypatch: pytest.MonkeyPatch, capsys: pytes
 def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["--help"]) == 0
     said = capsys.readouterr().out
-    assert "usage: blender --command patchnet" in said and "train" not in said
+    assert "usage: blender --command patchnet" in said and " lab " not in said
     assert execute(["run", "--help"]) == 0
     assert "--log-format" in capsys.readouterr().out
 

@@ -80,7 +80,8 @@ def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys:
     pytest.importorskip("matplotlib")
     out, scenes = tmp_path / "out", {name: scenes[name] for name in ("bars", "bars-cut")}
     given = [word for scene in scenes.values() for word in ("--octree", f"{scene.name}={octree_file(scene, tmp_path)}")]
-    assert commands.main(["evaluate-cycles", "--scenes", ",".join(scenes), *given, *WORDS, "--out", str(out)]) == 0
+    words = ["lab", "evaluate-cycles", "--scenes", ",".join(scenes), *given, *WORDS]
+    assert commands.main([*words, "--out", str(out)]) == 0
     assert "2 scenes" in capsys.readouterr().out
     results = json.loads((out / "cycles.json").read_text())
     assert results["settings"] | {"cameras": 2, "samples": 8} == results["settings"]
@@ -195,5 +196,5 @@ def test_octree_of_something_else_is_refused(scenes: dict[str, Scene], tmp_path:
 def test_what_cannot_be_evaluated_is_refused(
     words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert commands.main(["evaluate-cycles", *words, "--out", str(tmp_path / "out")]) == 2
+    assert commands.main(["lab", "evaluate-cycles", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet furnish`: scenes of a library that the test writes; sizes, seeds, files, refusals."""
+"""`patchnet lab furnish`: scenes of a library that the test writes; sizes, seeds, files, refusals."""
 
 from itertools import combinations
 from pathlib import Path
@@ -108,12 +108,12 @@ def test_flat_models_stay_flat(empty_scene: None) -> None:
 @pytest.mark.parametrize("ending", ["glb", "blend"])
 def test_command(path: Path, tmp_path: Path, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "made" / f"scene.{ending}"
-    words = ["furnish", str(path), "--seed", "3", "--out", str(out)]
+    words = ["lab", "furnish", str(path), "--seed", "3", "--out", str(out)]
     assert commands.main(words) == 0
     assert f"{out}: " in capsys.readouterr().out
     assert {file.name for file in out.parent.iterdir()} == {out.name, CREDITS}
     text = (out.parent / CREDITS).read_text()
-    assert "patchnet furnish cubes.sh3f --kind interior --seed 3" in text and "| Sofa | A / tester |" in text
+    assert "patchnet lab furnish cubes.sh3f --kind interior --seed 3" in text and "| Sofa | A / tester |" in text
     assert commands.main(words) == 0  # its own files are replaced
     from patchnet.operators.scene.files import open_scene
 
@@ -138,6 +138,6 @@ def test_refusals(
     path: Path, tmp_path: Path, name: str, out: str, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "other.glb").write_text("foreign")
-    assert commands.main(["furnish", str(tmp_path / name), "--out", str(tmp_path / out)]) == 2
+    assert commands.main(["lab", "furnish", str(tmp_path / name), "--out", str(tmp_path / out)]) == 2
     assert why in capsys.readouterr().err
     assert not (tmp_path / CREDITS).exists()

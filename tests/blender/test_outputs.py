@@ -32,7 +32,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "way").symlink_to(folder)
     (folder / "make_small.py").write_text("print('a script')\n")
     (folder / "mesh.ply").write_text("a list of mine")
-    (folder / "plot.png").write_text("no picture")
     foreign = {
         "report": "report.json", "octree": "octree.safetensors", "frame": "frame-0001/report.json",
         "picture": "Eye/preview.png", "samples": "octree.samples.safetensors", "weights": "patchnet.safetensors",
@@ -94,12 +93,11 @@ REFUSED: dict[str, tuple[list[str], str]] = {
     "demo over an octree": (["demo", "--out", "octree"], FOREIGN),
     "verify-light over a report": (["verify-light", "small.blend", "--depth", "4", "--out", "report"], FOREIGN),
     "verify-light over a camera": (["verify-light", "small.blend", "--depth", "4", "--out", "camera"], WAY),
-    "dataset": (["dataset", "octree.safetensors", "--out", "samples"], FOREIGN),
-    "dataset into a file": (["dataset", "octree.safetensors", "--out", "mesh.ply"], WAY),
-    "train over weights": (["train", "octree.safetensors", "--out", "weights"], FOREIGN),
-    "train over a log": (["train", "octree.safetensors", "--out", "log"], FOREIGN),
-    "train over what it reads": (["train", "octree/../weights/patchnet.safetensors", "--out", "weights"], READ),
-    "bench over a file": (["bench", "depths", "--scene", "small.blend", "--plot", "plot.png"], FOREIGN),
+    "dataset": (["lab", "dataset", "octree.safetensors", "--out", "samples"], FOREIGN),
+    "dataset into a file": (["lab", "dataset", "octree.safetensors", "--out", "mesh.ply"], WAY),
+    "train over weights": (["lab", "train", "octree.safetensors", "--out", "weights"], FOREIGN),
+    "train over a log": (["lab", "train", "octree.safetensors", "--out", "log"], FOREIGN),
+    "train over what it reads": (["lab", "train", "octree/../weights/patchnet.safetensors", "--out", "weights"], READ),
 }  # fmt: skip
 
 

@@ -14,14 +14,10 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-_TRAINING = (
-    "bench", "dataset", "evaluate", "evaluate_cycles", "figures", "furnish", "shared/catalogue_scenes",
-    "shared/track_arguments", "shared/training_run", "train", "train_maps", "train_networks",
-    "train_plus", "validate",
-)  # fmt: skip
-NOT_FOR_BLENDER = {f"commands/{name}.py" for name in _TRAINING}
+NOT_FOR_BLENDER = {"commands/bench.py", "commands/shared/training_run.py"}
 NO_FOLDERS_FOR_BLENDER = (
     "commands/benches/",
+    "commands/lab/",
     "operators/furnished_scene/",
     "patchnet_addon/furniture/",
 )

@@ -36,7 +36,7 @@ NUMBERS = dict(numbers())
 
 
 def test_there_are_numbers() -> None:
-    assert {"patchnet run --memory", "patchnet octree --view", "patchnet train --rate"} <= NUMBERS.keys()
+    assert {"patchnet run --memory", "patchnet octree --view", "patchnet lab train --rate"} <= NUMBERS.keys()
 
 
 @pytest.mark.parametrize("name", NUMBERS)

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.training.benchmarks.single_rays import single_hits
+from patchnet.tests.references.single_rays import single_hits
 
 EYE = np.array([2.1, 1.4, 1.2])
 CHOSEN = (

@@ -122,6 +122,6 @@ def test_fronts(wall: int) -> None:
 
 def test_credits(library: Library) -> None:
     chair = Placement(library.pieces[1], (0.0, 0.0, 0.0))
-    text = credits_text("patchnet furnish cubes.sh3f", TEST, [library], [chair, chair], "walls")
+    text = credits_text("patchnet lab furnish cubes.sh3f", TEST, [library], [chair, chair], "walls")
     assert text.startswith(HEAD) and "testing only" in text and "Built by the script: walls." in text
     assert text.count("| Chair | A / tester | CC © test | cubes/cube2.obj |") == 1

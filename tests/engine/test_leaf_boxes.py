@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.reference import first_hits_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
-from patchnet.training.benchmarks.single_rays import single_hits, single_means
+from patchnet.tests.references.single_rays import single_hits, single_means
 
 from .octree_samples import random_octree, with_boxes
 from .test_tiles import cameras, seen

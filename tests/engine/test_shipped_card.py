@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.commands.train import description
+from patchnet.commands.lab.train import description
 from patchnet.patchnet_addon.network.weights import default_weights_path, load_weights
 from patchnet.training.settings import PRESETS, SAMPLES, SHIPPED_PASSES, SHIPPED_WIDTH, VIEWS, TrainSettings
 

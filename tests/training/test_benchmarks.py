@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from patchnet.commands import bench, main
-from patchnet.commands.benches import voxel_grids as command
-from patchnet.patchnet_addon.runtime.errors import PatchNetError
-from patchnet.training.benchmarks.open3d_peer import Open3DVoxels, import_open3d
+from patchnet.commands.benches import voxelize as command
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
+from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.training.benchmarks.shells import octree_of_shells, shell_radii, shell_triangles
 from patchnet.training.benchmarks.timing import compare, one_core, take_turns
-from patchnet.training.benchmarks.voxelize import benchmark_voxelize
+from patchnet.training.benchmarks.voxelize import Open3DVoxels, benchmark_voxelize, import_open3d
 
 CORNERS = np.random.default_rng(0).uniform(0, 1, (50, 3, 3))
 
@@ -40,17 +41,17 @@ def test_open3d_itself():
     assert voxels.name.startswith("Open3D 0.")
 
 
-@pytest.mark.parametrize("cores", ["one", "all"])
-def test_last_line_is_json(cores, peer, monkeypatch, capsys):
+@pytest.mark.parametrize("threads", [1, 2])
+def test_last_line_is_json(threads, peer, monkeypatch, capsys):
     monkeypatch.setattr(command, "read_triangles", lambda scene: CORNERS)
-    words = ["bench", "voxelize", "--scene", "a/soup.glb", "--depth", "4", "--repeats", "1", "--cores", cores]
+    words = ["bench", "voxelize", "--scene", "a/soup.glb", "--depth", "4", "--repeats", "1", "--threads", str(threads)]
     assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {"name", "ours", "peer", "unit", "ratio"} <= values.keys()
     assert (values["name"], values["unit"], values["scene"], values["depth"]) == ("voxelize", "s", "soup.glb", 4)
-    assert values["clock"] == {"one": "processor", "all": "wall"}[cores]
+    assert values["clock"] == {1: "processor", 2: "wall"}[threads]
     if hasattr(os, "sched_getaffinity"):
-        assert values["cores"] == {"one": 1, "all": len(os.sched_getaffinity(0))}[cores]
+        assert values["cores"] == {1: 1, 2: len(os.sched_getaffinity(0))}[threads]
     assert main(words) == 0
     assert "soup.glb at depth 4: octree of" in capsys.readouterr().out
 
@@ -64,9 +65,8 @@ def test_help_of_every_bench(name, capsys):
 
 
 def test_missing_peer_and_no_repeats_are_explained(peer, monkeypatch, capsys):
-    for name in ("voxelize", "depths"):
-        assert main(["bench", name, "--scene", "soup.glb", "--repeats", "0"]) == 2
-        assert "--repeats 0 is outside 1 to" in capsys.readouterr().err
+    assert main(["bench", "voxelize", "--scene", "soup.glb", "--repeats", "0"]) == 2
+    assert "--repeats 0 is outside 1 to" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "open3d", None)
     with pytest.raises(PatchNetError, match=r"Open3D cannot be imported .* install patchnet-blender\[peers\]"):
         import_open3d()
@@ -99,3 +99,26 @@ def test_preparation_comes_before_each_run_and_no_run_follows_when_time_is_up(al
     )
     assert order == ["prepare", "run"]
     assert len(seconds["ours"]) == 1
+
+
+@pytest.mark.parametrize("count", [500, 130_000, 200_000])
+def test_shells_have_the_nodes_that_were_asked_for(count, tmp_path):
+    octree = octree_of_shells(count)
+    assert count <= octree.node_count < count * (4.5 if count < 100_000 else 1.06)
+    save_octree(octree, tmp_path / "shells.safetensors")
+    assert load_octree(tmp_path / "shells.safetensors").node_count == octree.node_count  # consistent
+    assert len(np.unique(octree.luminance)) > 100
+
+
+def test_shells_lie_inside_each_other():
+    radii = shell_radii(2.5)
+    assert sum(radius**2 for radius in radii) == pytest.approx(2.5)
+    assert (np.diff(radii) <= -0.06 + 1e-9).all()
+    lengths = np.linalg.norm(shell_triangles(0.5, rows=8).reshape(-1, 3), axis=1)
+    assert 0.48 <= lengths.min() < lengths.max() <= 0.5
+
+
+@pytest.mark.parametrize("count", [0, -5, 1 << 40])
+def test_impossible_numbers_of_nodes(count):
+    with pytest.raises(SettingError, match="--nodes"):
+        octree_of_shells(count)

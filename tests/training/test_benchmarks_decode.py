@@ -3,7 +3,6 @@
 
 import importlib.util
 import json
-import sys
 
 import pytest
 
@@ -12,7 +11,7 @@ from patchnet.patchnet_addon.network.kinds import PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.training.benchmarks.threads import environment_of_threads
+from patchnet.training.benchmarks.timing import environment_of_threads
 
 SMALL = ["bench", "decode", "--nodes", "30000", "--pixels", "3000", "--repeats", "2"]
 
@@ -20,12 +19,10 @@ SMALL = ["bench", "decode", "--nodes", "30000", "--pixels", "3000", "--repeats",
 def check(values, threads):
     assert (values["name"], values["unit"], values["octree"]) == ("decode", "pixels per second", "shells")
     assert values["nodes"] >= 30000 and values["pixels"] >= values["decoded_pixels"] >= 3000
-    names = {"decode", "numpy", "trace"} | ({"torch"} if importlib.util.find_spec("torch") else set())
+    names = {"decode", "trace"} | ({"torch"} if importlib.util.find_spec("torch") else set())
     assert values["pixels_per_s"].keys() == values["runs"].keys() == names
     assert all(len(runs) == 2 for runs in values["runs"].values())
     assert (values["threads"], values["clock"]) == (threads, "processor" if threads == 1 else "wall")
-    assert values["largest_difference"] <= 1e-5
-    assert values["share_of_peak"] > 0 and values["peak_gflops"] > 1
     if "torch" in names:
         assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
         assert values["torch"].startswith("torch ")
@@ -38,14 +35,13 @@ def test_in_this_process(capsys, monkeypatch):
     check(json.loads(capsys.readouterr().out.splitlines()[-1]), 2)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no wait4")
 def test_one_thread_in_a_process_of_its_own_with_other_weights(tmp_path, capsys):
     path = tmp_path / "paper.safetensors"
     save_weights(Weights.random(1, kind=PAPER), path)
     assert main([*SMALL, "--threads", "1", "--weights", str(path)]) == 0
     shown = capsys.readouterr().out
     assert "threads: 1, processor seconds" in shown and "network: paper" in shown
-    assert "| ours, whole decode | " in shown and "| NumPy, whole decode | " in shown
+    assert "| ours, whole decode | " in shown and "| tracing the same pixels | " in shown
 
 
 def test_an_octree_file_without_look_ahead_and_no_pixels(tmp_path, capsys, monkeypatch):

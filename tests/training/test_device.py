@@ -232,7 +232,7 @@ def test_device_and_threads_of_the_command(
     save_octree(datasets[0].octree, tmp_path / "a.safetensors")
     path = tmp_path / "a.samples.safetensors"
     save_samples(datasets[0].samples, tmp_path / "a.safetensors", datasets[0].octree, SampleSettings(), path)
-    words = ["train", str(path), "--batch", "256", "--passes", "512", "--out", str(tmp_path / "run")]
+    words = ["lab", "train", str(path), "--batch", "256", "--passes", "512", "--out", str(tmp_path / "run")]
     for device, sentence in (("gpu", "--device 'gpu' is unknown: choose auto"), ("cuda:777", "--device 'cuda:777'")):
         assert main([*words, "--device", device]) == 2
         assert sentence in capsys.readouterr().err

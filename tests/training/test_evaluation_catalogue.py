@@ -10,9 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from patchnet.commands import furnish, make_parser
-from patchnet.commands.evaluate import _scenes
-from patchnet.commands.shared.catalogue_scenes import scenes_named
+from patchnet.commands import make_parser
+from patchnet.commands.lab import furnish
+from patchnet.commands.lab.catalogue_scenes import scenes_named
+from patchnet.commands.lab.evaluate import _scenes
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.surface.bisect import AXES
@@ -70,7 +71,7 @@ def test_missing_composed_file_says_how_to_make_it(tmp_path: Path, monkeypatch: 
     assert {scene.role for scene in composed} == {TEST}
     for scene in composed:
         assert not scene.is_there()
-        made = f"make it by `patchnet {scene.composed} --out {tmp_path / scene.file}`"
+        made = f"make it by `patchnet lab {scene.composed} --out {tmp_path / scene.file}`"
         with pytest.raises(SceneError, match=re.escape(made)):
             scene.path()
         make_parser({"furnish": furnish}).parse_args([*scene.composed.split(), "--out", scene.file])

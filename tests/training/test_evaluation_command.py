@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet evaluate` on a small octree: its files, what is skipped, what is refused."""
+"""`patchnet lab evaluate` on a small octree: its files, what is skipped, what is refused."""
 
 import csv
 import json
@@ -40,7 +40,7 @@ def done(tmp_path_factory, patch):
     save_octree(octree_of_shells(30_000), octree)
     patch.setattr(evaluate, "_COST_FRAMES", 1)
     patch.setattr(evaluate, "_COST_REPEATS", 1)
-    assert main(["evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
+    assert main(["lab", "evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
     return octree, out
 
 
@@ -144,7 +144,7 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
     damaged = bytearray(blocks[-1].read_bytes())
     damaged[-20] ^= 255
     blocks[-1].write_bytes(bytes(damaged))
-    assert main(["evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
+    assert main(["lab", "evaluate", str(octree), *WORDS, "--out", str(out)]) == 0
     after = [path.stat().st_mtime_ns for path in blocks]
     assert before[:-1] == after[:-1] and before[-1] != after[-1]
     assert (out / "results.json").read_text(encoding="utf-8") == kept, "the same to the last digit"
@@ -165,7 +165,7 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
 def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, done, monkeypatch):
     monkeypatch.chdir(tmp_path)
     save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
-    assert main(["evaluate", *words, "--out", str(tmp_path / "out")]) == 2
+    assert main(["lab", "evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -193,5 +193,5 @@ def test_a_signal_to_the_command_alone_ends_its_processes(tmp_path, monkeypatch)
 def test_files_of_others_are_not_replaced(name, done, tmp_path, capsys):
     foreign = tmp_path / name
     foreign.write_text("{}", encoding="utf-8")
-    assert main(["evaluate", str(done[0]), *WORDS, "--out", str(tmp_path)]) == 2
+    assert main(["lab", "evaluate", str(done[0]), *WORDS, "--out", str(tmp_path)]) == 2
     assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"

@@ -37,7 +37,7 @@ def results(out: Path) -> dict:
 
 def test_shares_together_are_the_whole(octree, tmp_path, capsys):
     """Nothing is left for the last run but to collect."""
-    words = ["evaluate", str(octree), "--frames", "24", "--every", "2", "--size", "24", "16", "--processes", "1"]
+    words = ["lab", "evaluate", str(octree), "--frames", "24", "--every", "2", "--size", "24", "16", "--processes", "1"]
     out = tmp_path / "out"
     assert main([*words, "--prepare", "--out", str(out)]) == 0
     frames = out / "scenes" / "shells" / "frames"
@@ -52,7 +52,7 @@ def test_shares_together_are_the_whole(octree, tmp_path, capsys):
 @pytest.mark.parametrize("text", ["3/2", "0/2", "2", "a/b", "1/0"])
 def test_shares_that_there_are_not(text, octree, tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
-        main(["evaluate", str(octree), "--part", text, "--out", str(tmp_path)])
+        main(["lab", "evaluate", str(octree), "--part", text, "--out", str(tmp_path)])
     assert stop.value.code == 2 and "is not a share such as 2/8" in capsys.readouterr().err
 
 

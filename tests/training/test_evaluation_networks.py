@@ -300,7 +300,7 @@ def test_pattern_is_even_and_the_map_normalised():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_train_maps_command(name, octree_path, frames_folder, tmp_path, capsys):
-    words = ["train-maps", str(octree_path), "--network", name, "--out", str(tmp_path), "--steps", "2", *SIZE]
+    words = ["lab", "train-maps", str(octree_path), "--network", name, "--out", str(tmp_path), "--steps", "2", *SIZE]
     words += ["--frames", "16", "--every", "2", "--batch", "1", "--crop", "16", "--frames-folder", str(frames_folder)]
     words += ["--device", "cpu"]
     assert main(words) == 0
@@ -318,7 +318,7 @@ def test_train_maps_command(name, octree_path, frames_folder, tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys):
-    assert main(["train-maps", *words, "--out", str(tmp_path)]) == 2
+    assert main(["lab", "train-maps", *words, "--out", str(tmp_path)]) == 2
     assert message in capsys.readouterr().err
 
 
@@ -326,7 +326,7 @@ def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     monkeypatch.setattr(evaluate, "_COST_FRAMES", 1)
     monkeypatch.setattr(evaluate, "_COST_REPEATS", 1)
-    words = ["evaluate", str(octree_path), "--frames", "8", "--every", "2", *SIZE, "--processes", "1"]
+    words = ["lab", "evaluate", str(octree_path), "--frames", "8", "--every", "2", *SIZE, "--processes", "1"]
     words += ["--out", str(tmp_path / "out"), "--maps", *map(str, maps.values())]
     assert main(words) == 0
     results = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))

@@ -59,7 +59,7 @@ def out(folder, given):
     with pytest.MonkeyPatch.context() as context:
         context.setattr(evaluate, "_COST_FRAMES", 1)
         context.setattr(evaluate, "_COST_REPEATS", 1)
-        assert main(["evaluate", *octrees, *WORDS, "--networks", *given, "--out", str(folder / "out")]) == 0
+        assert main(["lab", "evaluate", *octrees, *WORDS, "--networks", *given, "--out", str(folder / "out")]) == 0
     return folder / "out"
 
 
@@ -147,7 +147,7 @@ def test_what_is_done_with_networks_is_skipped(out, folder, given, monkeypatch):
     monkeypatch.setattr(evaluate, "evaluate_block", None)
     monkeypatch.setattr(kept_codes, "encode_octree", None)
     octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
-    assert main(["evaluate", *octrees, *WORDS, "--networks", *given, "--part", "1/1", "--out", str(out)]) == 0
+    assert main(["lab", "evaluate", *octrees, *WORDS, "--networks", *given, "--part", "1/1", "--out", str(out)]) == 0
 
 
 def test_other_networks_are_evaluated_anew(folder):
@@ -173,13 +173,13 @@ def test_other_networks_are_evaluated_anew(folder):
 def test_networks_that_cannot_be_evaluated_are_refused_before_work_begins(words, message, folder, tmp_path, capsys):
     given = [word.format(folder) for word in words]
     octree = str(folder / "shells.safetensors")
-    assert main(["evaluate", octree, *WORDS, "--networks", *given, "--out", str(tmp_path / "out")]) == 2
+    assert main(["lab", "evaluate", octree, *WORDS, "--networks", *given, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_a_network_without_a_name_is_refused(folder, tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
-        main(["evaluate", "--networks", str(folder / "random-1"), "--out", str(tmp_path)])
+        main(["lab", "evaluate", "--networks", str(folder / "random-1"), "--out", str(tmp_path)])
     assert stop.value.code == 2 and "is not a name and a file such as station=" in capsys.readouterr().err
 
 
@@ -187,7 +187,7 @@ def test_weights_are_not_replaced(folder, tmp_path, capsys):
     weights = tmp_path / "results.csv"
     weights.write_bytes((folder / "random-1").read_bytes())
     octree = str(folder / "shells.safetensors")
-    assert main(["evaluate", octree, *WORDS, "--networks", f"a={weights}", "--out", str(tmp_path)]) == 2
+    assert main(["lab", "evaluate", octree, *WORDS, "--networks", f"a={weights}", "--out", str(tmp_path)]) == 2
     assert "is what is read here" in capsys.readouterr().err
     assert weights.read_bytes() == (folder / "random-1").read_bytes()
 

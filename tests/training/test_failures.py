@@ -67,8 +67,8 @@ def test_no_failure_where_the_network_says_what_the_patch_shows(
 def test_command_draws_a_row_for_each_octree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     octree = tmp_path / "slats.safetensors"
     save_octree(spheres_and_slats(6, seed=2), octree)
-    assert main(["figures", str(octree), "--every", "1000", "--out", str(tmp_path / "out")]) == 0
+    assert main(["lab", "figures", str(octree), "--every", "1000", "--out", str(tmp_path / "out")]) == 0
     assert "failures.png" in capsys.readouterr().out
     assert (tmp_path / "out/failures.png").read_bytes()[:4] == b"\x89PNG"
-    assert main(["figures", str(octree), "--only", "split", "--out", str(tmp_path / "out")]) == 2
+    assert main(["lab", "figures", str(octree), "--only", "split", "--out", str(tmp_path / "out")]) == 2
     assert "leave out --only" in capsys.readouterr().err

@@ -218,7 +218,7 @@ def scenes(table, tmp_path, monkeypatch):
 def test_command(scenes):
     pytest.importorskip("matplotlib")
     out = scenes / "out"
-    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(out)]
+    words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(out)]
     assert main(words) == 0
     assert {path.name for path in out.iterdir()} == {f"look-ahead.{ending}" for ending in ("png", "svg", "json")}
     values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
@@ -235,7 +235,8 @@ def test_command(scenes):
 def test_networks_of_every_look_ahead(scenes, capsys):
     """A row of pictures and numbers beside those of the exact patches; one network for each look-ahead."""
     pytest.importorskip("matplotlib")
-    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes / "out")]
+    words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees")]
+    words += ["--out", str(scenes / "out")]
     for levels in (1, 3):
         save_weights(Weights.random(levels, lookahead=levels), scenes / f"{levels}.safetensors")
     given = [f"look-ahead-{levels}={scenes / f'{levels}.safetensors'}" for levels in (1, 3)]
@@ -251,13 +252,13 @@ def test_networks_of_every_look_ahead(scenes, capsys):
 def test_files_of_others_are_not_replaced(scenes, name, capsys):
     foreign = scenes / name
     foreign.write_text("{}", encoding="utf-8")
-    words = ["figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes)]
+    words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes)]
     assert main(words) == 2
     assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"
 
 
 def test_what_is_missing_is_named(scenes, capsys):
-    words = ["figures", "--octrees", str(scenes / "octrees"), "--out", str(scenes / "out")]
+    words = ["lab", "figures", "--octrees", str(scenes / "octrees"), "--out", str(scenes / "out")]
     assert main([*words, "--only", "split"]) == 2
     assert "ldraw_space_shuttle.glb" in capsys.readouterr().err
     assert main([*words, "--weights", str(scenes / "none.safetensors")]) == 2

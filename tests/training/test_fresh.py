@@ -82,7 +82,7 @@ def test_what_is_drawn_is_that_of_seed_step_and_place(corpus: FreshCorpus) -> No
 
 
 def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -> None:
-    """They are those of `patchnet dataset`, and validation is on them alone."""
+    """They are those of `patchnet lab dataset`, and validation is on them alone."""
     tree, voxel, _ = corpus.draw(0, 1, slice(0, DRAWN))
     _, held_out = fresh_corpus_of(datasets)
     assert list(held_out) == ["scene 1", "scene 2"]
@@ -150,7 +150,8 @@ def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.Capture
     path, out = tmp_path / "slats.safetensors", tmp_path / "run"
     octree = replace(spheres_and_slats(8, seed=3), provenance={"file": "slats.blend", "light": "two-lights"})
     save_octree(octree, path)
-    words = ["train", str(path), "--fresh", "--out", str(out), "--batch", "256", "--threads", "1", "--device", "cpu"]
+    words = ["lab", "train", str(path), "--fresh", "--out", str(out), "--batch", "256", "--threads", "1"]
+    words += ["--device", "cpu"]
     assert main([*words, "--epochs", "1"]) == 2
     assert "Fresh samples have no epochs: give --passes" in capsys.readouterr().err
     assert main([*words, "--passes", "1024"]) == 0

@@ -135,7 +135,7 @@ def test_train_records_and_reports(
         files[dataset.name] = tmp_path / f"{dataset.name}.samples.safetensors"
         save_samples(dataset.samples, path, dataset.octree, SETTINGS, files[dataset.name])
     out = tmp_path / "run"
-    words = ["train", str(files["sponza"]), "--validate", str(files["sponza-turned"]), str(files["yard"])]
+    words = ["lab", "train", str(files["sponza"]), "--validate", str(files["sponza-turned"]), str(files["yard"])]
     words += ["--passes", "128", "--batch", "64", "--out", str(out)]
     monkeypatch.setattr(sys, "argv", ["patchnet", *words])
     assert commands.main(words) == 0

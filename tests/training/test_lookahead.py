@@ -78,7 +78,7 @@ def test_symmetries_move_every_cell_once(lookahead: int) -> None:
 
 
 def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset, tmp_path: Path) -> None:
-    notes = {"command": "patchnet train", "machine": "m", "versions": "v"}
+    notes = {"command": "patchnet lab train", "machine": "m", "versions": "v"}
     options = RunOptions(tmp_path, notes=notes)
     weights = drain(train([dataset], SETTINGS, replace(options, stop_after=1)))
     assert weights.lookahead == dataset.lookahead == load_weights(tmp_path / "patchnet.safetensors").lookahead
@@ -123,7 +123,7 @@ def test_command_draws_samples_of_a_look_ahead(words: list[str], tmp_path: Path)
     save_octree(octree, tmp_path / "o.safetensors")
     drawn = ["--samples", "64", "--views", "4", "--least-level", "2", "--held-out", "0", "--seed", "2"]
     out = ["--out", str(tmp_path / "samples")]
-    assert commands.main(["dataset", str(tmp_path / "o.safetensors"), *drawn, *words, *out]) == 0
+    assert commands.main(["lab", "dataset", str(tmp_path / "o.safetensors"), *drawn, *words, *out]) == 0
     (path,) = (tmp_path / "samples").iterdir()
     found, lookahead = load_dataset(path), 1 if words else 2
     settings = SampleSettings(views=4, min_level=2, held_out=0.0, seed=2, lookahead=lookahead)
@@ -132,5 +132,5 @@ def test_command_draws_samples_of_a_look_ahead(words: list[str], tmp_path: Path)
 
 
 def test_command_refuses_other_look_aheads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert commands.main(["dataset", "o.safetensors", "--lookahead", "4", "--out", str(tmp_path)]) == 2
+    assert commands.main(["lab", "dataset", "o.safetensors", "--lookahead", "4", "--out", str(tmp_path)]) == 2
     assert "--lookahead 4 is outside" in capsys.readouterr().err

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from patchnet.commands import main
-from patchnet.commands.train_networks import next_commands
+from patchnet.commands.lab.train_networks import next_commands
 from patchnet.patchnet_addon.network.encoders import CONV3D, VOXCEPTION
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
@@ -40,7 +40,7 @@ def octrees(tmp_path_factory):
 def words(octrees, out, *more):
     files = [str(path) for path in octrees.values()]
     budget = ["--samples", "160", "--passes", "2048", "--voxels", "20", "--least-level", "3", "--threads", "1"]
-    return ["train-networks", *files, *budget, "--out", str(out), *more]
+    return ["lab", "train-networks", *files, *budget, "--out", str(out), *more]
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def test_what_is_done_is_skipped(octrees, out, rows, monkeypatch, capsys):
     assert main(words(octrees, out)) == 0
     assert (out / "networks.json").read_bytes() == before
     first, second = [line for line in capsys.readouterr().out.splitlines() if line.startswith("patchnet ")]
-    assert first.startswith("patchnet evaluate ") and "without-slats=" in first and "conv3d" not in first
+    assert first.startswith("patchnet lab evaluate ") and "without-slats=" in first and "conv3d" not in first
     assert "without-slats=" in second and "voxception=" in second and second.endswith("encoders")
 
 
@@ -127,7 +127,7 @@ def test_other_budget_is_refused(octrees, out, capsys):
 
 
 def run_of(out):
-    notes = {"command": "patchnet train-networks", "versions": "these", "machine": "this"}
+    notes = {"command": "patchnet lab train-networks", "versions": "these", "machine": "this"}
     return NetworksRun(out, samples=400, least_level=3, settings=SMALL, voxels=20, device="cpu", threads=1, notes=notes)
 
 
@@ -169,7 +169,7 @@ def test_commands_that_come_next(octrees, tmp_path):
     """Networks of the catalogue's scenes have the figure of look-aheads, too."""
     plans = planned_networks(list(octrees), KINDS)
     matrix, encoders, figure = next_commands(tmp_path, octrees, plans, list(octrees), 40)
-    assert matrix[:5] == ["evaluate", "--scenes", "shells,slats", "--every", "40"]
+    assert matrix[:6] == ["lab", "evaluate", "--scenes", "shells,slats", "--every", "40"]
     assert [word.partition("=")[0] for word in matrix[6:10]] == NAMES[:4]
     assert encoders[1] == str(octrees["slats"])
     assert [word.partition("=")[0] for word in figure if "=" in word] == [

@@ -104,7 +104,7 @@ def test_network_says_what_was_learnt(table):
 
 
 def test_command_learns_and_keeps_references(octree_path, tmp_path, capsys, monkeypatch):
-    words = ["train-plus", str(octree_path), *WORDS, "--references-folder", str(tmp_path / "references")]
+    words = ["lab", "train-plus", str(octree_path), *WORDS, "--references-folder", str(tmp_path / "references")]
     assert main([*words, "--steps", "150", "--out", str(tmp_path / "a")]) == 0
     said = capsys.readouterr().out
     assert "holds patchnet.safetensors, plus.safetensors, log.jsonl" in said and "plus-4 0." in said
@@ -149,5 +149,5 @@ def test_nothing_to_learn_from(table, tmp_path):
 def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
-    assert main(["train-plus", *words, "--out", str(tmp_path / "out")]) == 2
+    assert main(["lab", "train-plus", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

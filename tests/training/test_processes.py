@@ -36,7 +36,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def train(samples: Path, out: Path, *launcher: str) -> list[dict]:
     """Lines of the log of a run that `launcher` starts."""
-    words = ["train", samples, "--out", out, "--preset", "quick", "--passes", STEPS * BATCH, "--batch", BATCH]
+    words = ["lab", "train", samples, "--out", out, "--preset", "quick", "--passes", STEPS * BATCH, "--batch", BATCH]
     words += ["--precision", "fp32", "--threads", "1", "--rate", "1e-4"]  # at high rates rounding grows
     command = [sys.executable, *launcher, "-m", "patchnet", *map(str, words)]
     done = subprocess.run(command, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True)

@@ -50,6 +50,7 @@ def test_installed_package_has_no_commit(checkout: Path, tmp_path: Path) -> None
 def test_command_without_folders() -> None:
     words = [
         "/usr/bin/patchnet",
+        "lab",
         "train",
         "/data/samples",
         "--out=/home/me/run",
@@ -58,7 +59,7 @@ def test_command_without_folders() -> None:
         "--rate",
         "0.1",
     ]
-    assert describe_command(words) == "patchnet train samples --out=run room=room.glb x --rate 0.1"
+    assert describe_command(words) == "patchnet lab train samples --out=run room=room.glb x --rate 0.1"
 
 
 def test_octrees_of_every_data_set() -> None:

@@ -50,7 +50,8 @@ def test_errors_are_means_over_the_views(file: Path, kind) -> None:
 def test_command_compares_weights(file: Path, tmp_path: Path, capsys) -> None:
     save_weights(Weights.random(5, kind=MIXTURE), tmp_path / "new.safetensors")
     out = tmp_path / "made" / "errors.json"
-    words = ["validate", str(file), "--weights", str(tmp_path / "new.safetensors"), "--voxels", "50", "--out", str(out)]
+    words = ["lab", "validate", str(file), "--weights", str(tmp_path / "new.safetensors"), "--voxels", "50"]
+    words += ["--out", str(out)]
     assert main(words) == 0
     (found,) = json.loads(out.read_text())["errors"].values()
     assert found["scenes"]["slats"]["all"]["views"] == 200

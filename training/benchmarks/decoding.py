@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels per second of the whole decoder, in turns with torch's layers alone, NumPy's decoder and the tracer.
+"""Pixels per second of the whole decoder, in turns with torch's layers alone and the tracer.
 
 Ours is given hits and codes, and interpolates. Torch is given the network's inputs, in chunks that stay in a core's
 cache, the best of several sizes and of both orders of an input's values in memory.
@@ -10,23 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from itertools import pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.codes.predict import Prediction, predict, predict_reference
-from ...patchnet_addon.network.kinds import NetworkKind
+from ...patchnet_addon.codes.predict import predict
+from ...patchnet_addon.network.devices import has_torch
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import Hits, first_hits
-from .encoding import has_torch
-from .peak_rate import measure_peak
 from .timing import Comparison, take_turns
 
 _CHUNKS = (512, 1024, 2048, 4096, 8192, 16384)
@@ -34,29 +31,27 @@ _FOV = math.radians(40)
 _DISTANCE = 1.9  # of cameras from the cube's centre, in its sides
 
 
-def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int = 9, *, threads: int) -> Comparison:
-    """Rates over about so many pixels with look-ahead, of pictures from all around the octree.
+def benchmark_decoding(coded: CodedOctree, pixels: int, repeats: int, *, threads: int) -> Comparison:
+    """Rates over about so many pixels with look-ahead, of pictures from all around the octree; no peer without torch.
 
-    One thread is bound to a core and measured in processor seconds, several in wall seconds. BLAS has as many threads
-    only where the process was told so (`threads.py`). Raises SettingError for an octree without look-ahead.
+    One thread is bound to a core and measured in processor seconds, several in wall seconds. Raises SettingError for an
+    octree without look-ahead.
     """
     cameras, hits = views_around(coded, pixels)
     with limit_threads(threads):
-        ours, wanted = predict(coded, hits), predict_reference(coded, hits)  # compiles, too
-        peer = _fastest_torch(coded.weights, threads) if has_torch() else None
+        decoded = int(predict(coded, hits).look_ahead.sum())  # compiles, too
         runs: dict[str, Callable[[], Any]] = {
             "decode": lambda: predict(coded, hits),
-            "numpy": lambda: predict_reference(coded, hits),
             "trace": lambda: [first_hits(coded.octree, camera) for camera in cameras],
         }
+        peer = _fastest_torch(coded.weights, threads) if has_torch() else None
         if peer is not None:
             runs["torch"] = lambda: peer.run(decoded)
-        decoded = int(ours.look_ahead.sum())
         seconds = take_turns(runs, repeats, all_cores=threads > 1)
-        peak = measure_peak(threads)
     counts = dict.fromkeys(runs, decoded) | {"trace": len(hits.node)}
     rates = {name: counts[name] / median(values) for name, values in seconds.items()}
-    details = _rate_details(rates, operations_of(coded.weights.kind), peak) | {
+    details = {
+        "pixels_per_s": rates,
         "network": coded.weights.kind.name,
         "threads": threads,
         "clock": "wall" if threads > 1 else "processor",
@@ -64,27 +59,11 @@ def benchmark_decoding(coded: CodedOctree, pixels: int = 500_000, repeats: int =
         "pixels": len(hits.node),
         "decoded_pixels": decoded,
         "runs": {name: [round(value, 4) for value in values] for name, values in seconds.items()},
-        "largest_difference": _largest_difference(ours, wanted),
         "torch": peer.name if peer is not None else None,
     }
     theirs = rates.get("torch")
     ratio = rates["decode"] / theirs if theirs is not None else None
     return Comparison("decode", rates["decode"], theirs, ratio, details, unit="pixels per second")
-
-
-def operations_of(kind: NetworkKind) -> int:
-    """Multiplications and additions of a pixel's layers."""
-    return 2 * sum(a * b for a, b in pairwise(kind.decoder))
-
-
-def _rate_details(rates: dict[str, float], operations: int, peak: float) -> dict[str, Any]:
-    """Rates in pixels per second, and what that is of the processor's multiplications and additions."""
-    return {
-        "pixels_per_s": rates,
-        "gflops": rates["decode"] * operations / 1e9,
-        "peak_gflops": peak,
-        "share_of_peak": rates["decode"] * operations / 1e9 / peak,
-    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,11 +109,6 @@ def _camera(octree: Octree, weights: Weights, number: int) -> Camera:
     rows = 4 * math.tan(_FOV / 2) * nearest * 2.0 ** (octree.depth - weights.lookahead)
     size = min(max(int(rows), 2), 2048)
     return Camera.look_at(centre + _DISTANCE * side * direction, centre, fov=_FOV, size_px=(size, size))
-
-
-def _largest_difference(ours: Prediction, wanted: Prediction) -> float:
-    pairs = ((ours.coverage, wanted.coverage), (ours.luminance, wanted.luminance))
-    return max(float(np.abs(one - other).max()) for one, other in pairs)
 
 
 class _TorchLayers(NamedTuple):

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corners per second of the whole encoder: our compiled one, NumPy's and torch's, in turns on the same corners.
+"""Corners per second of the whole encoder: our compiled one and torch's, in turns on the same corners.
 
-Ours goes from the octree's nodes to codes. The others get chunks: the blocks of voxels, and which eight each corner
-has, made before, outside the time. The largest product that a library makes says in the same run what the cores can do.
+Ours goes from the octree's nodes to codes. Torch gets chunks: the blocks of voxels, and which eight each corner has,
+made before, outside the time.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from collections import deque
 from collections.abc import Callable
@@ -21,17 +20,15 @@ from ...patchnet_addon.codes.corners import corner_ranges, find_corners
 from ...patchnet_addon.codes.encode import chunk_blocks, encode_octree
 from ...patchnet_addon.codes.encode_corners import encode_corners
 from ...patchnet_addon.network.compiled_encode import CompiledEncoder
-from ...patchnet_addon.network.encode import Encoder, NumpyEncoder
+from ...patchnet_addon.network.devices import has_torch
 from ...patchnet_addon.network.weights import CHANNELS, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
-from .encoder_work import measure_memory, needed_operations, peak_run
-from .products import measure_products
 from .timing import Comparison, how_measured, take_turns
 
-_CHUNK = NumpyEncoder.chunk
+_CHUNK = 4096
 _REST_SECONDS = 0.3
 
 
@@ -57,59 +54,38 @@ def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]
     return [Chunk(level, part, *chunk_blocks(octree, level, part, weights.lookahead)) for level, part in found]
 
 
-def benchmark_encoding(
-    octree: Octree, weights: Weights, corners: int = 50_000, repeats: int = 9, *, threads: int = 0
-) -> Comparison:
-    """Rates of the encoders, and of the products that they are made of.
+def benchmark_encoding(octree: Octree, weights: Weights, corners: int, repeats: int, *, threads: int) -> Comparison:
+    """Rates of the encoders and of the whole octree; without torch there is no peer.
 
-    threads: of ours and of torch, wall seconds count; 0: one core, in processor seconds, only if all libraries were
-    told to use one thread before they were loaded (`threads.py`). Raises SettingError for an octree without look-ahead.
+    One thread is bound to a core and measured in processor seconds, several in wall seconds. Raises SettingError for
+    an octree without look-ahead.
     """
-    all_cores = threads > 0
+    all_cores = threads > 1
     chunks = record_chunks(octree, weights, corners)
     compiled = CompiledEncoder(weights)
-    peak_name, peak, peak_operations = peak_run()
-    with limit_threads(threads or None):
+    with limit_threads(threads):
         runs: dict[str, Callable[[], Any]] = {"compiled": lambda: _encode_ours(compiled, octree, weights, chunks)}
-        for name, encoder in _encoders(weights, threads).items():
-            runs[name] = lambda encoder=encoder: _encode(encoder, chunks)  # type: ignore[misc]
+        if has_torch():
+            runs["torch"] = _torch_run(weights, chunks, threads)
         codes = {name: run() for name, run in runs.items()}  # compiles, too
-        runs["peak"] = peak
+        coded = drain(encode_octree(octree, weights, encoder=compiled))
         runs["octree"] = lambda: drain(encode_octree(octree, weights, encoder=compiled))
-        # Threads of torch and BLAS spin on after a product, and would take the next one's cores.
+        # Threads of torch spin on after a product, and would take the next one's cores.
         seconds = take_turns(runs, repeats, all_cores=all_cores, prepare=lambda: time.sleep(_REST_SECONDS))
-        memory = measure_memory(octree, weights, compiled)
-        largest = max(chunks, key=lambda chunk: len(chunk.corners))
-        products = measure_products((largest.blocks, largest.rows), weights, repeats, all_cores=all_cores)
     middle = {name: median(values) for name, values in seconds.items()}
     rates = {name: len(codes["compiled"]) / middle[name] for name in codes}
-    details = how_measured(all_cores) | {"threads": max(threads, 1)} | _input_details(chunks) | _code_details(codes)
-    details |= memory | {
+    details = how_measured(all_cores) | _input_details(chunks) | _code_details(codes)
+    details |= {
+        "threads": threads,
         "repeats": repeats,
         "corners_per_s": rates,
-        "octree_corners_per_s": memory["all_corners"] / middle["octree"],
+        "octree_corners_per_s": len(coded.codes) / middle["octree"],
+        "all_corners": len(coded.codes),
         "runs": {name: [round(value, 4) for value in values] for name, values in seconds.items()},
-        "peer_name": f"NumPy {np.__version__}",
-        "torch": _torch_name(),
-        "products": products,
+        "peer_name": _torch_name() if "torch" in rates else None,
     }
-    details |= _shares(
-        needed_operations((largest.blocks, largest.rows), weights), rates, peak_operations / middle["peak"]
-    )
-    details["peak_name"] = peak_name
-    ours, peer = rates["compiled"], rates["numpy"]
-    return Comparison("encode", ours, peer, ours / peer, details, unit="corners per second")
-
-
-def _shares(operations: dict[str, float], rates: dict[str, float], peak: float) -> dict[str, Any]:
-    """Shares of the peak that each encoder reaches with the operations that its corners need."""
-    return {
-        "peak_gflops": peak / 1e9,
-        "operations_per_corner": operations,
-        "share_of_peak": {
-            name: {kind: rate * count / peak for kind, count in operations.items()} for name, rate in rates.items()
-        },
-    }
+    ours, peer = rates["compiled"], rates.get("torch")
+    return Comparison("encode", ours, peer, ours / peer if peer else None, details, unit="corners per second")
 
 
 def _input_details(chunks: list[Chunk]) -> dict[str, Any]:
@@ -140,32 +116,17 @@ def _encode_ours(encoder: CompiledEncoder, octree: Octree, weights: Weights, chu
     return np.concatenate(parts)
 
 
-def _encode(encoder: Encoder, chunks: list[Chunk]) -> np.ndarray:
-    return np.concatenate([encoder(chunk.blocks, chunk.rows) for chunk in chunks])
+def _torch_run(weights: Weights, chunks: list[Chunk], threads: int) -> Callable[[], np.ndarray]:
+    import torch
+
+    from ...patchnet_addon.network.torch_encode import TorchEncoder
+
+    torch.set_num_threads(threads)
+    encoder = TorchEncoder(weights)
+    return lambda: np.concatenate([encoder(chunk.blocks, chunk.rows) for chunk in chunks])
 
 
-def _encoders(weights: Weights, threads: int) -> dict[str, Encoder]:
-    encoders: dict[str, Encoder] = {"numpy": NumpyEncoder(weights)}
-    if has_torch():
-        import torch
-
-        from ...patchnet_addon.network.torch_encode import TorchEncoder
-        from .plain_torch import PlainTorchEncoder
-
-        torch.set_num_threads(max(threads, 1))
-        encoders["torch"] = TorchEncoder(weights)
-        encoders["torch_plain"] = PlainTorchEncoder(weights)
-    return encoders
-
-
-def has_torch() -> bool:
-    """Return whether torch can be measured, too."""
-    return importlib.util.find_spec("torch") is not None
-
-
-def _torch_name() -> str | None:
-    if not has_torch():
-        return None
+def _torch_name() -> str:
     import torch
 
     return f"torch {torch.__version__}"

@@ -15,7 +15,6 @@ from ...patchnet_addon.runtime.outputs import check_outputs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 _KINDS = {".png": PNG, ".svg": SVG, ".pdf": PDF}
@@ -54,16 +53,6 @@ def save_figure(figure: Figure, path: Path) -> None:
         ) from cause
     finally:
         beside.unlink(missing_ok=True)
-
-
-def plain_numbers(axis: Axis, scale: float = 1.0) -> None:
-    """Ticks 0.1, 1, 10 of a logarithmic axis, and 0.2 and 0.5 between them where it spans little."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 300 * low else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value * scale:,.10g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def finish(axes: Axes) -> None:

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Timing of two functions in comparison, on one core or on all."""
+"""Timing of functions in turns, on one core or on all, in a process with so many threads."""
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.threads import usable_cores
+
+# BLAS and others read these when they are loaded.
+_VARIABLES = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -112,3 +121,24 @@ def how_measured(all_cores: bool) -> dict[str, Any]:
     """Cores and clock of `take_turns`, for the JSON."""
     with every_core() if all_cores else one_core() as cores:
         return {"cores": cores, "clock": "wall" if all_cores else "processor"}
+
+
+def environment_of_threads(threads: int) -> dict[str, str]:
+    """This process's environment, with so many threads for every library."""
+    return os.environ | dict.fromkeys(_VARIABLES, str(threads))
+
+
+def has_threads(threads: int) -> bool:
+    """Return whether this process was started in such an environment."""
+    return all(os.environ.get(name) == str(threads) for name in _VARIABLES)
+
+
+def run_with_threads(words: Sequence[str], threads: int) -> Comparison:
+    """Run `patchnet bench WORDS --json` in a process whose libraries have so many threads; raises PatchNetError."""
+    package = __name__.partition(".training")[0]
+    command = [sys.executable, "-m", package, "bench", *words, "--json"]
+    ended = subprocess.run(command, stdout=subprocess.PIPE, text=True, env=environment_of_threads(threads), check=False)
+    if ended.returncode:
+        raise PatchNetError(f"`patchnet bench {words[0]}` failed on {threads} threads: read its message above")
+    values = json.loads(ended.stdout.splitlines()[-1])
+    return Comparison(**{name: values.pop(name) for name in ("name", "ours", "peer", "ratio", "unit")}, details=values)

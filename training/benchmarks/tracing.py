@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays per second of the tracer in turns with Embree on the same triangles, and with our own rays one at a time.
+"""Rays per second of the tracer in turns with Embree on the same triangles (https://pypi.org/project/embreex).
 
 Views are found from the octree: from far outside, from the free space within, and close to what that sees.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from statistics import geometric_mean, median
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,19 +19,65 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
-from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.tracing.camera import PERSPECTIVE, Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
 from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from .embree_peer import EmbreeScene
-from .single_rays import single_hits, single_means
 from .timing import Comparison, take_turns
 
 _BLOCK = 4  # pixels a side that are super-sampled together, as refinement does
 _BLOCKS = 40
 _SIDE = 32
 _CLOSE = 0.15  # of the way from what the view within sees back to it
+
+
+def import_embree() -> ModuleType:
+    """Embree's scenes, or a PatchNetError that says how to get them."""
+    try:
+        from embreex import mesh_construction, rtcore_scene  # noqa: F401
+    except (ImportError, OSError) as cause:
+        raise PatchNetError(f"Embree cannot be imported ({cause}): install patchnet-blender[peers]") from cause
+    return rtcore_scene
+
+
+class EmbreeScene:
+    """Triangles (T, 3, 3) in Embree's bounding volume hierarchy."""
+
+    def __init__(self, corners_world: np.ndarray) -> None:
+        """Build the hierarchy; around the middle of the triangles, since Embree computes in float32."""
+        from embreex.mesh_construction import TriangleMesh
+
+        self._scene = import_embree().EmbreeScene()
+        corners = corners_world.reshape(-1, 3)
+        self._middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        TriangleMesh(self._scene, (corners_world - self._middle).astype(np.float32))
+
+    @property
+    def name(self) -> str:
+        """Program and version."""
+        from importlib.metadata import version
+
+        return f"Embree {version('embreex').partition('.post')[0]}"
+
+    def rays(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Origins and directions (P, 3) float32 of the pixels' centre rays; made before anything is timed."""
+        row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+        x = (2 * column + 1) / camera.width_px - 1 + camera.shift_x
+        y = (2 * row + 1) / camera.height_px - 1 + camera.shift_y
+        across = x[:, None] * camera.half_x * camera.right + y[:, None] * camera.half_y * camera.up
+        origin = np.repeat((camera.position_world - self._middle)[None], camera.pixel_count, axis=0)
+        if camera.kind == PERSPECTIVE:
+            direction = camera.forward + across
+        else:
+            origin, direction = origin + across, np.repeat(camera.forward[None], camera.pixel_count, axis=0)
+        direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        return origin.astype(np.float32), direction.astype(np.float32)
+
+    def trace(self, rays: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Triangles (P,) int32 that rays meet first, -1 for none."""
+        found: np.ndarray = self._scene.run(*rays, query="INTERSECT")
+        return found
 
 
 def benchmark_tracing(
@@ -96,8 +143,6 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "behind": partial(trace_pixels, octree, camera, coarse._replace(last=BEHIND)),
         "picture": partial(first_hits, octree, camera),
         "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
-        "single": partial(single_hits, octree, camera),
-        "single_reference": partial(single_means, octree, camera, pixels, _SIDE),
     }
     if octree.leaf_box is not None:
         solid = replace(octree, leaf_box=None)
@@ -107,7 +152,8 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         runs["embree"] = partial(embree.trace, embree.rays(camera))
     for run in runs.values():
         run()  # compiles, and reads the octree into the caches' reach
-    seconds = {name: median(values) for name, values in _turns(runs, repeats, threads).items()}
+    turns = take_turns(runs, repeats, all_cores=threads > 1)
+    seconds = {name: median(values) for name, values in turns.items()}
     many = {name for name in runs if name.endswith("reference")}
     rays = dict.fromkeys(runs, camera.pixel_count) | dict.fromkeys(many, len(pixels) * _SIDE**2)
     rates = {name: rays[name] / seconds[name] for name in runs}
@@ -117,8 +163,6 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "visits_per_ray": visits_per_ray(octree, camera),
         "rays_per_s": rates,
         "ratio": None if embree is None else rates["ours"] / rates["embree"],
-        "over_single": rates["ours"] / rates["single"],
-        "reference_over_single": rates["reference"] / rates["single_reference"],
         "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
         "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
         "boxes_cost": _over(seconds, "ours", "solid"),
@@ -129,10 +173,6 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
 def _over(seconds: dict[str, float], one: str, other: str) -> float | None:
     """What one run takes more than another, as a share of that; None where there was no other."""
     return seconds[one] / seconds[other] - 1.0 if other in seconds else None
-
-
-def _turns(runs: dict[str, Callable[[], Any]], repeats: int, threads: int) -> dict[str, list[float]]:
-    return take_turns(runs, repeats, all_cores=threads > 1)
 
 
 def _blocks(camera: Camera) -> np.ndarray:

@@ -55,7 +55,7 @@ class Dataset:
 
 
 def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:
-    """Data sets of octree files that samples are drawn from anew, with the held-out parts of `patchnet dataset --seed`.
+    """Data sets of octree files that samples are drawn from anew, held-out parts as of `patchnet lab dataset --seed`.
 
     Raises OctreeFileError for files that are no octrees.
     """
@@ -140,7 +140,7 @@ def sample_files(paths: list[Path]) -> list[Path]:
         if path.is_dir():
             found = sorted(path.glob(f"*{SUFFIX}"))
             if not found:
-                raise FileFormatError(f"{path} holds no sample files (*{SUFFIX}): run `patchnet dataset`")
+                raise FileFormatError(f"{path} holds no sample files (*{SUFFIX}): run `patchnet lab dataset`")
             files += found
         else:
             files.append(path)

@@ -3,7 +3,7 @@
 
 What a step draws depends on the seed, the step's number and a voxel's place in the step alone, so that a run goes on
 exactly, and threads and processes that share a step draw what one would. Parts of scenes are held out as
-`patchnet dataset` holds them out (methods 7.21).
+`patchnet lab dataset` holds them out (methods 7.21).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Networks of `patchnet train` that are evaluated beside the one that is shipped, and the strategies that they make."""
+"""Networks of `patchnet lab train` that are evaluated beside the shipped one, and the strategies that they make."""
 
 from __future__ import annotations
 

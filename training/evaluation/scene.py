@@ -25,7 +25,7 @@ class Scene:
     name with one of them are left out. bisect: axis ("x", "y" or "z") and share of the extent of a plane beyond which
     all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in
     the place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role:
-    "train" where the shipped weights have seen the scene, "test" where not. composed: arguments of `patchnet` that
+    "train" where the shipped weights have seen the scene, "test" where not. composed: arguments of `patchnet lab` that
     write the file, but for --out; "" for a file that is to be had elsewhere.
     """
 
@@ -54,7 +54,7 @@ class Scene:
         path = self._folder() / self.file
         if path.is_file():
             return path
-        advice = f"make it by `patchnet {self.composed} --out {path}`" if self.composed else "put it there"
+        advice = f"make it by `patchnet lab {self.composed} --out {path}`" if self.composed else "put it there"
         raise SceneError(f"Scene {self.name!r} needs {self.file}, which is not in {path.parent}: {advice}")
 
     def is_there(self) -> bool:

@@ -16,7 +16,7 @@ OUTPUTS = {VALUES: NETWORKS, TABLE: NETWORKS_TABLE}
 
 
 def octrees_folder(out: Path) -> Path:
-    """Folder of the scenes' octrees, where `patchnet evaluate --out` of the same folder looks for them."""
+    """Folder of the scenes' octrees, where `patchnet lab evaluate --out` of the same folder looks for them."""
     return out / "octrees"
 
 

@@ -153,7 +153,8 @@ def _errors(last: dict[str, Any]) -> list[str]:
     unseen = [[name, *_error_row(errors[name])] for name in errors if name not in why]
     known = [[name, *_error_row(errors[name]), why[name]] for name in errors if name in why]
     nothing = [
-        "No scene was held out: `patchnet train --validate` takes sample files of scenes that are not learned from.\n"
+        "No scene was held out: `patchnet lab train --validate` takes sample files of scenes that are not learned "
+        "from.\n"
     ]
     lines = [
         "## Errors on held-out scenes\n",

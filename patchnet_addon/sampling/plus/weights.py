@@ -126,7 +126,7 @@ def _checked(arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], path: s
         if stated.get(name) != form.description:
             raise WeightsFileError(
                 f"{path} was trained on other features of {name!r} than this version has: train it anew with "
-                "patchnet train-plus"
+                "patchnet lab train-plus"
             )
     try:
         return Estimators.from_arrays(arrays, metadata)

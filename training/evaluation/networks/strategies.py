@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def map_strategy(path: Path) -> Strategy:
-    """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file that `patchnet train-maps` has written.
+    """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file that `patchnet lab train-maps` has written.
 
     Raises PatchNetError without torch, and WeightsFileError for a file that is missing, foreign, damaged, or of other
     networks than those of this version.

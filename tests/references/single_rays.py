@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Traverse the octree one ray at a time: what tiles are held against, in tests and in `patchnet bench trace`.
+"""Traverse the octree one ray at a time: what tiles are held against.
 
 The first hit of a ray is found under the level-of-detail contract (methods 4.1, 4.1b). The ray is mirrored so that it
 runs upwards on every axis. The walk keeps the integer cell it is in and its level; all plane distances are computed
@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.cells.contract import MAX_LEVELS, fits_pixel
-from ...patchnet_addon.octree.leaf_boxes import STEPS, mirrored_span
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
-from ...patchnet_addon.runtime.kernels import device, kernel
-from ...patchnet_addon.runtime.threads import run_parts
-from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from patchnet.patchnet_addon.cells.contract import MAX_LEVELS, fits_pixel
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, mirrored_span
+from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from patchnet.patchnet_addon.runtime.kernels import device, kernel
+from patchnet.patchnet_addon.runtime.threads import run_parts
+from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 
 _FAR = 1e300
 _TINY = 1e-150

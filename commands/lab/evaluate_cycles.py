@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet evaluate-cycles`: all strategies against Cycles' pictures of the scenes, through a few cameras each."""
+"""`patchnet lab evaluate-cycles`: all strategies against Cycles' pictures of the scenes, through a few cameras each."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
-from ..patchnet_addon.runtime.outputs import check_outputs
-from ..patchnet_addon.runtime.progress import Steps, drain, labelled
-from ..patchnet_addon.runtime.quantities import counted
-from ..patchnet_addon.runtime.replace import replaced_file
-from .shared.arguments import add_number, add_out
-from .shared.job_arguments import require_blender
-from .shared.lines import say_result
-from .shared.track_arguments import add_track
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.progress import Steps, drain, labelled
+from ...patchnet_addon.runtime.quantities import counted
+from ...patchnet_addon.runtime.replace import replaced_file
+from ..shared.arguments import add_number, add_out
+from ..shared.job_arguments import require_blender
+from ..shared.lines import say_result
+from .track_arguments import add_track
 
 if TYPE_CHECKING:
-    from ..patchnet_addon.codes.coded_octree import CodedOctree
-    from ..patchnet_addon.network.weights import Weights
-    from ..training.evaluation.scene import Scene
-    from ..training.evaluation.second_truth import CameraResult
+    from ...patchnet_addon.codes.coded_octree import CodedOctree
+    from ...patchnet_addon.network.weights import Weights
+    from ...training.evaluation.scene import Scene
+    from ...training.evaluation.second_truth import CameraResult
 
 RESULTS, TABLE, TABLES, FIGURES = "cycles.json", "cycles.csv", "cycles.md", "figures"
 OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
@@ -47,7 +47,7 @@ class _Settings:
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet evaluate-cycles`."""
+    """Arguments of `patchnet lab evaluate-cycles`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "evaluate-cycles",
         help="compare all strategies against renders by Cycles",
@@ -63,16 +63,16 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
-    add_out(parser, "folder for results and figures; that of `patchnet evaluate` will do", required=True)
+    add_out(parser, "folder for results and figures; that of `patchnet lab evaluate` will do", required=True)
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.network.weights import load_weights
-    from ..patchnet_addon.sampling.references.registry import EVALUATED
-    from ..training.evaluation.second_truth import second_truth_results
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.network.weights import load_weights
+    from ...patchnet_addon.sampling.references.registry import EVALUATED
+    from ...training.evaluation.second_truth import second_truth_results
+    from ..shared.progress_bars import ProgressBars
 
     settings = _Settings(
         args.cameras, args.samples, args.frames, tuple(args.size), args.seed, args.weights and args.weights.name
@@ -105,7 +105,7 @@ def _octree_file(text: str) -> tuple[str, Path]:
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
-    from .shared.catalogue_scenes import scenes_named
+    from .catalogue_scenes import scenes_named
 
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:
@@ -124,16 +124,16 @@ def _measured(
     """Octree with its codes, and results of the scene's cameras; the scene is open in Blender afterwards."""
     import bpy
 
-    from ..operators.scene.hiding import hide_from_renders
-    from ..operators.verify_light.octree_light import as_in_octree
-    from ..patchnet_addon.octree.file import load_octree
-    from ..patchnet_addon.surface.bisect import AXES
-    from ..training.evaluation.kept_codes import codes_path, kept_codes
-    from ..training.evaluation.octrees import scene_octree
-    from ..training.evaluation.second_truth import spread_cameras
-    from ..training.evaluation.tracks import camera_track
-    from .shared.own_scenes import open_or_build
-    from .shared.quiet import quiet_stdout
+    from ...operators.scene.hiding import hide_from_renders
+    from ...operators.verify_light.octree_light import as_in_octree
+    from ...patchnet_addon.octree.file import load_octree
+    from ...patchnet_addon.surface.bisect import AXES
+    from ...training.evaluation.kept_codes import codes_path, kept_codes
+    from ...training.evaluation.octrees import scene_octree
+    from ...training.evaluation.second_truth import spread_cameras
+    from ...training.evaluation.tracks import camera_track
+    from ..shared.own_scenes import open_or_build
+    from ..shared.quiet import quiet_stdout
 
     octree = load_octree(given or scene_octree(scene, out / "octrees"))
     open_or_build(str(scene.path()))
@@ -155,10 +155,10 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
     import bpy
 
-    from ..operators.cycles.halves import render_halves
-    from ..patchnet_addon.sampling.references.registry import EVALUATED
-    from ..training.evaluation.scene import CYCLES
-    from ..training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
+    from ...operators.cycles.halves import render_halves
+    from ...patchnet_addon.sampling.references.registry import EVALUATED
+    from ...training.evaluation.scene import CYCLES
+    from ...training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
 
     first, second = yield from render_halves(bpy.context, camera, settings.samples)
     exposure = coded.octree.exposure
@@ -170,9 +170,9 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
 
 def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
     """Draw error over budget against Cycles, and what the cameras see."""
-    from ..training.evaluation.figures import draw_budgets
-    from ..training.evaluation.second_truth import DIFFUSE
-    from ..training.evaluation.second_truth_figures import draw_cameras
+    from ...training.evaluation.figures import draw_budgets
+    from ...training.evaluation.second_truth import DIFFUSE
+    from ...training.evaluation.second_truth_figures import draw_cameras
 
     truth = values["truths"][DIFFUSE]
     levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
@@ -182,8 +182,8 @@ def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], fol
 
 def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
     """Write all scenes that there are up to now, the tables first."""
-    from ..training.evaluation.second_truth import csv_rows
-    from ..training.evaluation.second_truth_tables import markdown_of_second_truth
+    from ...training.evaluation.second_truth import csv_rows
+    from ...training.evaluation.second_truth_tables import markdown_of_second_truth
 
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet train-plus`: train the estimator of pixel errors that the strategies patchnet-plus rank by.
+"""`patchnet lab train-plus`: train the estimator of pixel errors that the strategies patchnet-plus rank by.
 
 Frames of camera tracks of the octrees are rendered, references once: give several runs the same --references-folder.
 All forms, and the same without the network, are trained at once, within minutes:
 
-    patchnet train-plus OCTREE... --weights run/patchnet.safetensors --out plus
+    patchnet lab train-plus OCTREE... --weights run/patchnet.safetensors --out plus
     patchnet run SCENE --weights plus/patchnet.safetensors
 
 The weights file in --out holds both the given weights and the estimator, which is used wherever that file is.
@@ -18,18 +18,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.progress import drain
-from ..patchnet_addon.runtime.quantities import counted
-from .shared.arguments import add_number, add_out, check_octrees
-from .shared.lines import say_result
-from .shared.track_arguments import add_track
-from .shared.training_run import require_torch, say_written
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.quantities import counted
+from ..shared.arguments import add_number, add_out, check_octrees
+from ..shared.lines import say_result
+from ..shared.training_run import require_torch, say_written
+from .track_arguments import add_track
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet train-plus`."""
+    """Arguments of `patchnet lab train-plus`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "train-plus",
         help="train the estimator of pixel errors",
@@ -55,7 +55,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Render what is missing, train, and say where the weights are; returns 0; raises PatchNetError."""
-    from ..training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
+    from ...training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
 
     check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
     check_octrees(args.octrees)
@@ -64,14 +64,14 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     import torch
 
-    from ..patchnet_addon.network.weights import load_weights, save_weights
-    from ..patchnet_addon.octree.file import load_octree, octree_hash
-    from ..patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
-    from ..training.plus.frames import TrackSettings
-    from ..training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
-    from ..training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
-    from ..training.run.run_files import WEIGHTS, log_lines
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.network.weights import load_weights, save_weights
+    from ...patchnet_addon.octree.file import load_octree, octree_hash
+    from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
+    from ...training.plus.frames import TrackSettings
+    from ...training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
+    from ...training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from ...training.run.run_files import WEIGHTS, log_lines
+    from ..shared.progress_bars import ProgressBars
 
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet train-maps`: train the sampling-map networks of the literature that ours is compared with.
+"""`patchnet lab train-maps`: train the sampling-map networks of the literature that ours is compared with.
 
 Frames of camera tracks of the octrees are rendered once and kept; give several networks the same --frames-folder:
 
-    patchnet train-maps OCTREE... --network unet --steps 20000 --frames-folder frames --out unet
-    patchnet evaluate OCTREE... --maps unet/sampling_map.safetensors --out results
+    patchnet lab train-maps OCTREE... --network unet --steps 20000 --frames-folder frames --out unet
+    patchnet lab evaluate OCTREE... --maps unet/sampling_map.safetensors --out results
 
 The octrees to train on should be of other scenes than those that are evaluated.
 """
@@ -16,18 +16,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.progress import drain
-from ..patchnet_addon.runtime.quantities import counted
-from ..training.evaluation.networks.names import NAMES
-from .shared.arguments import add_number, add_out, check_octrees
-from .shared.lines import say_result
-from .shared.track_arguments import add_track
-from .shared.training_run import add_run_arguments, require_torch
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.quantities import counted
+from ...training.evaluation.networks.names import NAMES
+from ..shared.arguments import add_number, add_out, check_octrees
+from ..shared.lines import say_result
+from ..shared.training_run import add_run_arguments, require_torch
+from .track_arguments import add_track
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet train-maps`."""
+    """Arguments of `patchnet lab train-maps`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "train-maps",
         help="train the sampling-map networks of the literature",
@@ -52,18 +52,18 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Render the frames that are missing, train, and say where the weights are; returns 0; raises PatchNetError."""
-    from ..training.evaluation.networks.run_files import FRAMES, check_map_run
+    from ...training.evaluation.networks.run_files import FRAMES, check_map_run
 
     check_map_run(args.out, args.octrees, resume=args.resume)
     check_octrees(args.octrees)
     require_torch()
     import torch
 
-    from ..patchnet_addon.network.devices import found_device
-    from ..training.evaluation.map_frames import FrameSettings, rendered_frames
-    from ..training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
-    from ..training.run.provenance import describe_command, describe_machine, describe_versions
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.network.devices import found_device
+    from ...training.evaluation.map_frames import FrameSettings, rendered_frames
+    from ...training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
+    from ...training.run.provenance import describe_command, describe_machine, describe_versions
+    from ..shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")
     if args.threads is not None:

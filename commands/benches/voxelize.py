@@ -7,30 +7,29 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from .arguments import add_cores, add_depth, add_repeats, add_scene, read_triangles
+from .arguments import SHELLS, add_depth, add_repeats, add_scene, add_threads, read_triangles
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
 
-HELP = "octree against Open3D's voxel grid, on one core or all"
+HELP = "octree against Open3D's voxel grid"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of `patchnet bench voxelize`."""
     add_scene(parser)
     add_depth(parser)
-    add_cores(parser)
+    add_threads(parser, "threads of ours; Open3D has one")
     add_repeats(parser, 3)
 
 
 def measure(args: argparse.Namespace) -> Comparison:
     """Seconds of both; raises PatchNetError without Open3D."""
-    from ...training.benchmarks.open3d_peer import import_open3d
-    from ...training.benchmarks.voxelize import benchmark_voxelize
+    from ...training.benchmarks.voxelize import benchmark_voxelize, import_open3d
 
     import_open3d()  # before a long scene is read
-    result = benchmark_voxelize(read_triangles(args.scene), args.depth, args.repeats, all_cores=args.cores == "all")
-    return replace(result, details={"scene": args.scene.name, **result.details})
+    result = benchmark_voxelize(read_triangles(args.scene), args.depth, args.repeats, threads=args.threads)
+    return replace(result, details={"scene": args.scene.name if args.scene else SHELLS, **result.details})
 
 
 def text(values: dict[str, Any]) -> str:
@@ -38,5 +37,5 @@ def text(values: dict[str, Any]) -> str:
     return (
         f"{values['scene']} at depth {values['depth']}: octree of {values['ours_voxels']:,} voxels in "
         f"{values['ours']:.2f} s, {values['peer_name']} {values['peer_voxels']:,} voxels in {values['peer']:.2f} s, "
-        f"ratio {values['ratio']:.2f} ({values['clock']} seconds, cores: {values['cores']})"
+        f"ratio {values['ratio']:.2f} ({values['clock']} seconds, threads: {values['threads']})"
     )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet validate`: errors of weights on samples of scenes, beside luminance as the voxel shows it.
+"""`patchnet lab validate`: errors of weights on samples of scenes, beside luminance as the voxel shows it.
 
-    patchnet dataset unseen/*.safetensors --samples 200000 --out unseen-samples
-    patchnet validate unseen-samples --weights new.safetensors --out errors.json
+    patchnet lab dataset unseen/*.safetensors --samples 200000 --out unseen-samples
+    patchnet lab validate unseen-samples --weights new.safetensors --out errors.json
 
 Weights that are not named are those that are shipped. The scenes should have no part in training, in any pose.
 """
@@ -14,16 +14,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.quantities import counted
-from .shared.arguments import add_number, add_out
-from .shared.training_run import require_torch
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.quantities import counted
+from ..shared.arguments import add_number, add_out
+from ..shared.training_run import require_torch
 
 _VOXELS = 4096
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet validate`."""
+    """Arguments of `patchnet lab validate`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "validate",
         help="errors of weights on samples of scenes",
@@ -41,15 +41,15 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Print a line of errors for each of the weights and files; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.network.weights import load_weights
-    from ..patchnet_addon.runtime.file_kinds import ERRORS
-    from ..patchnet_addon.runtime.outputs import check_outputs
-    from ..patchnet_addon.runtime.replace import replaced_file
-    from ..training.data.dataset import check_names, load_dataset, name_of, sample_files
-    from .shared.lines import make_parent, say_result
+    from ...patchnet_addon.network.weights import load_weights
+    from ...patchnet_addon.runtime.file_kinds import ERRORS
+    from ...patchnet_addon.runtime.outputs import check_outputs
+    from ...patchnet_addon.runtime.replace import replaced_file
+    from ...training.data.dataset import check_names, load_dataset, name_of, sample_files
+    from ..shared.lines import make_parent, say_result
 
     require_torch()
-    from ..training.run.weights_errors import weights_errors
+    from ...training.run.weights_errors import weights_errors
 
     files = sample_files(args.datasets)
     check_names(name_of(file) for file in files)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet evaluate`: compare all strategies on camera tracks of scenes, by error and by cost."""
+"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE, EVALUATION_TABLES
-from ..patchnet_addon.runtime.outputs import check_outputs
-from ..patchnet_addon.runtime.progress import drain
-from ..patchnet_addon.runtime.quantities import counted
-from ..patchnet_addon.runtime.replace import replaced_file
-from .shared.arguments import add_number, add_out, check_octrees, named_file
-from .shared.lines import say_result
-from .shared.track_arguments import add_track
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE, EVALUATION_TABLES
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.quantities import counted
+from ...patchnet_addon.runtime.replace import replaced_file
+from ..shared.arguments import add_number, add_out, check_octrees, named_file
+from ..shared.lines import say_result
+from .track_arguments import add_track
 
 if TYPE_CHECKING:
-    from ..training.evaluation.evaluate import EvaluationSettings, SceneResult
+    from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
 
 RESULTS, TABLE, TABLES, REPORT, FIGURES = "results.json", "results.csv", "tables.md", "report.html", "figures"
 OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES, REPORT: EVALUATION_REPORT}
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet evaluate`."""
+    """Arguments of `patchnet lab evaluate`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "evaluate",
         help="compare all strategies on camera tracks of scenes",
@@ -71,8 +71,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
-    from ..training.evaluation.evaluate import evaluate, evaluate_part, prepare
-    from .shared.progress_bars import ProgressBars
+    from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
+    from ..shared.progress_bars import ProgressBars
 
     settings = _evaluation(args)
     if not args.scenes.strip(", ") and not args.octrees:
@@ -100,9 +100,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
     """Settings of the evaluation; raises PatchNetError for networks that cannot stand beside each other."""
-    from ..patchnet_addon.network.weights import load_weights
-    from ..training.evaluation.evaluate import EvaluationSettings
-    from ..training.evaluation.patch_networks import patch_networks
+    from ...patchnet_addon.network.weights import load_weights
+    from ...training.evaluation.evaluate import EvaluationSettings
+    from ...training.evaluation.patch_networks import patch_networks
 
     return EvaluationSettings(
         frames=args.frames,
@@ -119,10 +119,10 @@ def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
     """Write results, table, figures and report."""
-    from ..training.evaluation.csv_table import csv_of
-    from ..training.evaluation.markdown import markdown_of
-    from ..training.evaluation.results import results_of
-    from ..training.evaluation.strategies import map_names
+    from ...training.evaluation.csv_table import csv_of
+    from ...training.evaluation.markdown import markdown_of
+    from ...training.evaluation.results import results_of
+    from ...training.evaluation.strategies import map_names
 
     results = {"settings": _settings(args)} | results_of(scenes, settings.networks)
     strategies = scenes[0].strategies
@@ -152,8 +152,8 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 
 
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
-    from ..training.evaluation.octrees import scene_octree
-    from .shared.catalogue_scenes import scenes_named
+    from ...training.evaluation.octrees import scene_octree
+    from .catalogue_scenes import scenes_named
 
     scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
@@ -173,11 +173,11 @@ def _write(path: Path, text: str) -> None:
 
 def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
     """Draw the figures; returns the report with them."""
-    from ..training.evaluation.figures import draw_budgets, draw_overview, draw_times
-    from ..training.evaluation.generalisation_figure import draw_generalisation
-    from ..training.evaluation.patterns import draw_patterns
-    from ..training.evaluation.report import report_html
-    from ..training.evaluation.results import POOLED
+    from ...training.evaluation.figures import draw_budgets, draw_overview, draw_times
+    from ...training.evaluation.generalisation_figure import draw_generalisation
+    from ...training.evaluation.patterns import draw_patterns
+    from ...training.evaluation.report import report_html
+    from ...training.evaluation.results import POOLED
 
     figures = {}
     for scene in scenes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet figures`: draw figures of the paper from our own scenes."""
+"""`patchnet lab figures`: draw figures of the paper from our own scenes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.outputs import check_outputs
-from ..patchnet_addon.runtime.progress import drain
-from .shared.arguments import add_number, add_out, check_octrees, named_file
-from .shared.lines import say_result
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.progress import drain
+from ..shared.arguments import add_number, add_out, check_octrees, named_file
+from ..shared.lines import say_result
 
 SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
 FAILURES = "failures"
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet figures`."""
+    """Arguments of `patchnet lab figures`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "figures",
         help="draw figures of the paper from our own scenes",
@@ -51,17 +51,17 @@ def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
     if args.failures:
         return _draw_failures(args)
-    from ..patchnet_addon.network.weights import load_weights
-    from ..training.benchmarks.figures import check_figure
-    from ..training.evaluation.figures_of_paper.figures import (
+    from ...patchnet_addon.network.weights import load_weights
+    from ...training.benchmarks.figures import check_figure
+    from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
         check_look_aheads,
         figure_files,
         make_look_ahead,
         make_split,
     )
-    from ..training.evaluation.octrees import scene_octree
-    from .shared.progress_bars import ProgressBars
+    from ...training.evaluation.octrees import scene_octree
+    from ..shared.progress_bars import ProgressBars
 
     names = FIGURES if args.only is None else (args.only,)
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
@@ -87,10 +87,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw_failures(args: argparse.Namespace) -> int:
-    from ..patchnet_addon.network.weights import load_weights
-    from ..patchnet_addon.runtime.file_kinds import PNG, SVG
-    from ..training.evaluation.failures import make_failures
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.network.weights import load_weights
+    from ...patchnet_addon.runtime.file_kinds import PNG, SVG
+    from ...training.evaluation.failures import make_failures
+    from ..shared.progress_bars import ProgressBars
 
     if args.only or args.networks or len(args.weights) > 1:
         raise SettingError(

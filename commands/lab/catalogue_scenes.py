@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ...training.evaluation.catalogue import SCENES, scene_named
 from ...training.evaluation.scene import Scene
-from .lines import say_note
+from ..shared.lines import say_note
 
 ALL = "all"
 

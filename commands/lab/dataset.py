@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet dataset`: draw training samples from octrees."""
+"""`patchnet lab dataset`: draw training samples from octrees."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import PatchNetError
-from ..patchnet_addon.runtime.quantities import counted
-from ..training.settings import SAMPLES, VIEWS
-from .shared.arguments import add_number, add_out, check_octrees
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.quantities import counted
+from ...training.settings import SAMPLES, VIEWS
+from ..shared.arguments import add_number, add_out, check_octrees
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet dataset`."""
+    """Arguments of `patchnet lab dataset`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "dataset", help="draw training samples from octrees", description=__doc__
     )
@@ -51,14 +51,14 @@ def run(args: argparse.Namespace) -> int:
     """Draw the samples and write one file per octree."""
     import time
 
-    from ..patchnet_addon.octree.file import load_octree
-    from ..patchnet_addon.runtime.file_kinds import SAMPLES
-    from ..patchnet_addon.runtime.outputs import check_outputs
-    from ..patchnet_addon.runtime.progress import drain
-    from ..training.data.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
-    from ..training.data.samples import SampleSettings, draw_samples
-    from .shared.lines import say_result
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.octree.file import load_octree
+    from ...patchnet_addon.runtime.file_kinds import SAMPLES
+    from ...patchnet_addon.runtime.outputs import check_outputs
+    from ...patchnet_addon.runtime.progress import drain
+    from ...training.data.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
+    from ...training.data.samples import SampleSettings, draw_samples
+    from ..shared.lines import say_result
+    from ..shared.progress_bars import ProgressBars
 
     check_octrees(args.octrees)
     names = sample_names(args.octrees)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet train-networks`: train the networks of the paper on scenes, each on the same budget.
+"""`patchnet lab train-networks`: train the networks of the paper on scenes, each on the same budget.
 
-    patchnet train-networks --scenes shuttle,sponza,station,san-miguel-bare --samples 2000000 --passes 16000000 --out out/networks
+    patchnet lab train-networks --scenes shuttle,sponza,station,san-miguel-bare --samples 2000000 --passes 16000000 --out out/networks
 
 Kinds of networks:
 
@@ -25,28 +25,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon.network.encoders import MLP
-from ..patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.progress import drain
-from ..patchnet_addon.runtime.quantities import counted
-from ..training.networks_of_paper.plan import KINDS, planned_networks
-from ..training.settings import LOSSES, PRESETS, preset_with
-from .shared.arguments import add_device, add_number, add_out, check_octrees
-from .shared.lines import say_result
-from .shared.training_run import keep_freed_memory, require_torch
+from ...patchnet_addon.network.encoders import MLP
+from ...patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.quantities import counted
+from ...training.networks_of_paper.plan import KINDS, planned_networks
+from ...training.settings import LOSSES, PRESETS, preset_with
+from ..shared.arguments import add_device, add_number, add_out, check_octrees
+from ..shared.lines import say_result
+from ..shared.training_run import keep_freed_memory, require_torch
 
 if TYPE_CHECKING:
-    from ..training.evaluation.scene import Scene
-    from ..training.networks_of_paper.plan import NetworkPlan
-    from ..training.networks_of_paper.run import NetworksRun
+    from ...training.evaluation.scene import Scene
+    from ...training.networks_of_paper.plan import NetworkPlan
+    from ...training.networks_of_paper.run import NetworksRun
 
 _SAMPLES, _PASSES, _VOXELS, _EVERY = 2_000_000, 16_000_000, 4096, 10
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet train-networks`."""
+    """Arguments of `patchnet lab train-networks`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "train-networks",
         help="train the networks of the paper: of each scene, without one, by look-ahead, by encoder",
@@ -89,10 +89,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Train what is missing, write the tables, print or run what comes next; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.runtime.outputs import check_outputs
-    from ..training.evaluation.octrees import scene_octree
-    from ..training.networks_of_paper.files import OUTPUTS, octrees_folder
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.runtime.outputs import check_outputs
+    from ...training.evaluation.octrees import scene_octree
+    from ...training.networks_of_paper.files import OUTPUTS, octrees_folder
+    from ..shared.progress_bars import ProgressBars
 
     check_octrees(args.octrees)
     scenes = _scenes(args)
@@ -103,8 +103,8 @@ def run(args: argparse.Namespace) -> int:
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, args.octrees, folder=args.out)
     keep_freed_memory()
     require_torch()
-    from ..training.networks_of_paper.run import train_networks
-    from ..training.networks_of_paper.table import write_tables
+    from ...training.networks_of_paper.run import train_networks
+    from ...training.networks_of_paper.table import write_tables
 
     work = _work(args)
     args.out.mkdir(parents=True, exist_ok=True)
@@ -131,7 +131,7 @@ def _words(text: str) -> list[str]:
 
 def _scenes(args: argparse.Namespace) -> list[Scene]:
     """Scenes of the catalogue that are named; raises SettingError where there is neither a scene nor an octree."""
-    from .shared.catalogue_scenes import scenes_named
+    from .catalogue_scenes import scenes_named
 
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to learn from: name --scenes, or octree files")
@@ -140,9 +140,9 @@ def _scenes(args: argparse.Namespace) -> list[Scene]:
 
 def _work(args: argparse.Namespace) -> NetworksRun:
     """Budget and settings of the run; raises SettingError for a device that is not there."""
-    from ..patchnet_addon.network.devices import found_device
-    from ..training.networks_of_paper.run import NetworksRun
-    from ..training.run.provenance import describe_command, describe_machine, describe_versions
+    from ...patchnet_addon.network.devices import found_device
+    from ...training.networks_of_paper.run import NetworksRun
+    from ...training.run.provenance import describe_command, describe_machine, describe_versions
 
     device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
@@ -164,7 +164,7 @@ def next_commands(
     octrees: files by name of the scene. catalogue: names of those that are scenes of the catalogue. The figure of
     look-aheads is of one of them, so it is drawn where there are any.
     """
-    from ..training.networks_of_paper.files import octrees_folder, weights_path
+    from ...training.networks_of_paper.files import octrees_folder, weights_path
 
     def named(some: Sequence[NetworkPlan]) -> list[str]:
         return [f"{plan.name}={weights_path(out, plan.name)}" for plan in some]
@@ -173,14 +173,15 @@ def next_commands(
     usual = [plan for plan in plans if plan.is_of_evaluation]
     files = [str(path) for name, path in octrees.items() if name not in catalogue]
     scenes = ["--scenes", ",".join(catalogue)] if catalogue else []
-    found = [["evaluate", *files, *scenes, "--every", str(every), "--networks", *named(usual), "--out", str(out)]]
+    words = ["lab", "evaluate", *files, *scenes, "--every", str(every), "--networks", *named(usual)]
+    found = [[*words, "--out", str(out)]]
     compared = [plan for plan in usual if others and plan.name == others[0].compared]
     if encoders := [plan for plan in others if plan.encoder != MLP.name]:
         unseen = next(path for name, path in octrees.items() if name not in encoders[0].scenes)
-        words = ["evaluate", str(unseen), "--every", str(every), "--networks", *named([*compared, *encoders])]
+        words = ["lab", "evaluate", str(unseen), "--every", str(every), "--networks", *named([*compared, *encoders])]
         found.append([*words, "--out", str(out / "encoders")])
     if catalogue and (ahead := [plan for plan in others if plan.encoder == MLP.name]):
-        words = ["figures", "--only", "look-ahead", "--octrees", str(octrees_folder(out))]
+        words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(octrees_folder(out))]
         found.append([*words, "--networks", *named([*compared, *ahead]), "--out", str(out / "look-ahead")])
     return found
 
@@ -189,7 +190,7 @@ def _run_words(words: Sequence[str]) -> None:
     """Run another of the commands in this process."""
     from . import evaluate, figures
 
-    command = {"evaluate": evaluate, "figures": figures}[words[0]]
+    command = {"evaluate": evaluate, "figures": figures}[words[1]]
     parser = argparse.ArgumentParser()
     command.add_parser(parser.add_subparsers())
-    command.run(parser.parse_args(words))
+    command.run(parser.parse_args(words[1:]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet furnish LIBRARY...`: compose a furnished room or a garden of models from furniture libraries."""
+"""`patchnet lab furnish LIBRARY...`: compose a furnished room or a garden of models from furniture libraries."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import argparse
 import shlex
 from pathlib import Path
 
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.quantities import counted
-from .shared.arguments import add_number, add_out, scene_kind
-from .shared.job_arguments import require_blender
-from .shared.lines import make_parent, say_note, say_result
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.quantities import counted
+from ..shared.arguments import add_number, add_out, scene_kind
+from ..shared.job_arguments import require_blender
+from ..shared.lines import make_parent, say_note, say_result
 
 CREDITS = ".credits.txt"
 _KINDS = ("interior", "garden")  # those of `operators/furnished_scene`, which the help is not to load
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet furnish`."""
+    """Arguments of `patchnet lab furnish`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "furnish",
         help="compose a furnished room or a garden",
@@ -34,20 +34,20 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Read the libraries, compose, write scene and credits; returns 0; raises PatchNetError."""
-    from ..patchnet_addon.furniture.library import read_library
-    from ..patchnet_addon.furniture.policy import common_role
-    from ..patchnet_addon.runtime.file_kinds import SCENE_CREDITS
-    from ..patchnet_addon.runtime.outputs import check_outputs
+    from ...patchnet_addon.furniture.library import read_library
+    from ...patchnet_addon.furniture.policy import common_role
+    from ...patchnet_addon.runtime.file_kinds import SCENE_CREDITS
+    from ...patchnet_addon.runtime.outputs import check_outputs
 
     credits_file = args.out.with_suffix(CREDITS)
     check_outputs({args.out: scene_kind(args.out), credits_file: SCENE_CREDITS}, args.libraries)
     libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
     common_role(library.role for library in libraries)
     require_blender()
-    from ..operators.furnished_scene import compose_scene, save_composed
-    from ..patchnet_addon.furniture.credits import credits_text
-    from ..patchnet_addon.runtime.replace import replaced_file
-    from .shared.quiet import quiet_stdout
+    from ...operators.furnished_scene import compose_scene, save_composed
+    from ...patchnet_addon.furniture.credits import credits_text
+    from ...patchnet_addon.runtime.replace import replaced_file
+    from ..shared.quiet import quiet_stdout
 
     make_parent(args.out)
     with quiet_stdout():

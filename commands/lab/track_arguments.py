@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 
 from ...patchnet_addon.runtime import bounds
-from .arguments import add_number
+from ..shared.arguments import add_number
 
 
 def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks") -> None:

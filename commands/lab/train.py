@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet train`: train PatchNet on sample files."""
+"""`patchnet lab train`: train PatchNet on sample files."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ..patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP
-from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
-from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.errors import SettingError
-from ..patchnet_addon.runtime.progress import drain
-from ..training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run
-from ..training.settings import (
+from ...patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP
+from ...patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import drain
+from ...training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run
+from ...training.settings import (
     LOSSES,
     PRECISIONS,
     PRESETS,
@@ -26,9 +26,9 @@ from ..training.settings import (
     TrainSettings,
     preset_with,
 )
-from .shared.arguments import add_number, add_out
-from .shared.lines import say_note, say_result
-from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch, say_written
+from ..shared.arguments import add_number, add_out
+from ..shared.lines import say_note, say_result
+from ..shared.training_run import add_run_arguments, keep_freed_memory, require_torch, say_written
 
 _PRESET = "improved"
 
@@ -45,13 +45,13 @@ def description() -> str:
 
 A pass is one sample seen once. Samples are those of files, gone through again and again:
 
-    patchnet dataset OCTREE... --samples {SAMPLES} --out samples
-    patchnet train samples --preset {_PRESET} --out run
+    patchnet lab dataset OCTREE... --samples {SAMPLES} --out samples
+    patchnet lab train samples --preset {_PRESET} --out run
 
 With --fresh the octrees are named in their place, and each step draws voxels anew, of {VIEWS} views each. So the
 shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.sh):
 
-    patchnet train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\
+    patchnet lab train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\
         --passes {SHIPPED_PASSES} --out run
 
 Presets:
@@ -63,7 +63,7 @@ held out of scenes in training are validated on too, and reported apart."""
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet train`."""
+    """Arguments of `patchnet lab train`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "train",
         help="train PatchNet on sample files",
@@ -119,22 +119,22 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Train, then write the weights and their model card."""
-    from ..training.data.dataset import sample_files
+    from ...training.data.dataset import sample_files
 
     files = args.datasets if args.fresh else sample_files(args.datasets)
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
     keep_freed_memory()
     require_torch()
-    from ..patchnet_addon.network.devices import found_device
-    from ..patchnet_addon.network.weights import save_weights
-    from ..training.data.dataset import fresh_datasets, load_dataset
-    from ..training.data.held_out import why_not_held_out
-    from ..training.run.model_card import write_card
-    from ..training.run.processes import Processes
-    from ..training.run.provenance import describe_command, describe_machine, describe_versions
-    from ..training.run.trainer import RunOptions, train
-    from .shared.progress_bars import ProgressBars
+    from ...patchnet_addon.network.devices import found_device
+    from ...patchnet_addon.network.weights import save_weights
+    from ...training.data.dataset import fresh_datasets, load_dataset
+    from ...training.data.held_out import why_not_held_out
+    from ...training.run.model_card import write_card
+    from ...training.run.processes import Processes
+    from ...training.run.provenance import describe_command, describe_machine, describe_versions
+    from ...training.run.trainer import RunOptions, train
+    from ..shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")
     datasets = fresh_datasets(files, args.seed or 0) if args.fresh else [load_dataset(path) for path in files]
@@ -169,7 +169,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _print_errors(log: Path) -> None:
     """Print the last errors of what was learned from, and of each data set that was validated on."""
-    from ..training.run.model_card import read_log
+    from ...training.run.model_card import read_log
 
     curve, validations = read_log(log)
     found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
