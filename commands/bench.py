@@ -19,7 +19,6 @@ from .benches import (
     decode,
     denoise,
     depths,
-    device,
     encode,
     first_use,
     fit,
@@ -36,7 +35,7 @@ from .benches import (
 BENCHES = {
     "voxelize": voxel_grids, "depths": depths, "open": opening, "nodes": nodes, "scene": scene, "fit": fit,
     "bake": bake, "denoise": denoise, "encode": encode, "decode": decode, "trace": trace,
-    "frame": frame, "device": device, "first-use": first_use, "train": train, "walkthrough": walkthrough,
+    "frame": frame, "first-use": first_use, "train": train, "walkthrough": walkthrough,
 }  # fmt: skip
 
 

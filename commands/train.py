@@ -28,7 +28,7 @@ from ..training.settings import (
 )
 from .shared.arguments import add_number, add_out
 from .shared.lines import say_note, say_result
-from .shared.training_run import add_run_arguments, keep_freed_memory, require_torch, say_written
+from .shared.training_run import add_run_arguments, require_torch, say_written
 
 _PRESET = "improved"
 
@@ -124,7 +124,6 @@ def run(args: argparse.Namespace) -> int:
     files = args.datasets if args.fresh else sample_files(args.datasets)
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
-    keep_freed_memory()
     require_torch()
     from ..patchnet_addon.network.devices import found_device
     from ..patchnet_addon.network.weights import save_weights

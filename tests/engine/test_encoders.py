@@ -92,19 +92,17 @@ def test_patches_are_those_of_the_linear_layers():
 def test_torch_with_numpy(kind, lookahead, count):
     import torch
 
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
     weights = Weights.random(5, bias=0.1, lookahead=lookahead, encoder=kind)
     blocks, rows = corners(lookahead, count)
     wanted = NumpyConvolutions(weights)(blocks, rows)
     assert wanted.shape == (count, 10) and wanted.dtype == np.float32
     np.testing.assert_allclose(convolving_encoder(weights)(blocks, rows), wanted, atol=TOLERANCE)
-    model = PatchNet.from_weights(weights)
+    model = PatchNet(weights)
     assert model.to_weights().hash == weights.hash
-    cells = corner_patches(blocks, rows)
-    patches = np.moveaxis(cells, 1, -1).reshape(count, int(np.prod(cells.shape[1:])))
     with torch.no_grad():
-        np.testing.assert_allclose(model.encode(torch.from_numpy(patches)).numpy(), wanted, atol=TOLERANCE)
+        np.testing.assert_allclose(model.encode(torch.from_numpy(blocks[rows])).numpy(), wanted, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("device", [pytest.param("cuda", marks=GPU)])

@@ -8,21 +8,19 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
-from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_precision import float32_products
 from ..data.batches import Augmentation
 from ..data.corpus import Corpus
 from ..data.forest import voxel_luminance
-from ..data.padded_batch import PaddedBatch
 from ..data.tensor_batch import TensorBatch
-from ..network.sliced_net import SlicedNet
+from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
 
 _CHUNK = 512
 
 
 def validate(
-    model: SlicedNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
+    model: PatchNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
 ) -> dict[str, dict[str, float]]:
     """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
 
@@ -44,20 +42,18 @@ def validate(
     return result
 
 
-def predicted_views(model: SlicedNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
+def predicted_views(model: PatchNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
     """True coverage and luminance, predicted ones, and the voxels' own luminance, each (N,), of the first voxels."""
     count = min(limit, len(corpus.tree))
     parts = [_predicted(model, corpus, start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def _predicted(model: SlicedNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
+def _predicted(model: PatchNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
-    device = model.device
-    there = TensorBatch.of(batch) if device.type == CPU else PaddedBatch.of(batch, device)
-    with torch.no_grad(), float32_products(device):
-        predicted = model(there, torch.float32).clamp(0, 1).cpu().numpy()
+    with torch.no_grad(), float32_products(model.device):
+        predicted = model(TensorBatch.of(batch, model.device)).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 

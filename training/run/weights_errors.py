@@ -12,7 +12,7 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.dataset import Dataset
 from ..data.samples import UNIT
-from ..network.sliced_net import SlicedNet
+from ..network.patchnet import PatchNet
 from .validation import predicted_views
 from .validation_sets import all_of
 
@@ -33,7 +33,7 @@ def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str,
             f"with --lookahead {weights.lookahead}"
         )
     corpus = all_of(dataset, nearby=weights.kind.mixes)
-    found = np.stack(predicted_views(SlicedNet(weights), corpus, voxels))  # (5, N)
+    found = np.stack(predicted_views(PatchNet(weights), corpus, voxels))  # (5, N)
     views = corpus.views.shape[1]
     level = np.repeat(corpus.voxel[:voxels, 0], views)
     ratio = corpus.views[:voxels, :, 9].ravel() / UNIT
