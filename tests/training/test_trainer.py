@@ -9,21 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.convolutions import NumpyConvolutions
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.encode import NumpyEncoder
-from patchnet.patchnet_addon.network.encoders import CONV3D, MLP, VOXCEPTION, EncoderKind
+from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.convolution_reference import NumpyConvolutions
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.batches import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.training.encoders import CONV3D, VOXCEPTION
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
@@ -50,7 +51,7 @@ def datasets() -> list[Dataset]:
 def test_network_of_a_batch_is_that_of_the_engine(datasets: list[Dataset], encoder: EncoderKind) -> None:
     batch = corpus_of(datasets)[0].batch(np.arange(6), Augmentation.none(6))
     weights = Weights.random(3, bias=0.1, encoder=encoder)
-    encode = NumpyConvolutions if encoder.convolves else NumpyEncoder
+    encode = NumpyEncoder if encoder is MLP else NumpyConvolutions
     eight = encode(weights)(batch.blocks, batch.rows).reshape(6, 8, 10)
     views = batch.ratio.shape[1]
     sides = np.stack([1 - batch.entry, batch.entry]).reshape(2, -1, 3)
@@ -70,7 +71,7 @@ def test_a_mixture_learns_from_blocks_without_luminance(datasets: list[Dataset],
     whole, seen = (corpus_of(datasets, nearby=near)[0].batch(np.arange(3), Augmentation.none(3)) for near in (0, 1))
     assert (whole.blocks.shape[1], seen.blocks.shape[1]) == (320, 256)
     weights = Weights.random(3, bias=0.1, kind=MIXTURE, encoder=encoder)
-    encode = NumpyConvolutions if encoder.convolves else NumpyEncoder
+    encode = NumpyEncoder if encoder is MLP else NumpyConvolutions
     model = PatchNet(weights)
     found = model.encode(torch.from_numpy(seen.blocks[seen.rows])).detach().numpy()
     np.testing.assert_allclose(found, encode(weights)(whole.blocks, whole.rows), atol=1e-5)

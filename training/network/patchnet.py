@@ -14,9 +14,10 @@ from ...patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
 from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE, EncoderKind
 from ...patchnet_addon.network.harmonics import harmonic_terms
 from ...patchnet_addon.network.kinds import SIDE_BY_SIDE
-from ...patchnet_addon.network.torch_convolutions import TorchLayer, convolved_codes, patch_cells
 from ...patchnet_addon.network.weights import MODULATED, Weights
 from ..data.tensor_batch import TensorBatch, TensorNearby
+from ..encoders import ConvolvingKind
+from .convolutions import TorchLayer, convolved_values
 
 _SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
 _FIRST = "encoder.0.weight"
@@ -36,7 +37,7 @@ class PatchNet(nn.Module):
         self.encoder = nn.ModuleList(_encoder_layers(self.encoder_kind, self.lookahead))
         self.decoder = nn.ModuleList(_linear_layers(self.kind.decoder))
         arrays = weights.arrays()
-        if not self.encoder_kind.convolves:
+        if not isinstance(self.encoder_kind, ConvolvingKind):
             columns = self._columns()
             self.encoder[0] = nn.Linear(len(columns), self.encoder_kind.width)
             arrays[_FIRST] = arrays[_FIRST][:, columns]
@@ -45,7 +46,7 @@ class PatchNet(nn.Module):
     def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
         """Copy of the parameters as plain arrays."""
         arrays = {name: value.detach().cpu().numpy().copy() for name, value in self.state_dict().items()}
-        if not self.encoder_kind.convolves:
+        if not isinstance(self.encoder_kind, ConvolvingKind):
             (rows, _), own = self.encoder_kind.shapes(self.lookahead)[0], arrays[_FIRST]
             arrays[_FIRST] = np.zeros((rows, self.encoder_kind.sizes(self.lookahead)[0]), np.float32)
             arrays[_FIRST][:, self._columns()] = own
@@ -76,18 +77,27 @@ class PatchNet(nn.Module):
         apart = corner_codes[:, None].expand(-1, batch.ratio.shape[1], -1, -1)
         return self.decode_mixture(codes, apart, batch.nearby, batch.direction, batch.up, batch.ratio)
 
+    def seen_channels(self, blocks: Tensor) -> Tensor:
+        """What the encoder sees of blocks (U, B) of all channels."""
+        return _without_luminance(blocks) if self.kind.mixes else blocks
+
     def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
         """Codes (C, 10) of patches (C, 8, B), by products in `dtype`, those of the last layer in float32."""
-        if self.encoder_kind.convolves:
-            layers: list[TorchLayer] = [(each.weight, each.bias) for each in self.encoder]  # type: ignore[misc]
-            cells = patch_cells(_with_luminance(patches) if self.kind.mixes else patches)
-            return convolved_codes(self.encoder_kind.stages(self.lookahead), layers, cells, dtype)
-        values = patches.flatten(1)
-        with torch.autocast(values.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-            for layer in self.encoder[:-1]:
-                values = torch.relu(layer(values))
+        with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
+            values = self._hidden(patches)
         codes: Tensor = self.encoder[-1](values.float())
         return codes
+
+    def _hidden(self, patches: Tensor) -> Tensor:
+        """Values (C, width) that the encoder's last layer is given."""
+        if isinstance(self.encoder_kind, ConvolvingKind):
+            layers: list[TorchLayer] = [(each.weight, each.bias) for each in self.encoder[:-1]]  # type: ignore[misc]
+            whole = _with_luminance(patches) if self.kind.mixes else patches
+            return convolved_values(self.encoder_kind.stages(self.lookahead), layers, whole)
+        values = patches.flatten(1)
+        for layer in self.encoder[:-1]:
+            values = torch.relu(layer(values))
+        return values
 
     def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (..., 2) in [-1, 2] for codes (..., 10), unit vectors (..., 3) and ratios (...)."""
@@ -126,6 +136,11 @@ def _ray_inputs(codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> 
 
 def _bounded(outputs: Tensor) -> Tensor:
     return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
+
+
+def _without_luminance(blocks: Tensor) -> Tensor:
+    """Inverse of `_with_luminance`."""
+    return blocks.unflatten(-1, (-1, CHANNELS))[..., _SHAPE].flatten(-2)
 
 
 def _with_luminance(blocks: Tensor) -> Tensor:
