@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
     """Figures that a user asks for first; look-ahead is that of `weights`, None for the shipped ones."""
-    from ..training.encoders import load_weights
+    from ..patchnet_addon.network.weights import load_weights
 
     if header.kind == "octree":
         from ..patchnet_addon.octree.exposure import exposure_text
