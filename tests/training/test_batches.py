@@ -13,10 +13,10 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
-from patchnet.training.data.batches import Augmentation, Batch, gather_batch
+from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
+from patchnet.training.data.batches import Batch, gather_batch
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
-from patchnet.training.data.symmetry import COUNT, cube_symmetries
 
 DEPTH = 6
 

@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import DEVICES, GPU, gpu_only
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.samples import SampleSettings, draw_samples

@@ -19,7 +19,7 @@ from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.forest import concatenate, voxel_luminance
 from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.validation_sets import validation_sets
+from patchnet.training.run.validation import validation_sets
 
 pytest.importorskip("torch")
 from patchnet.training.data.corpus import corpus_of

@@ -16,12 +16,12 @@ from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetErro
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.batches import Augmentation, gather_batch
+from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
+from patchnet.training.data.batches import gather_batch
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.symmetry import COUNT, cube_symmetries
 from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")

@@ -21,13 +21,12 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import DEPTH, moved_octree
-from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.augmentation import Augmentation, cube_symmetries
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.symmetry import cube_symmetries
 from patchnet.training.data.tensor_batch import TensorBatch
 from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.trainer import RunOptions, train

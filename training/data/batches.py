@@ -21,10 +21,10 @@ from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
+from .augmentation import Augmentation, Symmetries, cube_symmetries
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
-from .symmetry import COUNT, Symmetries, cube_symmetries
 
 BLOCK_POSITION = np.array(
     [[sum(((c >> axis & 1) + (o >> axis & 1)) * 3**axis for axis in range(3)) for o in range(8)] for c in range(8)],
@@ -53,36 +53,6 @@ class Batch:
     coverage: np.ndarray
     luminance: np.ndarray
     nearby: Nearby | None = field(default=None, kw_only=True)
-
-
-@dataclass(frozen=True, eq=False)
-class Augmentation:
-    """Augmentation of each of V voxels.
-
-    symmetry: (V,) int32 number of the cube symmetry, 0 for none.
-    remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.
-    """
-
-    symmetry: np.ndarray
-    remap: np.ndarray
-
-    @classmethod
-    def none(cls, count: int) -> Augmentation:
-        """Leave `count` voxels as they are."""
-        return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
-
-    @classmethod
-    def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
-        """Random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
-        remap = random.random((count, 4), np.float32)
-        remap[:, 0] += 0.5
-        remap[:, 2] = remap[:, 2] < 0.5
-        remap[:, 3] = remap[:, 3] < remap_share
-        return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
-
-    def part(self, first: int, last: int) -> Augmentation:
-        """Augmentation of the voxels `first` to `last`, the last one excluded."""
-        return Augmentation(self.symmetry[first:last], self.remap[first:last])
 
 
 def block_values(lookahead: int, *, nearby: bool) -> int:

@@ -10,7 +10,8 @@ import numpy as np
 
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from .batches import Augmentation, Batch, gather_batch
+from .augmentation import Augmentation
+from .batches import Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, concatenate
 

@@ -18,7 +18,8 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.kernels import kernel
 from ..settings import SAMPLES, VALIDATION_VOXELS, VIEWS
-from .batches import Augmentation, Batch, gather_batch
+from .augmentation import Augmentation
+from .batches import Batch, gather_batch
 from .corpus import Corpus
 from .dataset import Dataset
 from .forest import Forest, concatenate, tree_nodes

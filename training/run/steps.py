@@ -16,7 +16,8 @@ import numpy as np
 import torch
 
 from ...patchnet_addon.network.devices import CPU
-from ..data.batches import Augmentation, Batch
+from ..data.augmentation import Augmentation
+from ..data.batches import Batch
 from ..data.corpus import Corpus
 from ..data.fresh import FreshCorpus
 from ..data.tensor_batch import TensorBatch

@@ -38,8 +38,7 @@ from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .steps import AnyCorpus, StepPlan, batches_ahead
 from .torch_threads import torch_threads
-from .validation import validate
-from .validation_sets import ValidationSet, validation_sets
+from .validation import ValidationSet, validate, validation_sets
 
 
 @dataclass

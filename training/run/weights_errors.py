@@ -13,8 +13,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ..data.dataset import Dataset
 from ..data.samples import UNIT
 from ..network.patchnet import PatchNet
-from .validation import predicted_views
-from .validation_sets import all_of
+from .validation import all_of, predicted_views
 
 _RATIOS = 0.5, 0.625, 0.75, 0.875, 1.0
 
