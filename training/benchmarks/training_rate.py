@@ -89,7 +89,7 @@ def _measured(datasets: Sequence[Dataset], kind: str, bench: TrainBench, device:
     }  # fmt: skip
 
 
-def _steps(learner: Learner, plan: StepPlan, settings: TrainSettings, bench: TrainBench) -> Generator[None]:
+def _steps(learner: Learner, plan: StepPlan, settings: TrainSettings, bench: TrainBench) -> Generator[None, None, None]:
     """Steps as a run takes them, one for each call, and those before that nobody measures."""
     dtype, end = encoder_type(settings, 0.0, str(learner.device)), _WARM + bench.steps * bench.repeats
     for batch in batches_ahead(plan, 0, end, learner.device, bench.threads):

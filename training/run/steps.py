@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-from ...patchnet_addon.network.devices import CPU
+from ...patchnet_addon.network.devices import CPU, enough_memory
 from ..data.augmentation import Augmentation
 from ..data.batches import Batch
 from ..data.corpus import Corpus
@@ -26,6 +26,7 @@ from .processes import Processes
 
 AnyCorpus = Corpus | FreshCorpus
 _MOST_AHEAD = 16  # batches that wait for a GPU
+BATCHES = "batches of this size (--batch)"  # what a GPU may have too little memory for
 ALONE = Processes()
 
 
@@ -55,7 +56,7 @@ class StepPlan:
 
 def batches_ahead(
     plan: StepPlan, first: int, end: int, device: torch.device, threads: int
-) -> Generator[TensorBatch]:
+) -> Generator[TensorBatch, None, None]:
     """Batches of steps `first` to `end`, excluded, on a device; the next ones are gathered meanwhile.
 
     By one thread beside a CPU that learns, by `threads` for a GPU.
@@ -63,7 +64,8 @@ def batches_ahead(
     ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
 
     def gathered(step: int) -> TensorBatch:
-        return TensorBatch.of(plan.batch(step), device)
+        with enough_memory(BATCHES):
+            return TensorBatch.of(plan.batch(step), device)
 
     with ThreadPoolExecutor(ahead, "PatchNet batches") as pool:
         waiting = deque(pool.submit(gathered, step) for step in range(first, min(first + ahead, end)))

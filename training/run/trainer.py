@@ -36,7 +36,7 @@ from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
-from .steps import AnyCorpus, StepPlan, batches_ahead
+from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
 from .torch_threads import torch_threads
 from .validation import ValidationSet, validate, validation_sets
 
@@ -95,13 +95,13 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     end = min(total, options.stop_after or total)
     keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
     before = time.monotonic() - learner.seconds
-    title = (counted(threads, "CPU thread") if device == CPU else device)
+    title = counted(threads, "CPU thread") if device == CPU else device
     batches = batches_ahead(plan, learner.steps, end, learner.device, threads)
     try:
         for batch in batches:
             rate = learning_rate(learner.steps, total, settings)
             dtype = encoder_type(settings, learner.steps / total, device)
-            with enough_memory("batches of this size (--batch)"), torch_threads(threads):
+            with enough_memory(BATCHES), torch_threads(threads):
                 gradients, sums = learner.differentiate(batch, dtype, plan.share)
                 *gradients, sums = processes.sums([*gradients, sums])
                 with interrupts_wait():  # lest a checkpoint be of half a step
