@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
     """Settings of the evaluation; raises PatchNetError for networks that cannot stand beside each other."""
-    from ...patchnet_addon.network.weights import load_weights
+    from ...training.encoders import load_weights
     from ...training.evaluation.evaluate import EvaluationSettings
     from ...training.evaluation.patch_networks import patch_networks
 

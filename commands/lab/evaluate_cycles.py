@@ -69,8 +69,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.sampling.references.registry import EVALUATED
+    from ...training.encoders import load_weights
     from ...training.evaluation.second_truth import second_truth_results
     from ..shared.progress_bars import ProgressBars
 

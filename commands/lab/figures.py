@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
     if args.failures:
         return _draw_failures(args)
-    from ...patchnet_addon.network.weights import load_weights
     from ...training.benchmarks.figures import check_figure
+    from ...training.encoders import load_weights
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
         check_look_aheads,
@@ -87,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw_failures(args: argparse.Namespace) -> int:
-    from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.runtime.file_kinds import PNG, SVG
+    from ...training.encoders import load_weights
     from ...training.evaluation.failures import make_failures
     from ..shared.progress_bars import ProgressBars
 

@@ -35,7 +35,7 @@ from ...training.networks_of_paper.plan import KINDS, planned_networks
 from ...training.settings import LOSSES, PRESETS, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
-from ..shared.training_run import keep_freed_memory, require_torch
+from ..shared.training_run import require_torch
 
 if TYPE_CHECKING:
     from ...training.evaluation.scene import Scene
@@ -101,7 +101,6 @@ def run(args: argparse.Namespace) -> int:
     if not plans:
         raise SettingError("There is nothing to train: name --kinds of networks")
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, args.octrees, folder=args.out)
-    keep_freed_memory()
     require_torch()
     from ...training.networks_of_paper.run import train_networks
     from ...training.networks_of_paper.table import write_tables

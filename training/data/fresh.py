@@ -18,7 +18,8 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.kernels import kernel
 from ..settings import SAMPLES, VALIDATION_VOXELS, VIEWS
-from .batches import Augmentation, Batch, gather_batch
+from .augmentation import Augmentation
+from .batches import Batch, gather_batch
 from .corpus import Corpus
 from .dataset import Dataset
 from .forest import Forest, concatenate, tree_nodes
@@ -61,15 +62,10 @@ class FreshCorpus:
         """Levels that samples look ahead."""
         return self.settings.lookahead
 
-    def batch_of_step(
-        self, seed: int, step: int, places: slice, augmentation: Augmentation, *, narrow: bool = False
-    ) -> Batch:
-        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen.
-
-        narrow: its blocks are bits of bfloat16.
-        """
+    def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
+        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen."""
         drawn = self.draw(seed, step, places)
-        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby, narrow=narrow)
+        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
 
     def draw(self, seed: int, step: int, places: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Octrees (V,), voxels (V, 4) and views (V, R, 12) at places of a step; raises as `batch_of_step`."""

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.network.weights import Weights, load_weights
+from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
@@ -26,6 +26,7 @@ from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
+from ..encoders import load_weights
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .kept_codes import codes_path

@@ -8,12 +8,12 @@ from pathlib import Path
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.codes.file import load_codes, save_codes
-from ...patchnet_addon.network.convolutions import convolving_encoder
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import CodesFileError
 from ...patchnet_addon.runtime.progress import Steps
+from ..network.research_encoder import research_encoder
 
 
 def codes_path(folder: Path, weights_hash: str) -> Path:
@@ -30,7 +30,7 @@ def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctre
         return load_codes(path, octree, weights)
     except CodesFileError:
         path.parent.mkdir(parents=True, exist_ok=True)
-        coded = yield from encode_octree(octree, weights, encoder=convolving_encoder(weights))
+        coded = yield from encode_octree(octree, weights, encoder=research_encoder(weights))
         save_codes(coded, path)
         return coded
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import patchnet, patchnet_behind
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..encoders import load_weights
 
 PREFIX = "pn-"
 _ENDINGS = {patchnet.STRATEGY.name: "", patchnet_behind.STRATEGY.name: "-behind"}

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import load_codes
-from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..encoders import load_weights
 from .kept_codes import codes_path, kept_codes
 from .patch_networks import NetworkStrategy, PatchNetwork
 

@@ -6,9 +6,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...patchnet_addon.network.encoders import ENCODERS, MLP
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
+from ..encoders import ENCODERS
 from ..evaluation.network_names import WITHOUT
 
 SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")

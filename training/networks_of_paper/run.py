@@ -13,14 +13,14 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.network.encoders import ENCODERS
-from ...patchnet_addon.network.weights import Weights, load_weights, save_weights
+from ...patchnet_addon.network.weights import Weights, save_weights
 from ...patchnet_addon.runtime.errors import WeightsFileError
 from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.replace import replaced_file
 from ..data.dataset import DATASET_SEEDS, Dataset
 from ..data.samples import SampleSettings
+from ..encoders import ENCODERS, load_weights
 from ..run.model_card import read_log, write_card
 from ..run.run_files import CHECKPOINT, LOG
 from ..run.trainer import RunOptions, train

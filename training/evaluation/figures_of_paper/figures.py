@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
-from ....patchnet_addon.network.weights import Weights, load_weights
+from ....patchnet_addon.network.weights import Weights
 from ....patchnet_addon.octree.file import load_octree, octree_hash
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
+from ...encoders import load_weights
 from ..catalogue import shuttle
 from ..kept_codes import coded_octree
 from ..scene import Scene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoders that convolve, in NumPy: the Reference of `torch_convolutions.py`, far too slow for whole octrees."""
+"""Encoders that convolve, in NumPy: the Reference of `training/network/convolutions.py`."""
 
 from __future__ import annotations
 
@@ -8,31 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..runtime.errors import SettingError
-from .encode import Encoder
-from .encoders import CHANNELS, MAXIMUM, Branch, patch_side
-from .weights import Layer, Weights
+from patchnet.patchnet_addon.network.encoders import CHANNELS, patch_side
+from patchnet.patchnet_addon.network.weights import Layer, Weights
+from patchnet.training.encoders import MAXIMUM, Branch, ConvolvingKind
 
 _OFFSETS = tuple(itertools.product(range(3), range(3), range(3)))  # of the cells in a window of 3x3x3
-
-
-def convolving_encoder(weights: Weights, device: str = "cpu") -> Encoder | None:
-    """Encoder on torch of weights whose encoder convolves (`encoders.py`); None for `mlp`, which needs no torch.
-
-    device: see `network/devices.py`. Raises SettingError where there is no torch, or no such device.
-    """
-    from .devices import found_device, has_torch
-
-    if not weights.encoder_kind.convolves:
-        return None
-    if not has_torch():
-        raise SettingError(
-            f"The encoder '{weights.encoder_kind.name}' of these weights needs PyTorch, which this Python does not "
-            "have: install it, or choose weights with the encoder 'mlp', such as those that are shipped"
-        )
-    from .torch_convolutions import TorchConvolutions
-
-    return TorchConvolutions(weights, found_device(device))
 
 
 def corner_patches(blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -58,6 +38,7 @@ class NumpyConvolutions:
 def convolve_reference(weights: Weights, cells: np.ndarray) -> np.ndarray:
     """Codes (C, 10) float32 of patches (C, 5, S, S, S), S = `patch_side(lookahead)`."""
     assert cells.shape[1:] == (CHANNELS, *(patch_side(weights.lookahead),) * 3)
+    assert isinstance(weights.encoder_kind, ConvolvingKind)
     layers = iter(weights.encoder)
     for stage in weights.encoder_kind.stages(weights.lookahead):
         cells = np.maximum(np.concatenate([_branch(branch, layers, cells) for branch in stage], axis=1), 0)

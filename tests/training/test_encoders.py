@@ -1,27 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoders that convolve: sizes, NumPy reference against torch, their files, and what needs torch for them."""
+"""Encoders: sizes, NumPy reference of those that convolve against torch, their files, and who runs them."""
 
 import importlib.util
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
-from patchnet.patchnet_addon.network import devices
-from patchnet.patchnet_addon.network.convolutions import (
-    NumpyConvolutions,
-    convolve_reference,
-    convolving_encoder,
-    corner_patches,
-)
-from patchnet.patchnet_addon.network.encoders import CONV3D, ENCODERS, MLP, VOXCEPTION
-from patchnet.patchnet_addon.network.kinds import MIXTURE
-from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.network import weights as engine_weights
+from patchnet.patchnet_addon.network.encoders import MLP
+from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
+from patchnet.patchnet_addon.network.weights import Weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.torch_devices import GPU
+from patchnet.tests.training.convolution_reference import NumpyConvolutions, convolve_reference, corner_patches
+from patchnet.training.encoders import CONV3D, ENCODERS, VOXCEPTION, load_weights
+from patchnet.training.network import research_encoder as research
+from patchnet.training.network.research_encoder import research_encoder
 from patchnet.training.settings import SHIPPED_WIDTH
 
 CONVOLVING = (CONV3D, VOXCEPTION)
@@ -92,30 +89,17 @@ def test_patches_are_those_of_the_linear_layers():
 def test_torch_with_numpy(kind, lookahead, count):
     import torch
 
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
     weights = Weights.random(5, bias=0.1, lookahead=lookahead, encoder=kind)
     blocks, rows = corners(lookahead, count)
     wanted = NumpyConvolutions(weights)(blocks, rows)
     assert wanted.shape == (count, 10) and wanted.dtype == np.float32
-    np.testing.assert_allclose(convolving_encoder(weights)(blocks, rows), wanted, atol=TOLERANCE)
-    model = PatchNet.from_weights(weights)
+    np.testing.assert_allclose(research_encoder(weights)(blocks, rows), wanted, atol=TOLERANCE)
+    model = PatchNet(weights)
     assert model.to_weights().hash == weights.hash
-    cells = corner_patches(blocks, rows)
-    patches = np.moveaxis(cells, 1, -1).reshape(count, int(np.prod(cells.shape[1:])))
     with torch.no_grad():
-        np.testing.assert_allclose(model.encode(torch.from_numpy(patches)).numpy(), wanted, atol=TOLERANCE)
-
-
-@pytest.mark.parametrize("device", [pytest.param("cuda", marks=GPU)])
-@pytest.mark.parametrize("lookahead", [1, 2, 3])
-@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
-def test_gpu_with_numpy(kind, lookahead, device):
-    """In float32, although torch convolves in TF32 on a GPU unless it is told otherwise."""
-    weights = Weights.random(5, bias=0.1, lookahead=lookahead, encoder=kind)
-    blocks, rows = corners(lookahead)
-    wanted = NumpyConvolutions(weights)(blocks, rows)
-    np.testing.assert_allclose(convolving_encoder(weights, device)(blocks, rows), wanted, atol=TOLERANCE)
+        np.testing.assert_allclose(model.encode(torch.from_numpy(blocks[rows])).numpy(), wanted, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
@@ -162,21 +146,24 @@ def test_file_has_linear_layers_of_any_width(width, tmp_path):
         load_weights(path)
 
 
+def test_the_engine_refuses_what_it_does_not_run(tmp_path):
+    save_weights(Weights.random(3, lookahead=1, encoder=CONV3D), tmp_path / "w.safetensors")
+    with pytest.raises(WeightsFileError, match="the encoder 'conv3d', which research commands alone run: choose"):
+        engine_weights.load_weights(tmp_path / "w.safetensors")
+
+
 def test_what_needs_torch_says_so(monkeypatch):
-    weights = Weights.random(3, lookahead=1, encoder=CONV3D)
-    assert convolving_encoder(Weights.random(3)) is None
-    for backend in ("compiled", "numpy"):
-        with pytest.raises(SettingError, match="encoder 'conv3d' of these weights needs PyTorch"):
-            make_encoder(weights, backend)
-    monkeypatch.setattr(devices, "has_torch", lambda: False)
+    assert research_encoder(Weights.random(3)) is None
+    monkeypatch.setattr(research, "has_torch", lambda: False)
     with pytest.raises(SettingError, match=r"encoder 'conv3d' .* install it"):
-        convolving_encoder(weights)
+        research_encoder(Weights.random(3, lookahead=1, encoder=CONV3D))
 
 
 @needs_torch
+@pytest.mark.parametrize("network_kind", [PAPER, MIXTURE], ids=lambda kind: kind.name)
 @pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
-def test_codes_of_an_octree(kind):
-    octree, weights = random_octree(2, depth=5), Weights.random(6, bias=0.1, lookahead=1, encoder=kind)
+def test_codes_of_an_octree(kind, network_kind):
+    octree, weights = random_octree(2, depth=5), Weights.random(6, 0.1, 1, network_kind, kind)
     wanted = drain(encode_octree(octree, weights, encoder=NumpyConvolutions(weights))).codes
-    found = drain(encode_octree(octree, weights, encoder=convolving_encoder(weights))).codes
+    found = drain(encode_octree(octree, weights, encoder=research_encoder(weights))).codes
     np.testing.assert_allclose(found, wanted, atol=2e-3, rtol=1e-3)  # half floats

@@ -1,16 +1,47 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Symmetries of the cube, all 48, as matrices and as permutations of a brick's blocks and cells (methods 7.20)."""
+"""Augmentation of voxels (methods 7.20): another range of luminance, and one of the 48 symmetries of the cube."""
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 
-COUNT = 48
+COUNT = 48  # symmetries
+
+
+@dataclass(frozen=True, eq=False)
+class Augmentation:
+    """Augmentation of each of V voxels.
+
+    symmetry: (V,) int32 number of the cube symmetry, 0 for none.
+    remap: (V, 4) float32: gain, place of the result in its free range [0, 1], 1 to invert, 1 to remap at all.
+    """
+
+    symmetry: np.ndarray
+    remap: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> Augmentation:
+        """Leave `count` voxels as they are."""
+        return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
+
+    @classmethod
+    def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
+        """Random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
+        remap = random.random((count, 4), np.float32)
+        remap[:, 0] += 0.5
+        remap[:, 2] = remap[:, 2] < 0.5
+        remap[:, 3] = remap[:, 3] < remap_share
+        return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
+
+    def part(self, first: int, last: int) -> Augmentation:
+        """Augmentation of the voxels `first` to `last`, the last one excluded."""
+        return Augmentation(self.symmetry[first:last], self.remap[first:last])
 
 
 class Symmetries(NamedTuple):
