@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
         return _draw_failures(args)
     from ...training.benchmarks.figures import check_figure
     from ...training.encoders import load_weights
+    from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
         check_look_aheads,
@@ -60,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
         make_look_ahead,
         make_split,
     )
-    from ...training.evaluation.octrees import scene_octree
     from ..shared.progress_bars import ProgressBars
 
     names = FIGURES if args.only is None else (args.only,)

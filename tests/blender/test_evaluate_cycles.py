@@ -25,8 +25,7 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.training.evaluation.catalogue import SCENES
-from patchnet.training.evaluation.scene import CYCLES, FOLDER, TEST, TWO_LIGHTS, Scene
+from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
 
 FILE = "bars.obj"
 DEPTH = 7

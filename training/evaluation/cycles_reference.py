@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Second truth G2: strategies measured against renders of the scene itself, not of its octree (methods 7.28).
+"""Strategies measured against Cycles' renders of the scene, not against rays of its octree (truth G2, methods 7.28).
 
 Refined pixels are those of the render, unrefined ones the octree's with one ray each. So an error is left that is no
 strategy's: the octree with 32x32 rays a pixel (the first truth, G1) differs from the render by the voxels' bias.
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps
@@ -21,13 +23,14 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
+from ..benchmarks.figures import save_figure
 from .bootstrap import finite
-from .checks import check_track
 from .curves import (
     BUDGETS,
     OPTIMAL,
     FrameErrors,
     TrackErrors,
+    check_track,
     excess_area,
     frame_errors,
     frame_orders,
@@ -36,6 +39,7 @@ from .curves import (
 )
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
+_TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse light", "|octree - Cycles|")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,7 @@ def measure_camera(
     return CameraResult(camera, buffers, truths, errors, bias, noise)
 
 
-def second_truth_results(
+def cycles_results(
     scene: str, coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
 ) -> dict[str, Any]:
     """Results of a scene's cameras as plain JSON values: mean squared errors over all active pixels (methods 5).
@@ -146,16 +150,6 @@ def second_truth_results(
     }
 
 
-def csv_rows(scene: str, values: Mapping[str, Any]) -> list[list[Any]]:
-    """Rows of a table: scene, strategy, group, rays per pixel, truth, budget, mean squared error."""
-    return [
-        [scene, name, values["group"][name], values["rays_per_pixel"][name], truth, budget, error]
-        for truth, found in values["truths"].items()
-        for name, curve in found["mse"].items()
-        for budget, error in zip(values["budgets"], curve, strict=True)
-    ]
-
-
 def _camera(result: CameraResult) -> dict[str, Any]:
     active = max(result.errors[OCTREE].active, 1)
     return {
@@ -168,3 +162,28 @@ def _camera(result: CameraResult) -> dict[str, Any]:
         "bias": {name: value / active for name, value in result.bias.items()},
         "noise": {name: value / active for name, value in result.noise.items()},
     }
+
+
+def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> Path:
+    """Draw a row of pictures for each camera; returns the file; raises PatchNetError if it cannot be written."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
+    rows = figure.subplots(len(results), len(_TITLES), squeeze=False)
+    for axes, result in zip(rows, results, strict=True):
+        buffers, cycles = result.buffers, result.truths[DIFFUSE].luminance
+        assert buffers.reference is not None
+        pictures = [gray(buffers.picture(values)) for values in (buffers.preview, buffers.reference, cycles)]
+        for each, picture in zip(axes, pictures, strict=False):
+            each.imshow(np.clip(picture[::-1], 0.0, 1.0), interpolation="nearest")
+        difference = np.abs(buffers.picture(buffers.reference - cycles))
+        axes[-1].imshow(difference[::-1], cmap="magma", vmin=0.0, vmax=0.5, interpolation="nearest")
+        axes[-1].set_xlabel(f"bias {1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1):.1f}e-4")
+        axes[0].set_ylabel(result.camera.name)
+        for each, title in zip(axes, _TITLES, strict=True):
+            each.set_title(title, fontsize=9)
+            each.set(xticks=[], yticks=[])
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.png"
+    save_figure(figure, path)
+    return path
