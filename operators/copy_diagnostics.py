@@ -12,9 +12,9 @@ from typing import Any
 import bpy
 
 from ..patchnet_addon.runtime.log import LOG
+from .properties.preferences import preferences
 from .scene_access.devices import gpu_is_enabled
 from .session import results
-from .ui.preferences import preferences
 
 _MAX = 20
 

@@ -11,7 +11,7 @@ from ...patchnet_addon.runtime.wording import named_list
 from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of
-from ..ui.panels.tab import draw_sentence
+from ..ui.tab import draw_sentence
 from . import handlers
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .overlay_settings import overlay_settings

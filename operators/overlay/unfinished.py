@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ..properties.preferences import OPEN_NEVER, preferences
 from ..scene_access.images import write_pixels
 from ..scene_access.own import OWNER
 from ..scene_access.temporary import temporary
-from ..ui.preferences import OPEN_NEVER, preferences
 from . import open_pictures
 from .unfinished_viewport import UnfinishedViewport
 

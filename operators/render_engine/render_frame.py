@@ -24,13 +24,13 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.world.background import background
 from ..importance.pixels import read_strokes
+from ..properties import scene_settings
+from ..properties.preferences import apply_preferences
 from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
-from ..ui.preferences import apply_preferences
-from ..ui.properties import scene_settings
 from .animation_time import rendered_frame
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels

@@ -16,9 +16,9 @@ from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
+from ..properties.preferences import apply_preferences
 from ..session import results
 from ..session.scene_result import SceneResult
-from ..ui.preferences import apply_preferences
 from .drawing import PictureTexture, draw_message
 from .render_camera import camera_rect, viewport_camera
 from .viewport_mask import ViewportMask
