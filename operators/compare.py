@@ -11,7 +11,7 @@ from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
 from .properties import CameraProperties, ViewProperties
 from .render_preview import look
-from .session.seen import comparison_of
+from .session.shown_view import comparison_of
 from .settings.job_settings import JobSettings
 
 

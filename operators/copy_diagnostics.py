@@ -52,7 +52,7 @@ class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
 
 def diagnostics(context: bpy.types.Context) -> str:
     """Text of the diagnostics; the user's own folder is written as ~."""
-    from .pipeline.versions import machine, versions  # it imports much of the library
+    from .pipeline.reports import machine, versions  # it imports much of the library
 
     result = results.result_of(context.scene)
     values = {

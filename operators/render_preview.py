@@ -16,7 +16,7 @@ from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
 from .properties import CameraProperties, ViewProperties
 from .session import results
-from .session.seen import seen
+from .session.shown_view import seen
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from .properties import JobProperties
 from .schema.table import SELECTED
 from .session import results
 from .session.scene_result import SceneResult
-from .session.seen import seen
+from .session.shown_view import seen
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 

@@ -18,7 +18,7 @@ from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
 from .layout import Rect, beside, sides_of_wipe, tick_values
 from .overlay_settings import NOTHING, overlay_settings
-from .textures import texture_of
+from .paint import texture_of
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not there yet: Refine with Cycles renders it"

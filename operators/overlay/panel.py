@@ -13,9 +13,9 @@ from ..session import views
 from ..session.scene_session import session_of
 from ..ui.tab import draw_sentence
 from . import handlers
+from .handlers import NO_VIEW
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .overlay_settings import overlay_settings
-from .toggle import NO_VIEW
 
 if TYPE_CHECKING:
     from bpy.types import Panel as _Panel

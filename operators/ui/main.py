@@ -11,7 +11,7 @@ from ..jobs.job_operator import JobOperator
 from ..session import results
 from ..session.memory import held
 from ..session.result_images import shown_pictures
-from ..settings.step_settings import ESTIMATED, changed
+from ..settings.job_settings import ESTIMATED, changed
 from .presets_menu import PATCHNET_PT_presets
 from .tab import SubPanel, Tab, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
 

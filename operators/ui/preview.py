@@ -10,7 +10,7 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..schema.table import AUTO, FIT, VIEW
 from ..session import results
 from ..session.scene_result import Comparison, SceneResult
-from ..settings.step_settings import recorded
+from ..settings.job_settings import recorded
 from .tab import SubPanel, Tab, draw_samples, draw_sentence, draw_setting, draw_settings, draw_stale, draw_todo, split
 
 BETTER = 0.95  # share of the chosen strategy's error from which another one is worth a sentence

@@ -7,7 +7,7 @@ import bpy
 
 from ..schema.table import CYCLES, GLOSS_OFF
 from ..session import results
-from ..settings.step_settings import changed
+from ..settings.job_settings import changed
 from .tab import SubPanel, Tab, draw_sentence, draw_setting, draw_settings, draw_stale, split
 
 

@@ -18,7 +18,7 @@ from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.staleness import look_soon
 from ..settings.cycles_settings import COMBINED
-from ..settings.step_settings import changed, step_settings
+from ..settings.job_settings import changed, step_settings
 
 _MOST = 5
 

@@ -17,7 +17,7 @@ from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
 from patchnet.operators.session.scene_session import session_of
-from patchnet.operators.settings.step_settings import recorded
+from patchnet.operators.settings.job_settings import recorded
 from patchnet.operators.ui import presets_menu, tab
 from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview, advice

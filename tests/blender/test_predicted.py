@@ -16,8 +16,7 @@ from patchnet.operators.render_engine.passes import combined
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.operators.session import results
-from patchnet.operators.session.seen import comparison_of
-from patchnet.operators.session.shown_view import view_to_show
+from patchnet.operators.session.shown_view import comparison_of, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.operators.ui.tab import stale_text
