@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Output of a job: its files, folders of cameras, a folder that appears complete or not at all; inputs are never replaced."""
+"""Output of a job: its files, folders of cameras, a folder that appears complete or not at all; files never replaced."""
 
 from __future__ import annotations
 
