@@ -12,13 +12,13 @@ from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
+from .properties import JobProperties
 from .schema.table import SELECTED
 from .session import kept_results, results
 from .session.scene_result import SceneResult
-from .session.seen import seen
+from .session.shown_view import seen
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
-from .ui.properties import JobProperties
 
 if TYPE_CHECKING:
     from .pipeline.run import Before

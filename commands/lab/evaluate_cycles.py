@@ -123,7 +123,7 @@ def _measured(
     """Octree with its codes, and results of the scene's cameras; the scene is open in Blender afterwards."""
     import bpy
 
-    from ...operators.scene.hiding import hide_from_renders
+    from ...operators.scene.render_geometry import hide_from_renders
     from ...operators.verify_light.octree_light import as_in_octree
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.surface.bisect import AXES
@@ -154,7 +154,7 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
     import bpy
 
-    from ...operators.cycles.halves import render_halves
+    from ...operators.cycles.camera_render import render_halves
     from ...patchnet_addon.sampling.references.registry import EVALUATED
     from ...training.evaluation.catalogue import CYCLES
     from ...training.evaluation.cycles_reference import COMBINED, DIFFUSE, Truth, measure_camera

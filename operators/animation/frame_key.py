@@ -14,7 +14,7 @@ from ..state.digest import Digest
 
 # What makes results, and what it imports; a worker is a program of its own.
 _CODE = (
-    "operators.animation.animation", "operators.animation.frame_maker", "operators.animation.octree_maker",
+    "operators.animation.animation", "operators.animation.frame_maker",
     "operators.pipeline.run", "operators.voxelize_objects", "operators.bake_light", "operators.precompute_codes",
     "operators.load_octree", "patchnet_addon.network.torch_worker",
 )  # fmt: skip

@@ -10,7 +10,7 @@ import bpy
 
 from ..scene_access.stop_cycles import forget_engine
 from ..session.scene_session import open_sessions
-from . import engine, panels, viewport_handover
+from . import engine, panels, viewport
 
 _CLASSES = (*engine.CLASSES, *panels.CLASSES)
 
@@ -33,7 +33,7 @@ def unregister() -> None:
         bpy.utils.unregister_class(item)
     for item in engine.CLASSES:
         forget_engine(item)
-    viewport_handover.unregister()
+    viewport.unregister()
 
 
 def _ends_of_renders() -> tuple[list[Any], ...]:

@@ -21,8 +21,8 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.world.background import Background, SeenWorld, seen_world
-from ..cycles.world.environment import world_map
+from ..cycles.background import Background, SeenWorld, seen_world
+from ..cycles.environment import world_map
 from ..scene.fingerprint import world_hash
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet

@@ -36,9 +36,9 @@ from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
 from .bake_key import bake_key
 from .baker import Baker, lift_world
-from .black_views import black_views
 from .gloss_passes import place_of_view
 from .sheet_survey import sides_of_sheets
+from .side_probe import black_views
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas

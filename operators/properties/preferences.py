@@ -15,7 +15,8 @@ from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
 from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
 
-ROOT_PACKAGE = __package__.removesuffix(".operators.ui")  # "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+# "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+ROOT_PACKAGE = __package__.removesuffix(".operators.properties")
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
 OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
 KEPT_GIB = 4.0

@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ....patchnet_addon.runtime.bounds import CYCLES_BUDGET, CYCLES_REGIONS, CYCLES_SAMPLES, CYCLES_TILE
-from ...settings.cycles_settings import COMBINED, DIFFUSE, CyclesSettings
-from .given import setting
+from ...patchnet_addon.runtime.bounds import CYCLES_BUDGET, CYCLES_REGIONS, CYCLES_SAMPLES, CYCLES_TILE
+from ..settings.cycles_settings import COMBINED, DIFFUSE, CyclesSettings
+from .job import setting
 from .shapes import number, share
 
 

@@ -15,17 +15,17 @@ from contextlib import ExitStack, contextmanager
 import bpy
 import numpy as np
 
-from ....patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, view_corners
-from ....patchnet_addon.runtime.errors import SceneError
-from ....patchnet_addon.runtime.interrupt import interrupts_wait
-from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ...scene_access.blender_version import start_nodes
-from ...scene_access.image_editors import editors_keep_images
-from ...scene_access.own import quiet
-from ...scene_access.temporary import sync_view_layers, temporary
-from ...scene_access.window_job import window_is_alive
-from ..scene_copy import looking_through
+from ...patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, view_corners
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from ..scene_access.blender_version import start_nodes
+from ..scene_access.image_editors import editors_keep_images
+from ..scene_access.own import quiet
+from ..scene_access.temporary import sync_view_layers, temporary
+from ..scene_access.window_job import window_is_alive
+from .scene_copy import looking_through
 
 SAMPLES = 16  # a pixel of a picture
 MAP_SIDE_PX, MAP_SAMPLES = 512, 2  # of a face of a cube map

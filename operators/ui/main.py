@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Main panel: the settings that a first user needs, one button that does everything, and the estimate."""
+"""First panel: settings that a first user needs, one button that does everything, the estimate; export, statistics."""
 
 from __future__ import annotations
 
 import bpy
 
-from ....patchnet_addon.runtime.quantities import counted
-from ...jobs.job_operator import JobOperator
-from ...session import results
-from ...session.result_images import shown_pictures
-from ...settings.step_settings import ESTIMATED, changed
-from ..presets_menu import PATCHNET_PT_presets
-from .notes import draw_notes
-from .tab import Tab, draw_first, draw_progress, draw_sentence, draw_stale, split
+from ...patchnet_addon.export.vdb import vdb_module_name
+from ...patchnet_addon.runtime.quantities import counted
+from ..jobs.job_operator import JobOperator
+from ..session import results
+from ..session.memory import held
+from ..session.result_images import shown_pictures
+from ..settings.job_settings import ESTIMATED, changed
+from .presets_menu import PATCHNET_PT_presets
+from .tab import SubPanel, Tab, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
 
 _MOST_CAMERAS = 3
 
@@ -86,4 +87,46 @@ def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said:
     draw_notes(layout, context, [text for text in found.notes if text not in said], "estimate")
 
 
-CLASSES = (PATCHNET_PT_presets, PATCHNET_PT_main)
+class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
+    """Size, time and errors of the result."""
+
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Lines that were written when a step ended, what all of it takes, and the button that frees the memory."""
+        layout = split(self.layout)
+        result = results.result_of(context.scene)
+        if result is None:
+            draw_sentence(layout, context, "Nothing computed yet")
+            return
+        column = layout.column(align=True)
+        for line in result.summary:
+            draw_sentence(column, context, line)
+        column = layout.column(align=True)
+        taken = held()
+        draw_sentence(column, context, f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
+        if taken.process is not None:
+            draw_sentence(column, context, f"Blender as a whole: {_size(taken.process)}")
+        layout.operator("patchnet.clear_results", icon="TRASH")
+
+
+def _size(nbytes: int) -> str:
+    return f"{nbytes / 2**20:.1f} MiB" if nbytes < 2**30 else f"{nbytes / 2**30:.2f} GiB"
+
+
+class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
+    """Voxels in the scene, and for other programs."""
+
+    bl_label = "Export"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the two buttons, and what this Blender cannot write."""
+        layout = split(self.layout)
+        for name in ("level", "display", "limit"):
+            layout.prop(context.scene.patchnet, name)
+        layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
+        layout.operator("patchnet.export_octree", icon="EXPORT")
+        if not vdb_module_name():  # looked for once
+            draw_sentence(layout, context, "This Blender cannot write .vdb", "INFO")

@@ -1,22 +1,46 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of a job, read from an operator and the scene."""
+"""Settings of a job: what an operator's caller gave, else the scene's."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ....patchnet_addon.runtime.bounds import MEMORY_GIB
-from ....patchnet_addon.runtime.errors import SettingError
-from ...importance.painted import Importance
-from ...schema.setting import Kind, Setting
-from ...schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
-from ...settings.job_settings import JobSettings
-from ..preferences import Preferences, preferences
-from .given import absolute_path, is_given, setting
+from ...patchnet_addon.runtime.bounds import MEMORY_GIB
+from ...patchnet_addon.runtime.errors import SettingError
+from ..importance.painted import Importance
+from ..scene_access.unread_file import check_opened
+from ..schema.setting import Kind, Setting
+from ..schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
+from ..settings.job_settings import JobSettings
+from .preferences import Preferences, preferences
 
+
+def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
+    """Value of a setting: the operator's property if its caller set it, else the scene's."""
+    return getattr(operator if is_given(operator, name) else context.scene.patchnet, name)
+
+
+def is_given(operator: bpy.types.Operator, name: str) -> bool:
+    """Return whether the operator has this property and its caller set it."""
+    values = operator.properties
+    return name in values.bl_rna.properties and values.is_property_set(name)
+
+
+def absolute_path(text: str) -> Path | None:
+    """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one.
+
+    Raises SettingError, or SceneError, if there is no such folder.
+    """
+    if not text:
+        return None
+    if text.startswith("//") and not bpy.data.filepath:
+        check_opened()
+        raise SettingError(f"Path '{text}' is relative to the .blend file: save the file first")
+    return Path(bpy.path.abspath(text)).absolute()
 
 def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> JobSettings:
     """Settings of a job: the operator's properties where they are set, else the scene's.

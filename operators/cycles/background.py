@@ -8,14 +8,34 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ....patchnet_addon.image.background import BLACK
-from ....patchnet_addon.runtime.errors import SceneError
-from ....patchnet_addon.runtime.progress import Steps
-from ....patchnet_addon.tracing.camera import Camera
-from ...schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
-from ..daylight import SKY_COLOR, SKY_STRENGTH, has_light
+from ...patchnet_addon.image.background import BLACK
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene_access.blender_version import tree_in_use
+from ..schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
+from .daylight import SKY_COLOR, SKY_STRENGTH, has_light
 from .environment import SAMPLES, world_view
-from .plain import world_color
+
+
+def world_color(world: bpy.types.World | None) -> np.ndarray | None:
+    """Scene-linear colour (3,) float32 that cameras see of an evaluated world; None if it is not one colour."""
+    if world is None or not getattr(getattr(world, "cycles_visibility", None), "camera", True):
+        return BLACK
+    tree = tree_in_use(world)
+    if tree is None:
+        return np.array(world.color, np.float32)
+    output = tree.get_output_node("CYCLES")
+    surface = output.inputs["Surface"] if output else None
+    if surface is None or not surface.is_linked:
+        return BLACK
+    node = surface.links[0].from_node
+    if node.mute or surface.links[0].is_muted:
+        return None
+    if node.type != "BACKGROUND" or any(node.inputs[name].is_linked for name in ("Color", "Strength")):
+        return None
+    color = np.array(node.inputs["Color"].default_value[:3], np.float32)
+    return color * np.float32(node.inputs["Strength"].default_value)
 
 _UNSEEN = "Black is shown behind objects: {}"
 DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # sky of ours, where the scene has no light

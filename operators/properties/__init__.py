@@ -5,15 +5,16 @@ A class for each group of settings, to be mixed into operators and into the grou
 """
 
 from .cycles_refine import CyclesRefineProperties, cycles_settings
-from .display import DisplayProperties, LevelProperties
-from .given import absolute_path, is_given, setting
-from .job import job_settings, scene_settings
-from .output import AnimationProperties, FrameProperties
+from .job import absolute_path, is_given, job_settings, scene_settings, setting
 from .scene import PatchNetSettings, register, unregister
 from .stages import (
+    AnimationProperties,
     CameraProperties,
     CodesProperties,
+    DisplayProperties,
+    FrameProperties,
     JobProperties,
+    LevelProperties,
     LightProperties,
     ViewProperties,
     VoxelizeProperties,

@@ -10,13 +10,15 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty
+from bpy.props import BoolProperty, EnumProperty, PointerProperty
 
-from ....patchnet_addon.runtime.bounds import SIZE_PX
-from ....patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
-from ...schema.setting import Kind
-from ...schema.table import TABLE
+from ...patchnet_addon.runtime.bounds import SIZE_PX
+from ...patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
+from ..schema.setting import Kind
+from ..schema.table import TABLE
+from .cycles_refine import CyclesRefineProperties
 from .shapes import number
+from .stages import AnimationProperties, DisplayProperties, JobProperties
 
 _SIDES = {"size_x": 0, "size_y": 1}
 _OTHER = "other"
@@ -75,3 +77,25 @@ class DerivedProperties:
 
     __annotations__ = {name: _side(f"Picture Size {name[-1].upper()}", index) for name, index in _SIDES.items()}
     __annotations__ |= _checkboxes() | {"short_strategy": _short_list()}
+
+class PatchNetSettings(
+    JobProperties,
+    DerivedProperties,
+    AnimationProperties,
+    DisplayProperties,
+    CyclesRefineProperties,
+    bpy.types.PropertyGroup,
+):
+    """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
+
+
+def register() -> None:
+    """Give scenes their settings."""
+    bpy.utils.register_class(PatchNetSettings)
+    bpy.types.Scene.patchnet = PointerProperty(type=PatchNetSettings)
+
+
+def unregister() -> None:
+    """Take the settings away."""
+    del bpy.types.Scene.patchnet
+    bpy.utils.unregister_class(PatchNetSettings)
