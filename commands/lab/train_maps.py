@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     import torch
 
     from ...patchnet_addon.network.devices import found_device
-    from ...training.evaluation.networks.frames import FrameSettings, rendered_frames
+    from ...training.evaluation.map_frames import FrameSettings, rendered_frames
     from ...training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
     from ...training.run.provenance import describe_command, describe_machine, describe_versions
     from ..shared.progress_bars import ProgressBars

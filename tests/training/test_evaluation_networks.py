@@ -18,6 +18,7 @@ from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.training.map_samples import noise_frame
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
+from patchnet.training.evaluation.map_frames import FrameSettings, rendered_frames
 from patchnet.training.evaluation.networks import NAMES
 from patchnet.training.evaluation.networks.frames import (
     CHILDREN,
@@ -26,11 +27,9 @@ from patchnet.training.evaluation.networks.frames import (
     MASK,
     NEEDS,
     NORMALS,
-    FrameSettings,
     RenderedFrame,
     gbuffer,
     render_frame,
-    rendered_frames,
 )
 from patchnet.training.evaluation.networks.maps import MAP, map_hash, map_networks, map_strategy, read_map, save_map
 from patchnet.training.evaluation.strategies import strategies_in_use

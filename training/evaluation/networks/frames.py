@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of camera tracks that map networks learn from, rendered once and kept in a folder (methods 3.9-3.11).
+"""Frames that map networks learn from, and what they see of them (methods 3.9-3.11).
 
 Scale of the planes (C, H, W) that a network may see of a pixel's centre ray, the same for all octrees: luminance is
 linear, in [0, 1]; distances are in sides of the octree's cube; levels are shares of the deepest that there may be;
@@ -10,28 +10,22 @@ surfaces here have two sides. A miss has the background's luminance, and 0 in ev
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from ....patchnet_addon.octree.file import load_octree, octree_hash
 from ....patchnet_addon.octree.octree import POPCOUNT, Octree
-from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.bounds import MAX_DEPTH
 from ....patchnet_addon.runtime.errors import FileFormatError
 from ....patchnet_addon.runtime.files import read_arrays, write_arrays
-from ....patchnet_addon.runtime.progress import Progress, Steps, drain
-from ....patchnet_addon.runtime.source_hash import source_hash
+from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import CHILD_MASK, CUBE_SIDE, NORMAL, Strategy
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.supersample import supersample
-from ..tracks import camera_track
 
 NEEDS = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
 PLANES = (
@@ -45,7 +39,6 @@ _PART_SIDE = 8
 _INPUTS = Strategy(
     "inputs", "Inputs", "The G-buffer, with nothing scored", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
 )
-_CODE = "training.evaluation.networks.frames"  # renders, with all that it imports
 
 
 def gbuffer(buffers: PixelBuffers) -> np.ndarray:
@@ -110,58 +103,3 @@ def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:
     larger = camera.with_size(SUBPIXELS * camera.width_px, SUBPIXELS * camera.height_px)
     fine = (yield from supersample(octree, larger, _PART_SIDE)).reshape(larger.height_px, larger.width_px)
     return RenderedFrame(planes, np.stack(pictures), fine)
-
-
-@dataclass(frozen=True)
-class FrameSettings:
-    """Settings of the frames of each octree, as those of an evaluation: whole track, distance of its frames, pixels."""
-
-    frames: int = 2000
-    every: int = 10
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        bounds.TRACK_FRAMES.check(self.frames)
-        bounds.TRACK_FRAMES.check(self.every)
-        bounds.SEED.check(self.seed)
-
-
-def rendered_frames(
-    octrees: Sequence[Path], settings: FrameSettings, folder: Path
-) -> Steps[tuple[list[RenderedFrame], str]]:
-    """Frames of all octrees' tracks, and a key of what they depend on; those that are in `folder` are not made again.
-
-    Raises OctreeFileError, and SettingError or SceneError as `camera_track`.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    frames: list[RenderedFrame] = []
-    keys = []
-    for path in octrees:
-        key = _key(octree_hash(load_octree(path)), settings)
-        frames += yield from _frames_of(path, settings, folder, key)
-        keys.append(key)
-    return frames, hashlib.sha256("".join(keys).encode()).hexdigest()[:32]
-
-
-def _frames_of(path: Path, settings: FrameSettings, folder: Path, key: str) -> Steps[list[RenderedFrame]]:
-    octree = load_octree(path)
-    cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
-    cameras = cameras[:: settings.every]
-    frames = []
-    for number, camera in enumerate(cameras):
-        yield Progress(number, len(cameras), "Rendering frames to learn from")
-        file = folder / f"{key[:16]}-{number:05}.safetensors"
-        frame = RenderedFrame.load(file, key)
-        if frame is None:
-            drain(render_frame(octree, camera)).save(file, key)
-            frame = RenderedFrame.load(file, key)  # mapped into memory, as those that were there
-        if frame is None:
-            raise FileFormatError(f"{file} was damaged as soon as it was written: choose another folder for the frames")
-        frames.append(frame)
-    return frames
-
-
-def _key(octree: str, settings: FrameSettings) -> str:
-    """Hash (32 hex digits) of what the frames depend on: octree, settings and the code that renders."""
-    return hashlib.sha256(repr((octree, settings, source_hash(_CODE))).encode()).hexdigest()[:32]
