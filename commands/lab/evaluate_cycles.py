@@ -66,10 +66,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.sampling.references.registry import EVALUATED
     from ...training.encoders import load_weights
     from ...training.evaluation import require_reports
     from ...training.evaluation.cycles_reference import cycles_results
+    from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
     settings = _Settings(
@@ -155,9 +155,9 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     import bpy
 
     from ...operators.cycles.camera_render import render_halves
-    from ...patchnet_addon.sampling.references.registry import EVALUATED
     from ...training.evaluation.catalogue import CYCLES
     from ...training.evaluation.cycles_reference import COMBINED, DIFFUSE, Truth, measure_camera
+    from ...training.strategies.registry import EVALUATED
 
     first, second = yield from render_halves(bpy.context, camera, settings.samples)
     exposure = coded.octree.exposure

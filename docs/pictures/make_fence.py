@@ -22,9 +22,9 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.strategies.registry import EVALUATED
 
 STRATEGIES = ("optimal", "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet", "ss-variance", "random")
 _BUDGET, _SIDE, _SIZE = 0.3, 4, 192

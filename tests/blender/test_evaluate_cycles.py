@@ -18,13 +18,13 @@ from patchnet.operators.verify_light.octree_light import as_in_octree, two_light
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.surface.two_lights import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
+from patchnet.training.strategies.registry import EVALUATED
 
 FILE = "bars.obj"
 DEPTH = 7

@@ -30,7 +30,6 @@ from patchnet.patchnet_addon.sampling.plus.weights import (
 from patchnet.patchnet_addon.sampling.plus_planes import view_planes
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -38,6 +37,7 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import fine_rays
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.training.strategies.registry import EVALUATED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
 PLUS = ("patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "plain-plus-4", "plain-plus-1", "plain-plus-0")
@@ -258,5 +258,5 @@ def test_estimators_travel_in_the_weights_file(coded, tmp_path):
 
 
 def test_registry_loads_no_compiler():
-    code = "import sys, patchnet.patchnet_addon.sampling.references.registry; assert 'numba' not in sys.modules"
+    code = "import sys, patchnet.patchnet_addon.sampling.registry; assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

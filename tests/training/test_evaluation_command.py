@@ -17,10 +17,10 @@ import pytest
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.tests.training import slow_blocks
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
+from patchnet.training.strategies.registry import EVALUATED
 
 WORDS = ["--frames", "40", "--every", "4", "--size", "32", "24", "--processes", "1"]
 

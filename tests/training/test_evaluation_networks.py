@@ -11,7 +11,6 @@ from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import OutputError, PatchNetError, SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
@@ -33,6 +32,7 @@ from patchnet.training.evaluation.networks.frames import (
 )
 from patchnet.training.evaluation.networks.maps import MAP, map_hash, map_networks, map_strategy, read_map, save_map
 from patchnet.training.evaluation.strategies import strategies_in_use
+from patchnet.training.strategies.registry import EVALUATED
 
 torch = pytest.importorskip("torch")
 

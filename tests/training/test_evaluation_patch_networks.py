@@ -13,7 +13,6 @@ from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.training.procedural import spheres_and_slats
@@ -24,6 +23,7 @@ from patchnet.training.evaluation.claims import seen
 from patchnet.training.evaluation.codes import SceneFiles, codes_path, load_scene, make_codes
 from patchnet.training.evaluation.figures import network_styles, ordered_rows
 from patchnet.training.evaluation.strategies import PatchNetwork, network_strategies, patch_networks
+from patchnet.training.strategies.registry import EVALUATED
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
 NETWORKS = ("shells", "slats", "without-shells")

@@ -169,9 +169,9 @@ def test_commands_that_come_next(octrees, tmp_path):
     plans = planned_networks(list(octrees), KINDS)
     matrix, encoders, figure = next_commands(tmp_path, octrees, plans, list(octrees), 40)
     assert matrix[:6] == ["lab", "evaluate", "--scenes", "shells,slats", "--every", "40"]
-    assert [word.partition("=")[0] for word in matrix[6:10]] == NAMES[:4]
-    assert encoders[1] == str(octrees["slats"])
+    assert [word.partition("=")[0] for word in matrix[7:11]] == NAMES[:4]
+    assert encoders[2] == str(octrees["slats"])
     assert [word.partition("=")[0] for word in figure if "=" in word] == [
         "without-slats", "look-ahead-1", "look-ahead-3"
     ]  # fmt: skip
-    assert next_commands(tmp_path, octrees, plans[:2], [], 40)[0][1:3] == [str(path) for path in octrees.values()]
+    assert next_commands(tmp_path, octrees, plans[:2], [], 40)[0][2:4] == [str(path) for path in octrees.values()]

@@ -12,11 +12,11 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.sampling import errors, optimal, random
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.references.registry import STAGED
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_looks import KnownLooks
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..strategies.registry import STAGED
 
 OPTIMAL, RANDOM = optimal.STRATEGY.name, random.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25

@@ -22,11 +22,11 @@ from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
+from ..strategies.registry import EVALUATED
 from .codes import SceneCodes, SceneFiles, codes_path, load_scene, make_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block

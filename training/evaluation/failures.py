@@ -14,10 +14,10 @@ from ...patchnet_addon.codes.predict import Prediction
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ..benchmarks.figures import check_figure
+from ..strategies.registry import EVALUATED
 from .codes import coded_octree
 from .panels import Crop, save_panels, show_picture, show_values, window_sums
 from .tracks import camera_track

@@ -14,11 +14,11 @@ from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.sampling.ranking import Ranking, rank
-from ...patchnet_addon.sampling.references.registry import EVALUATED
 from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ..benchmarks.figures import save_figure
+from ..strategies.registry import EVALUATED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import patchnet, patchnet_behind
-from ...patchnet_addon.sampling.references.registry import EVALUATED, evaluated
 from ...patchnet_addon.sampling.strategy import Strategy
 from ..encoders import load_weights
+from ..strategies.registry import EVALUATED, evaluated
 from .networks.maps import map_strategy
 
 PREFIX = "pn-"

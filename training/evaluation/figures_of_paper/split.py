@@ -17,13 +17,13 @@ from ....patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.ranking import Ranking, rank
-from ....patchnet_addon.sampling.references.registry import EVALUATED
 from ....patchnet_addon.sampling.refine import refined_picture
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.render import first_hits
 from ....patchnet_addon.tracing.supersample import supersample
 from ...benchmarks.figures import BLUE, ORANGE
+from ...strategies.registry import EVALUATED
 from ..panels import PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
 from ..poses import FreeSpace, Lens, LookAhead
 from ..tracks import Approaches

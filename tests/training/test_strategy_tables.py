@@ -10,19 +10,19 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.errors import mse_at
-from patchnet.patchnet_addon.sampling.references.child_area import child_areas
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, evaluated
-from patchnet.patchnet_addon.sampling.references.ws_lut import (
-    DIRECTIONS,
-    child_error_table,
-    child_errors,
-    fibonacci_directions,
-)
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import PREDICTION
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.training.strategies.child_area import child_areas
+from patchnet.training.strategies.registry import EVALUATED, evaluated
+from patchnet.training.strategies.ws_lut import (
+    DIRECTIONS,
+    child_error_table,
+    child_errors,
+    fibonacci_directions,
+)
 
 NEW = [name for name, one in EVALUATED.items() if name not in STRATEGIES and PREDICTION not in one.needs]
 

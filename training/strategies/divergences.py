@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..strategy import Strategy
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 from .distribution import WindowDistribution, luminance_distribution
 
 

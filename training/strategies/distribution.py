@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..windows import windows
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.windows import windows
 
 EPSILON = 1e-6  # a window whose luminances sum to less is black
 

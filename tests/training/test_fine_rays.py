@@ -10,11 +10,11 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.single_rays import single_hits
+from patchnet.training.strategies.registry import EVALUATED
 
 EYE = np.array([2.1, 1.4, 1.2])
 CHOSEN = (

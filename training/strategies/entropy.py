@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..strategy import NORMAL, Strategy
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import NORMAL, Strategy
 from .distribution import WindowDistribution, luminance_distribution
 from .divergences import kullback_leibler
 

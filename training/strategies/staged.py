@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from .. import patchnet_plus
-from ..plus.forms import FORMS
-from ..staged_plans import plan_of
-from ..staged_strategy import in_stages
+from ...patchnet_addon.sampling import patchnet_plus
+from ...patchnet_addon.sampling.plus.forms import FORMS
+from ...patchnet_addon.sampling.staged_plans import plan_of
+from ...patchnet_addon.sampling.staged_strategy import in_stages
 from . import plain_plus
 
 _WHOLE = {strategy.name: strategy for module in (patchnet_plus, plain_plus) for strategy in module.STRATEGIES}

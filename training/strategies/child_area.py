@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...octree.octree import POPCOUNT
+from ...patchnet_addon.octree.octree import POPCOUNT
 
 CHILDREN = 8
 MASKS = 256

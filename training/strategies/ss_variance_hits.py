@@ -7,9 +7,9 @@ blindness, to tell what such pixels are worth.
 
 import numpy as np
 
-from .. import ss_variance
-from ..pixel_buffers import PixelBuffers
-from ..strategy import Strategy
+from ...patchnet_addon.sampling import ss_variance
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:

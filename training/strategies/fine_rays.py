@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..strategy import FINE, FINE_4, Strategy
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import FINE, FINE_4, Strategy
 
 _QUANTITY = "luminance difference"
 

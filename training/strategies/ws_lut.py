@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from ...network.harmonics import real_harmonics
-from ..patchnet import coverage_and_luminance_score
-from ..pixel_buffers import PixelBuffers
-from ..strategy import CHILD_MASK, EXACT_1, Strategy
+from ...patchnet_addon.network.harmonics import real_harmonics
+from ...patchnet_addon.sampling.patchnet import coverage_and_luminance_score
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import CHILD_MASK, EXACT_1, Strategy
 from .child_area import child_areas
 
 DIRECTIONS = 4096

@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from ..pixel_buffers import PixelBuffers
-from ..strategy import Strategy
-from ..windows import windows
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.sampling.windows import windows
 from .distribution import EPSILON
 
 

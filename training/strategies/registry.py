@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strategies for research by name: those of the panel, of the literature, and rivals that trace finer rays."""
 
-from ...runtime.errors import SettingError
-from ..registry import STRATEGIES
-from ..staged_strategy import StagedStrategy
-from ..strategy import Strategy
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
+from ...patchnet_addon.sampling.strategy import Strategy
 from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, staged, tsallis, ws_lut
 
 EVALUATED: dict[str, Strategy] = STRATEGIES | {

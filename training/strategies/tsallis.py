@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...runtime.errors import SettingError
-from ..pixel_buffers import PixelBuffers
-from ..strategy import Strategy
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 from .distribution import WindowDistribution, luminance_distribution
 from .entropy import entropy_contrast
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Error estimator without what the network says: the same features otherwise, trained alike (methods 12.4)."""
 
-from ..patchnet_plus import estimator_strategy
-from ..plus.forms import FORMS
+from ...patchnet_addon.sampling.patchnet_plus import estimator_strategy
+from ...patchnet_addon.sampling.plus.forms import FORMS
 
 STRATEGIES = tuple(
     estimator_strategy(

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling import references
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.references.distribution import WindowDistribution
-from patchnet.patchnet_addon.sampling.references.divergences import chi_square, kullback_leibler, squared_hellinger
-from patchnet.patchnet_addon.sampling.references.entropy import entropy_contrast
-from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, evaluated
-from patchnet.patchnet_addon.sampling.references.tsallis import tsallis, tsallis_contrast
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES, strategy
+from patchnet.training import strategies
+from patchnet.training.strategies.distribution import WindowDistribution
+from patchnet.training.strategies.divergences import chi_square, kullback_leibler, squared_hellinger
+from patchnet.training.strategies.entropy import entropy_contrast
+from patchnet.training.strategies.registry import EVALUATED, evaluated
+from patchnet.training.strategies.tsallis import tsallis, tsallis_contrast
 
 NEW = [name for name in EVALUATED if name not in STRATEGIES]
 SIZES = [(1, 1), (1, 5), (2, 2), (3, 2), (6, 7)]  # windows of 1, 2, 3, 4, 6 and 9 pixels
@@ -259,7 +259,7 @@ def test_any_entropic_index_is_a_strategy():
 
 def test_registry():
     assert list(EVALUATED)[: len(STRATEGIES)] == list(STRATEGIES)
-    files = [path for path in Path(references.__file__).parent.glob("*.py") if "\nSTRATEGIES = " in path.read_text()]
+    files = [path for path in Path(strategies.__file__).parent.glob("*.py") if "\nSTRATEGIES = " in path.read_text()]
     imported = {value.score.__module__.rpartition(".")[2] for value in map(evaluated, NEW)}
     assert imported - {"patchnet_plus"} <= {path.stem for path in files} and len(files) == 10
     assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import patchnet_behind, ss_variance
-from ..pixel_buffers import PixelBuffers
-from ..strategy import Strategy
+from ...patchnet_addon.sampling import patchnet_behind, ss_variance
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 from . import fine_rays
 
 SHARE = 0.25  # of the variance of 3x3 pixels that stands for the pixel's own
