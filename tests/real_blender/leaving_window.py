@@ -175,6 +175,8 @@ def other_scene_shown() -> clicks.Session:
     yield from clicks.wait_for(lambda: not running(), "the demo scene is there")
     seen["shown in the end"] = clicks.window().scene.name
     clicks.window().scene = first
+    for made in [each for each in bpy.data.scenes if each != first]:
+        bpy.data.scenes.remove(made)
     yield 0.3
 
 
