@@ -20,7 +20,6 @@ from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED, STAGED
-from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
 from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
@@ -30,6 +29,7 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.refinement import refine
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
 CAMERA = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(60, 40))
