@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.image.comparison import Guides, compare, psnr
+from ...patchnet_addon.image.comparison import Guides, compare, picture_psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
@@ -178,7 +178,7 @@ def _figures(look: _Look, halves: Sequence[Reference], exposure: float) -> dict[
 def _noise(halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
     """Noise of the mean of two independent halves, which is half their difference."""
     first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
-    return {"reference_noise_db": psnr(first + 0.5, second + 0.5)}
+    return {"reference_noise_db": picture_psnr(first + 0.5, second + 0.5)}
 
 
 def _placed(camera: Camera) -> dict[str, Any]:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.patchnet_addon.sampling.refine import refined_picture
+from patchnet.tests.refinement import refine
 from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, scores_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,

@@ -9,7 +9,8 @@ import pytest
 
 from patchnet.patchnet_addon.image.comparison import flip
 from patchnet.patchnet_addon.image.tone import srgb_encode
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.patchnet_addon.sampling.refine import refined_picture
+from patchnet.tests.refinement import refine
 from patchnet.tests.training.frame_samples import random_frame, scores_of
 from patchnet.training.evaluation.curves import frame_orders
 from patchnet.training.evaluation.picture_metrics import (

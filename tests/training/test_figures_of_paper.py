@@ -15,8 +15,8 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.tests.refinement import refine
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.catalogue import octree_path
 from patchnet.training.evaluation.codes import coded_octree
