@@ -14,7 +14,7 @@ from ..shared.job_arguments import require_blender
 from ..shared.lines import make_parent, say_note, say_result
 
 CREDITS = ".credits.txt"
-_KINDS = ("interior", "garden")  # those of `operators/furnished_scene`, which the help is not to load
+_KINDS = ("interior", "garden")  # those of `furnished/compose.py`, which the help is not to load
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -34,26 +34,25 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
 
 def run(args: argparse.Namespace) -> int:
     """Read the libraries, compose, write scene and credits; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.furniture.library import read_library
-    from ...patchnet_addon.furniture.policy import common_role
     from ...patchnet_addon.runtime.file_kinds import SCENE_CREDITS
     from ...patchnet_addon.runtime.outputs import check_outputs
+    from .furnished.library import common_role, read_library
 
     credits_file = args.out.with_suffix(CREDITS)
     check_outputs({args.out: scene_kind(args.out), credits_file: SCENE_CREDITS}, args.libraries)
     libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
     common_role(library.role for library in libraries)
     require_blender()
-    from ...operators.furnished_scene import compose_scene, save_composed
-    from ...patchnet_addon.furniture.credits import credits_text
     from ...patchnet_addon.runtime.replace import replaced_file
     from ..shared.quiet import quiet_stdout
+    from .furnished.compose import compose_scene, save_composed
+    from .furnished.plans import credits_text
 
     make_parent(args.out)
     with quiet_stdout():
         composed = compose_scene(libraries, args.kind, args.seed)
         save_composed(args.out)
-    words = ["furnish", *(path.name for path in args.libraries), "--kind", args.kind, "--seed", str(args.seed)]
+    words = ["lab", "furnish", *(path.name for path in args.libraries), "--kind", args.kind, "--seed", str(args.seed)]
     text = credits_text(
         shlex.join(["patchnet", *words]), composed.role, libraries, composed.plan.placements, composed.own
     )

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.furnished_scene import KINDS, compose_scene
-from patchnet.operators.furnished_scene.mesh_repair import repair_mesh, vertices_of
-from patchnet.operators.furnished_scene.models import fit_mesh, library_meshes
-from patchnet.patchnet_addon.furniture.archive import LibraryFileError
-from patchnet.patchnet_addon.furniture.library import read_library
+from patchnet.commands.lab.furnished.compose import KINDS, compose_scene
+from patchnet.commands.lab.furnished.library import LibraryFileError, read_library
+from patchnet.commands.lab.furnished.models import fit_mesh, library_meshes, repair_mesh, vertices_of
 from patchnet.tests.furniture_library import write_library
 
 CREDITS = "scene.credits.txt"

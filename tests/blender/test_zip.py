@@ -18,8 +18,6 @@ NOT_FOR_BLENDER = {"commands/bench.py", "commands/shared/training_run.py"}
 NO_FOLDERS_FOR_BLENDER = (
     "commands/benches/",
     "commands/lab/",
-    "operators/furnished_scene/",
-    "patchnet_addon/furniture/",
 )
 # Both start Blender's own program or Python, to compile kernels.
 STARTERS = {"operators/jobs/compile_ahead/ahead.py", "operators/pipeline/kernels_beside.py"}

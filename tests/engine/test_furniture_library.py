@@ -6,11 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.furniture.archive import LibraryFileError, opened_archive, unpack_folder
-from patchnet.patchnet_addon.furniture.library import UPRIGHT, read_library
-from patchnet.patchnet_addon.furniture.material_files import keep_own_textures
-from patchnet.patchnet_addon.furniture.policy import FREE, TEST, TRAIN, common_role
-from patchnet.patchnet_addon.furniture.properties import read_properties
+from patchnet.commands.lab.furnished.library import (
+    FREE,
+    TEST,
+    TRAIN,
+    UPRIGHT,
+    LibraryFileError,
+    common_role,
+    keep_own_textures,
+    opened_archive,
+    read_library,
+    read_properties,
+    unpack_folder,
+)
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.furniture_library import CATALOGUE, CUBE, FURNITURE, write_library
 

@@ -9,15 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.furniture import kinds
-from patchnet.patchnet_addon.furniture.credits import HEAD, credits_text
-from patchnet.patchnet_addon.furniture.floor_plan import Box, FloorPlan, Placement, beside
-from patchnet.patchnet_addon.furniture.garden import plan_garden
-from patchnet.patchnet_addon.furniture.interior import plan_interior
-from patchnet.patchnet_addon.furniture.kinds import kind_of
-from patchnet.patchnet_addon.furniture.library import Library, Piece, read_library
-from patchnet.patchnet_addon.furniture.policy import TEST, TRAIN
-from patchnet.patchnet_addon.furniture.stock import Stock
+from patchnet.commands.lab.furnished import kinds
+from patchnet.commands.lab.furnished.floor_plan import Box, FloorPlan, Placement, beside
+from patchnet.commands.lab.furnished.kinds import Stock, kind_of
+from patchnet.commands.lab.furnished.library import TEST, TRAIN, Library, Piece, read_library
+from patchnet.commands.lab.furnished.plans import HEAD, credits_text, plan_garden, plan_interior
 from patchnet.tests.furniture_library import write_library
 
 

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of furniture: what a piece is in a room or a garden, by its name, tags, category and size."""
+"""Kinds of furniture by name, tags, category and size, and the stock of pieces of each that rooms are composed of.
+
+Where a library has none of a kind a script builds one, so that people have a room to be in; not in scenes for training,
+since they would be in scenes for testing as well.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
-from .library import Piece
+import numpy as np
+
+from .library import TRAIN, Library, Piece, common_role
 
 SOFA, BED, TABLE, COFFEE_TABLE, DESK = "sofa", "bed", "table", "coffee table", "desk"
 CHAIR, ARMCHAIR, SHELF, DEVICE = "chair", "armchair", "shelf", "device"
@@ -81,3 +87,59 @@ def _is_grown(words: set[str]) -> bool:
 def _is_inside(words: set[str], piece: Piece, longest: float, highest: float) -> bool:
     """Tell whether it is for rooms and its floor plan and height are at most so large."""
     return not words & _OUTDOOR and max(piece.size[:2]) <= longest and 0.25 <= piece.size[2] <= highest
+
+
+_SIZES = {
+    TABLE: (1.7, 0.9, 0.75),
+    CHAIR: (0.46, 0.5, 0.92),
+    COFFEE_TABLE: (1.1, 0.6, 0.42),
+    SHELF: (1.3, 0.34, 1.95),
+    FLOOR_LAMP: (0.42, 0.42, 1.65),
+    HANGING_LAMP: (0.5, 0.5, 0.7),
+    PLANT: (0.75, 0.75, 1.35),
+    SMALL: (0.26, 0.26, 0.11),
+    TREE: (2.6, 2.6, 3.6),
+    BUSH: (1.1, 1.1, 1.0),
+    GARDEN: (1.6, 0.55, 0.85),
+}
+
+
+def own_piece(kind: str) -> Piece | None:
+    """Piece of a kind that is built by script, whose `model` is the kind; None where there is none."""
+    if kind not in _SIZES:
+        return None
+    top = None if kind in (FLOOR_LAMP, HANGING_LAMP, PLANT, SMALL) else _SIZES[kind][2]
+    return Piece(
+        f"own {kind}", "", "", kind, _SIZES[kind], top=top, creator="patchnet lab furnish", licence="GPL-3.0-or-later"
+    )
+
+
+class Stock:
+    """Stock of libraries' pieces; raises SettingError for libraries that are not to be mixed.
+
+    role: of a scene of these libraries.
+    """
+
+    def __init__(self, libraries: Sequence[Library], rng: np.random.Generator) -> None:
+        self.role = common_role(library.role for library in libraries)
+        self._kinds = pieces_by_kind(piece for library in libraries for piece in library.pieces)
+        self._rng = rng
+        self._left: dict[str, list[Piece]] = {}
+
+    def count(self, kind: str) -> int:
+        """Count the libraries' pieces of a kind."""
+        return len(self._kinds.get(kind, []))
+
+    def draw(self, kind: str, fits: Callable[[Piece], bool] = lambda piece: True) -> Piece | None:
+        """Draw a piece of a kind that fits, or build one where the libraries have none; None if that may not be."""
+        if kind not in self._kinds:
+            return None if self.role == TRAIN else own_piece(kind)
+        left = [piece for piece in self._left.get(kind, []) if fits(piece)]
+        if not left:
+            left = [piece for piece in self._kinds[kind] if fits(piece)]
+            if not left:
+                return None
+            self._left[kind] = list(self._kinds[kind])
+        piece = left[int(self._rng.integers(len(left)))]
+        self._left[kind].remove(piece)
+        return piece

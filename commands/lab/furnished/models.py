@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Models of furniture libraries as meshes, of the catalogue's size, upright, with their front towards -y."""
+"""Models of furniture libraries as meshes, of the catalogue's size, upright, with their front towards -y.
+
+Meshes that were made for viewers with one-sided faces are repaired: they have each face twice, turned round. Importers
+keep either, and what is left faces in and out at random: its smooth normals are wrong, and the side that an opaque
+sheet shows is.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...patchnet_addon.furniture.archive import LibraryFileError, opened_archive, unpack_folder
-from ...patchnet_addon.furniture.library import Piece
-from ...patchnet_addon.furniture.material_files import keep_own_textures
-from ...patchnet_addon.runtime.interrupt import interrupts_wait
-from .mesh_repair import repair_mesh, vertices_of
+from ....patchnet_addon.runtime.interrupt import interrupts_wait
+from .library import LibraryFileError, Piece, keep_own_textures, opened_archive, unpack_folder
 
 # Models of libraries have y up and their front towards +z.
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -99,3 +102,49 @@ def _keep_own_images(material: bpy.types.Material, folder: Path) -> None:
 def _is_below(image: bpy.types.Image, folder: Path) -> bool:
     path = Path(bpy.path.abspath(image.filepath)).resolve()
     return path.is_file() and path.is_relative_to(folder.resolve()) and bool(image.size[0])
+
+
+_MOST_TURNED = 0.02  # of the edges between two faces
+_SAME = 7  # decimals of the mesh's extent
+
+
+def vertices_of(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Vertices (n, 3) float64 of a mesh."""
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    return points.reshape(-1, 3).astype(np.float64)
+
+
+def repair_mesh(mesh: bpy.types.Mesh) -> None:
+    """Remove faces that lie on others, and turn faces outwards where many neighbours disagree; a good mesh stays."""
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    doubles = _doubles(shape, vertices_of(mesh))
+    bmesh.ops.delete(shape, geom=doubles, context="FACES")
+    turned = _turned_share(shape) > _MOST_TURNED
+    if turned:
+        bmesh.ops.recalc_face_normals(shape, faces=shape.faces[:])
+    if doubles or turned:
+        shape.to_mesh(mesh)
+    shape.free()
+    if turned and (normals := mesh.attributes.get("custom_normal")) is not None:
+        mesh.attributes.remove(normals)
+
+
+def _doubles(shape: bmesh.types.BMesh, points: np.ndarray) -> list[bmesh.types.BMFace]:
+    """Faces whose corners are at the places of those of an earlier face."""
+    places = np.round(points / max(np.ptp(points, axis=0).max(), 1e-30), _SAME)
+    numbers = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    seen, doubles = set(), []
+    for face in shape.faces:
+        corners = frozenset(int(numbers[vertex.index]) for vertex in face.verts)
+        if corners in seen:
+            doubles.append(face)
+        seen.add(corners)
+    return doubles
+
+
+def _turned_share(shape: bmesh.types.BMesh) -> float:
+    """Share of the edges between two faces along which these are turned opposite ways."""
+    shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
+    return sum(not edge.is_contiguous for edge in shared) / max(len(shared), 1)

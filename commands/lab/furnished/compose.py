@@ -1,30 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Composition of a furnished scene in an empty file."""
+"""Composition of a furnished scene in an empty file, and its files: .glb for evaluations, .blend with a camera."""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
-from ...patchnet_addon.furniture.floor_plan import FloorPlan, Placement
-from ...patchnet_addon.furniture.garden import plan_garden
-from ...patchnet_addon.furniture.interior import plan_interior
-from ...patchnet_addon.furniture.kinds import SITTING, kind_of
-from ...patchnet_addon.furniture.library import Library, Piece
-from ...patchnet_addon.furniture.stock import Stock
-from ..demo_scene.geometry import add_object
-from ..demo_scene.lighting import build_light
-from ..demo_scene.materials import principled
-from .models import library_meshes
+from ....operators.demo_scene.geometry import Shape, add_object, box, join, place
+from ....operators.demo_scene.lighting import build_light
+from ....operators.demo_scene.materials import principled
+from ....patchnet_addon.runtime.errors import OutputError
+from ....patchnet_addon.runtime.file_kinds import BLEND, GLB
+from ....patchnet_addon.runtime.interrupt import interrupts_wait
+from ....patchnet_addon.runtime.replace import replaced_path
+from .floor_plan import FloorPlan, Placement
+from .kinds import SITTING, Stock, kind_of
+from .library import Library, Piece
+from .models import library_meshes, vertices_of
 from .own_meshes import own_meshes
-from .people import build_stool
-from .shell import build_shell
-from .yard import build_yard
+from .plans import plan_garden, plan_interior
+from .shell import build_shell, build_yard
 
 INTERIOR, GARDEN = "interior", "garden"
 KINDS = (INTERIOR, GARDEN)
@@ -106,3 +109,56 @@ def _add_camera(scene: bpy.types.Scene, plan: FloorPlan, *, inside: bool) -> Non
     scene.render.resolution_x, scene.render.resolution_y = 768, 512
     scene.view_settings.view_transform = "Standard"
     scene.unit_settings.system = "METRIC"
+
+
+_BACK_SHARE, _LOWEST = 0.3, 0.25  # of the depth of a sitting person, from the back; metres
+
+
+def build_stool(
+    collection: bpy.types.Collection, person: bpy.types.Mesh, material: bpy.types.Material, name: str
+) -> bpy.types.Object | None:
+    """Build a stool under a person of `models.py` who sits with the back towards +y; None if nothing is above it."""
+    points = vertices_of(person)
+    low, high = points.min(axis=0), points.max(axis=0)
+    back = points[points[:, 1] > high[1] - _BACK_SHARE * (high[1] - low[1])]
+    height = float(back[:, 2].min())
+    if height < _LOWEST:
+        return None
+    return place(collection, name, _stool(back, height), material)
+
+
+def _stool(back: np.ndarray, height: float) -> Shape:
+    (x0, y0, _), (x1, y1, _) = back.min(axis=0), back.max(axis=0)
+    legs = [box((x, y, 0.0), (x + 0.03, y + 0.03, height - 0.04)) for x in (x0, x1 - 0.03) for y in (y0, y1 - 0.03)]
+    return join([box((x0, y0, height - 0.04), (x1, y1, height)), *legs])
+
+
+ENDINGS = {".blend": BLEND, ".glb": GLB}
+
+
+def save_composed(path: Path) -> None:
+    """Write the open scene, with its images, as the ending of `path` says.
+
+    A .glb has no lamps, so that commands light it by their own sun and sky; no format of theirs keeps a sky. Raises
+    OutputError if it cannot be written.
+    """
+    ending = path.suffix.lower()
+    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, ENDINGS[ending]) as temporary:
+        made = Path(folder) / f"scene{ending}"
+        try:
+            with interrupts_wait():
+                _write(made)
+        except RuntimeError as cause:
+            raise OutputError(f"{path} cannot be written ({cause}): choose another folder or make room") from cause
+        shutil.copyfile(made, temporary)
+
+
+def _write(path: Path) -> None:
+    if path.suffix == ".blend":
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, copy=True)
+        return
+    if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
+        import addon_utils
+
+        addon_utils.enable("io_scene_gltf2", default_set=False)
+    bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLB", export_lights=False, export_cameras=False)

@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interiors: a room with a door and windows, and furniture against its walls, in groups, and on tables."""
+"""Plans of rooms and of gardens with their furniture, and the credits of a scene's models."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import kinds
-from .floor_plan import Box, FloorPlan, Placement
-from .groups import TRIES, desk_group, dining_group, place_at_walls, sitting_group
-from .stock import Stock
+from .floor_plan import (
+    TRIES,
+    Box,
+    FloorPlan,
+    Placement,
+    desk_group,
+    dining_group,
+    place_at_walls,
+    sitting_group,
+)
+from .kinds import Stock
+from .library import FREE, TEST, TRAIN, Library
 
 # At the walls, in this order: kind, and how many at least and at most.
 _AT_WALLS = (
@@ -117,3 +127,59 @@ def _things_on(plan: FloorPlan, table: Placement, stock: Stock, rng: np.random.G
                 continue
             if plan.add([placed], 0.005):
                 break
+
+
+_TRIES = 150
+_HEIGHT = 20.0  # metres of air
+_BORDER = 0.5  # metres between the fence and what grows
+_LARGEST_TREE = 8.0  # metres, of all its sides
+# Kind, how many, and metres that stay free around each, in an order that leaves room for all.
+_SCATTERED = (
+    (kinds.TREE, 4, 0.2), (kinds.SITTING, 4, 0.2), (kinds.RESTING, 5, 0.2), (kinds.STANDING, 8, 0.2),
+    (kinds.GARDEN, 6, 0.3), (kinds.TREE, 3, 0.2), (kinds.BUSH, 9, 0.15), (kinds.PLANT, 9, 0.15),
+)  # fmt: skip
+
+
+def plan_garden(stock: Stock, rng: np.random.Generator) -> FloorPlan:
+    """Plant and furnish a garden of 12 to 17 by 10 to 14 metres; every random choice from `rng`."""
+    plan = FloorPlan(float(rng.uniform(12.0, 17.0)), float(rng.uniform(10.0, 14.0)), _HEIGHT)
+    reach = np.array([plan.width / 2 - _BORDER, plan.depth / 2 - _BORDER])
+    dining_group(plan, stock, rng, has_ceiling=False)
+    for kind, count, gap in _SCATTERED:
+        people = kind in (kinds.SITTING, kinds.RESTING, kinds.STANDING)
+        for _ in range(min(count, stock.count(kind)) if people else count):
+            piece = stock.draw(kind, lambda piece: max(piece.size) <= _LARGEST_TREE)
+            for _ in range(_TRIES if piece is not None else 0):
+                assert piece is not None
+                half = math.hypot(*piece.size[:2]) / 2
+                x, y = rng.uniform(-1, 1, 2) * np.maximum(reach - half, 0.0)
+                placed = Placement(piece, (float(x), float(y), 0.0), float(rng.uniform(0, 2 * math.pi)))
+                if plan.add([placed], gap):
+                    break
+    return plan
+
+
+HEAD = "# Credits of a scene composed by patchnet lab furnish"
+_USES = {
+    TRAIN: "This scene may be used for training.",
+    TEST: "This scene is for testing only: nothing is trained on it.",
+    FREE: "Its libraries are not of the policy of docs/furnished-scenes.md: use it as their licences allow.",
+}
+
+
+def credits_text(
+    command: str, role: str, libraries: Sequence[Library], placements: Iterable[Placement], own: str
+) -> str:
+    """Markdown text; own: what the script built itself, in words."""
+    lines = [HEAD, "", f"    {command}", "", _USES[role], "", f"Built by the script: {own}.", ""]
+    lines += [f"Library {library.name} ({library.path.name}): {_plain(library.licence)}." for library in libraries]
+    lines += ["", "| model | creator | licence | file |", "|---|---|---|---|"]
+    used = {placement.piece for placement in placements if placement.piece.library is not None}
+    rows = sorted((piece.name, piece.creator, piece.licence, piece.model) for piece in used)
+    lines += ["| " + " | ".join(map(_plain, row)) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Text in one line that does not end a cell of a table."""
+    return " ".join(text.replace("|", "/").split())

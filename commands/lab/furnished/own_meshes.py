@@ -8,12 +8,12 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ...patchnet_addon.furniture import kinds
-from ...patchnet_addon.furniture.library import Piece
-from ..demo_scene import textures
-from ..demo_scene.geometry import Shape, ball, box, join, lathe, place, tube
-from ..demo_scene.materials import principled
-from ..demo_scene.plants import bush
+from ....operators.demo_scene import textures
+from ....operators.demo_scene.geometry import Shape, ball, box, join, lathe, place, tube
+from ....operators.demo_scene.materials import principled
+from ....operators.demo_scene.plants import bush
+from . import kinds
+from .library import Piece
 from .models import fit_mesh
 
 _Part = tuple[Shape, str]  # and its material, see `_materials`
