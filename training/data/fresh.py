@@ -76,7 +76,7 @@ class FreshCorpus:
         where = self.lists.voxel, self.lists.start, self.lists.below
         how = self.settings.first_hit, self.settings.lookahead
         octrees = self.forest.nodes, self.forest.luminance, self.forest.root
-        if not _draw(start, places.start, *octrees, where, *how, tree, voxel, views):
+        if not _draw(start, places.start, octrees, where, how, tree, voxel, views):
             raise PatchNetError("No voxel of an octree can be seen from outside: it is too coarse for training")
         return tree, voxel, views
 
@@ -140,8 +140,10 @@ def _held_out_samples(
 
 
 @kernel
-def _draw(start, first, nodes, luminance, root, lists, first_hit, lookahead, tree, voxel, views):
+def _draw(start, first, octrees, lists, how, tree, voxel, views):
+    nodes, luminance, root = octrees
     candidates, starts, below = lists
+    first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for place in range(len(tree)):
         begin_random(state, start, first + place)
