@@ -14,11 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from .benches import bake, decode, device, encode, frame, trace, train, voxelize, walkthrough
+from .benches import bake, decode, encode, frame, trace, train, voxelize, walkthrough
 
 BENCHES = {
     "voxelize": voxelize, "trace": trace, "encode": encode, "decode": decode, "frame": frame, "bake": bake,
-    "walkthrough": walkthrough, "train": train, "device": device,
+    "walkthrough": walkthrough, "train": train,
 }  # fmt: skip
 
 

@@ -42,8 +42,8 @@ def execute(words: Sequence[str]) -> int:
 
     import bpy
 
+    from ..operators.properties.preferences import apply_preferences, preferences
     from ..operators.scene_access.temporary import session_folder_goes
-    from ..operators.ui.preferences import apply_preferences, preferences
     from ..patchnet_addon.runtime.errors import PatchNetError
     from ..patchnet_addon.runtime.streams import keep_streams
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
@@ -70,7 +70,7 @@ def _blender_path(word: str) -> str:
 
     Also behind an option's equals sign: --out=//out.
     """
-    from ..operators.ui.properties import absolute_path
+    from ..operators.properties import absolute_path
 
     option, equals, text = word.partition("=") if word.startswith("--") else ("", "", word)
     path: Path | None = absolute_path(text) if text.startswith("//") else None

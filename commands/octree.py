@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         require_blender()
     from ..operators.pipeline.kernels_beside import compiling_beside
     from ..operators.pipeline.lit_octree import build_lit_octree
-    from ..operators.scene.hiding import hide_from_renders
+    from ..operators.scene.render_geometry import hide_from_renders
     from ..patchnet_addon.lightmap.page_cache import BakePageCache
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.progress import drain
@@ -110,8 +110,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe) -> int:
-    from ..operators.animation.octree_maker import OctreeMaker
-    from ..operators.scene.hiding import keep_hidden
+    from ..operators.animation.frame_maker import OctreeMaker
+    from ..operators.scene.render_geometry import keep_hidden
 
     keep_hidden(_without(args))
     maker = OctreeMaker(settings, recipe, repr((args.rotate, args.without, args.bisect, args.view, args.size)))

@@ -73,8 +73,7 @@ def run(args: argparse.Namespace) -> int:
     require_blender()
     import bpy
 
-    from ..operators.pipeline.output_files import scene_inputs
-    from ..operators.pipeline.output_folder import output_folder
+    from ..operators.pipeline.output_files import output_folder, scene_inputs
     from ..operators.verify_light import verify_light
     from ..operators.verify_light.pictures import check_files, save_check
     from ..patchnet_addon.runtime.outputs import check_outputs
@@ -115,7 +114,7 @@ def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
     """Folder of each camera by its name, of the open scene's or of those that will be placed; raises SceneError."""
     import bpy
 
-    from ..operators.pipeline.camera_folders import camera_folders, view_folders
+    from ..operators.pipeline.output_files import camera_folders, view_folders
 
     if settings.viewpoints:
         return camera_folders(f"View {number}" for number in range(1, settings.viewpoints + 1))

@@ -10,8 +10,8 @@ from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
+from .properties import AnimationProperties, FrameProperties, JobProperties, is_given, setting
 from .settings.job_settings import JobSettings
-from .ui.properties import AnimationProperties, FrameProperties, JobProperties, is_given, setting
 
 
 class PATCHNET_OT_bake_animation(

@@ -10,10 +10,10 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell_notes
+from .properties import LightProperties
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
-from .ui.properties import LightProperties
 
 
 class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):

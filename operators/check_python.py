@@ -7,8 +7,8 @@ import bpy
 
 from ..patchnet_addon.runtime.errors import SettingError
 from .jobs.tell import tell
-from .ui.preferences import kept, preferences
-from .ui.properties import absolute_path
+from .properties import absolute_path
+from .properties.preferences import kept, preferences
 
 
 class PATCHNET_OT_check_python(bpy.types.Operator):

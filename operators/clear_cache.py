@@ -6,8 +6,8 @@ from __future__ import annotations
 import bpy
 
 from .jobs.polls import no_job_runs
+from .properties.preferences import apply_preferences, kept
 from .session.cache_size import cache_size, clear_cache
-from .ui.preferences import apply_preferences, kept
 
 
 class PATCHNET_OT_clear_cache(bpy.types.Operator):

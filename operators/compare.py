@@ -9,10 +9,10 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import error_text
 from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
+from .properties import CameraProperties, ViewProperties
 from .render_preview import look
-from .session.seen import comparison_of
+from .session.shown_view import comparison_of
 from .settings.job_settings import JobSettings
-from .ui.properties import CameraProperties, ViewProperties
 
 
 class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):

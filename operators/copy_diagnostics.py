@@ -12,9 +12,9 @@ from typing import Any
 import bpy
 
 from ..patchnet_addon.runtime.log import LOG
+from .properties.preferences import preferences
 from .scene_access.devices import gpu_is_enabled
 from .session import results
-from .ui.preferences import preferences
 
 _MAX = 20
 
@@ -52,7 +52,7 @@ class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
 
 def diagnostics(context: bpy.types.Context) -> str:
     """Text of the diagnostics; the user's own folder is written as ~."""
-    from .pipeline.versions import machine, versions  # it imports much of the library
+    from .pipeline.reports import machine, versions  # it imports much of the library
 
     result = results.result_of(context.scene)
     values = {

@@ -8,10 +8,9 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell, tell_notes
+from .properties import CameraProperties, LightProperties, VoxelizeProperties
 from .session import results
-from .settings.job_settings import JobSettings
-from .settings.step_settings import ESTIMATED, recorded
-from .ui.properties import CameraProperties, LightProperties, VoxelizeProperties
+from .settings.job_settings import ESTIMATED, JobSettings, recorded
 
 
 class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties, JobOperator, bpy.types.Operator):

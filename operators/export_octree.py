@@ -11,9 +11,9 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from .jobs.polls import VoxelJob
+from .properties import LevelProperties, absolute_path, setting
 from .session import results
 from .settings.job_settings import JobSettings
-from .ui.properties import LevelProperties, absolute_path, setting
 
 _FORMATS = [
     (".ply", "Point Cloud (.ply)", "Centers, normals, colors, luminance and sides of the voxels"),

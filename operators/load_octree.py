@@ -16,12 +16,12 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.worker import computed
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell
+from .properties import CodesProperties, absolute_path
 from .session import results
 from .session.scene_result import SceneResult
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 from .state.watch import read_state
-from .ui.properties import CodesProperties, absolute_path
 
 if TYPE_CHECKING:
     from ..patchnet_addon.codes.coded_octree import CodedOctree

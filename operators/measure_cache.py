@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
+from .properties.preferences import apply_preferences, kept
 from .session.cache_size import cache_size
-from .ui.preferences import apply_preferences, kept
 
 
 class PATCHNET_OT_measure_cache(bpy.types.Operator):

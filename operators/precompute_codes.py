@@ -12,9 +12,9 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell_notes
+from .properties import CodesProperties
 from .session import results
 from .settings.job_settings import JobSettings
-from .ui.properties import CodesProperties
 
 
 class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):

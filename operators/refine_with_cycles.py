@@ -13,13 +13,13 @@ from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
+from .properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
 from .render_preview import look
 from .schema.table import SELECTED
 from .session import results
 from .session.scene_result import SceneResult
 from .session.shown_view import CYCLES_PICTURE
 from .settings.job_settings import JobSettings
-from .ui.properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
 
 if TYPE_CHECKING:
     from .pipeline.cycles_regions import CyclesView

@@ -23,17 +23,20 @@ from . import (
     measure_cache,
     overlay,
     precompute_codes,
+    properties,
     refine_with_cycles,
     render_engine,
     render_preview,
     run_all,
     show_voxels,
+    ui,
     voxelize_objects,
 )
 from .jobs import job_operator
+from .properties import preferences
 from .scene_access import bake_operator, overrides, temporary, unread_file
 from .session import kept_results, scene_session, staleness, world_maps
-from .ui import panels, preferences, presets_menu, properties
+from .ui import presets_menu
 
 if OTHER_PYTHON:
     from . import check_python
@@ -79,7 +82,7 @@ _OPERATORS = (
     *_OTHER_PYTHON,
     copy_diagnostics,
 )
-_CLASSES = tuple(item for module in (*_OPERATORS, panels) for item in module.CLASSES)
+_CLASSES = tuple(item for module in (*_OPERATORS, ui) for item in module.CLASSES)
 
 
 def register() -> None:

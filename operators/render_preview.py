@@ -14,10 +14,10 @@ from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
+from .properties import CameraProperties, ViewProperties
 from .session import results
-from .session.seen import seen
+from .session.shown_view import seen
 from .settings.job_settings import JobSettings
-from .ui.properties import CameraProperties, ViewProperties
 
 if TYPE_CHECKING:
     from .pipeline.views import View

@@ -12,13 +12,13 @@ from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
+from .properties import JobProperties
 from .schema.table import SELECTED
-from .session import results
+from .session import kept_results, results
 from .session.scene_result import SceneResult
-from .session.seen import seen
+from .session.shown_view import seen
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
-from .ui.properties import JobProperties
 
 if TYPE_CHECKING:
     from .pipeline.run import Before
@@ -85,16 +85,25 @@ def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
     return f"Voxels of {count} are there now, of {len(before)} before: choose Objects: Visible for all"
 
 
+def _checked(result: SceneResult | None, scene: bpy.types.Scene) -> SceneResult | None:
+    """Compare a result with the scene; None of one that nobody knows what it was made of."""
+    if result is None or result.state is None:
+        return None
+    look_again(result, scene)
+    return result
+
+
 def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     """What need not be made again of what is there; None where voxels have to be."""
     from .pipeline.lit_octree import cameras_key
     from .pipeline.run import Before
 
     scene = context.scene
-    result = results.result_of(scene)
-    if result is None or result.state is None:
+    result = _checked(results.result_of(scene), scene)
+    if result is None or result.stale:  # the scene may be as it was once before
+        result = _checked(kept_results.found_on_disk(scene), scene) or result
+    if result is None:
         return None
-    look_again(result, scene)
     others = settings.surface.scope == SELECTED and _other_objects(context, result)
     if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
         return None

@@ -8,10 +8,10 @@ import bpy
 from ..patchnet_addon.runtime.errors import PatchNetError
 from .jobs.polls import has_voxels, in_object_mode, no_job_runs
 from .jobs.tell import tell, tell_start
+from .properties import DisplayProperties, setting
+from .properties.preferences import apply_preferences
 from .scene_access.own import quiet
 from .session import results
-from .ui.preferences import apply_preferences
-from .ui.properties import DisplayProperties, setting
 from .voxel_object import show
 
 

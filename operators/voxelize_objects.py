@@ -10,10 +10,10 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
+from .properties import CameraProperties, VoxelizeProperties
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
-from .ui.properties import CameraProperties, VoxelizeProperties
 
 
 class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP, EncoderKind
+from ..patchnet_addon.network.encoders import MLP, MLP_WIDTH_STEP, EncoderKind
 from ..patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP, NetworkKind
 from ..patchnet_addon.network.kinds import PAPER as PAPER_KIND
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
+from .encoders import ENCODERS, ConvolvingKind
 
 SAMPLES = 16_000_000  # that data sets have in all, as the paper's and those of the shipped weights
 VIEWS = 8  # of each voxel
@@ -31,7 +32,7 @@ class TrainSettings:
     loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
     "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth. network:
     its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
-    means, which pictures and mean squared errors need. encoder: its architecture (`network/encoders.py`). fresh: each
+    means, which pictures and mean squared errors need. encoder: its architecture (`encoders.py`). fresh: each
     step draws new voxels and views from the octrees (`fresh.py`), where sample files would be gone through again and
     again. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0 for those of the kind.
     encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for the paper's, and for encoders
@@ -92,7 +93,7 @@ class TrainSettings:
 
     def _check_encoder_width(self) -> None:
         own = ENCODERS[self.encoder]
-        if own.convolves:
+        if isinstance(own, ConvolvingKind):
             if self.encoder_width:
                 raise SettingError(f"The look-ahead decides how wide '{own.name}' is: leave --encoder-width out")
             return
@@ -110,7 +111,7 @@ class TrainSettings:
     def encoder_kind(self) -> EncoderKind:
         """Architecture of the encoder, of this width."""
         own = ENCODERS[self.encoder]
-        return own if own.convolves else own.of_width(self.encoder_width)
+        return own.of_width(self.encoder_width) if own.width else own
 
 
 PAPER = TrainSettings()

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training samples per second on the CPU, against the rate that a step's matrix products alone would allow.
+"""Training samples per second of both kinds of network, on the CPU, and on a GPU beside it.
 
-Torch does the products of some of the steps alone in the same run, whole, with their sizes, strides and number types,
-in as many threads. One thread is measured in processor seconds on one core. In matrix units (AMX) products take a sixth
-of the time, so their share of a step is smaller there; ONEDNN_MAX_CPU_ISA=AVX512_CORE_BF16 measures without them. The
-last columns have a step's products in float32, which need neither: the ceiling of training without bfloat16.
+A step is all that a run does again and again: batches are gathered, gradients computed, the optimiser's step taken.
 """
 
 from __future__ import annotations
@@ -16,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime import bounds
 from ...training.settings import AUTO, BF16, FP32
-from ..shared.arguments import add_number
+from ..shared.arguments import add_device, add_number
 from ..shared.training_run import require_torch
 from .arguments import add_repeats
 
 if TYPE_CHECKING:
     from ...training.benchmarks.timing import Comparison
 
-HELP = "whole training steps against their matrix products alone"
+HELP = "training samples per second, on a GPU against the CPU"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,30 +29,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "datasets", nargs="*", type=Path, metavar="DATASET",
         help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
     )  # fmt: skip
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
     add_number(parser, "--nodes", bounds.NODES, default=1_000_000, help="nodes of the octree that is made (1000000)")
     add_number(
         parser, "--samples", bounds.DATASET_SAMPLES, default=400_000, help="samples that are drawn of it (400000)"
     )
-    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that learn, or multiply (1)")
+    add_number(
+        parser, "--threads", bounds.THREADS, help="threads that train, or gather batches for a GPU (all cores)"
+    )
     parser.add_argument(
         "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
         help="of the encoder's products (auto: bf16 where the processor has it)",
     )  # fmt: skip
     add_number(
         parser, "--encoder-width", bounds.ENCODER_WIDTH, default=MLP.width,
-        help=f"values between the encoder's layers ({MLP.width}): the wider, the more of a step is products",
+        help=f"values between the encoder's layers ({MLP.width})",
     )  # fmt: skip
     add_repeats(parser, 9)
 
 
 def measure(args: argparse.Namespace) -> Comparison:
     """Rates of both kinds of network; raises PatchNetError."""
-    from ...training.data.dataset import load_dataset, sample_files
-    from ..shared.training_run import keep_freed_memory
-
-    keep_freed_memory()
     require_torch()
+    from ...patchnet_addon.network.devices import found_device
+    from ...patchnet_addon.runtime.threads import usable_cores
     from ...training.benchmarks.training_rate import TrainBench, benchmark_training
+    from ...training.data.dataset import load_dataset, sample_files
 
     datasets = [load_dataset(path) for path in sample_files(args.datasets)]
     return benchmark_training(
@@ -64,7 +63,8 @@ def measure(args: argparse.Namespace) -> Comparison:
             args.nodes,
             args.samples,
             repeats=args.repeats,
-            threads=args.threads,
+            device=found_device(args.device, "--device"),
+            threads=args.threads or usable_cores(),
             precision=args.precision,
             encoder_width=args.encoder_width,
         ),
@@ -77,21 +77,14 @@ def text(values: dict[str, Any]) -> str:
 
     rows = [
         [
-            name, f"{row['batch']:,}", row["precision"], f"{row['samples_per_s']:,.0f}",
-            f"{row['products_samples_per_s']:,.0f}", f"{row['share']:.0%}", f"{row['step_ms']:.1f}",
-            f"{row['products_ms']:.1f}", f"{row['gflops_of_products']:,.0f}",
-            f"{row['float32_products_samples_per_s']:,.0f}", f"{row['share_of_float32']:.0%}",
-            f"{row['gflops_of_float32_products']:,.0f}",
+            row["kind"], row["device"], f"{row['batch']:,}", row["precision"], f"{row['step_ms']:.1f}",
+            f"{row['samples_per_s']:,.0f}", f"{row['samples_per_processor_s']:,.0f}",
         ]
-        for name, row in values["kinds"].items()
+        for row in values["rows"]
     ]  # fmt: skip
-    head = [
-        "network", "samples a step", "precision", "samples/s", "by products alone", "share", "step, ms", "products, ms",
-        "GFLOP/s of products", "by float32 products alone", "share of that", "their GFLOP/s",
-    ]  # fmt: skip
-    units = "with" if values["matrix_units"] else "without"
+    head = ["network", "device", "samples a step", "precision", "step, ms", "samples/s", "samples/s of the processor"]
     return (
-        f"{values['machine']}, {units} matrix units; {values['versions']}\n"
-        f"Threads: {values['threads']}, {values['clock']} seconds, medians of {values['repeats']} runs\n\n"
+        f"{values['machine']}; {values['versions']}\n"
+        f"Threads: {values['threads']}, medians of {values['repeats']} runs\n\n"
         f"{markdown_table(head, rows)}"
     )

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from ...training.evaluation.catalogue import SCENES, scene_named
-from ...training.evaluation.scene import Scene
+from ...training.evaluation.catalogue import SCENES, Scene, scene_named
 from ..shared.lines import say_note
 
 ALL = "all"

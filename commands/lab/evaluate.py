@@ -71,12 +71,15 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write and say where; returns 0; raises PatchNetError."""
+    from ...training.evaluation import require_reports
     from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
     from ..shared.progress_bars import ProgressBars
 
     settings = _evaluation(args)
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
+    if not (args.prepare or args.part):
+        require_reports()
     check_octrees(args.octrees)
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]
@@ -100,9 +103,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
     """Settings of the evaluation; raises PatchNetError for networks that cannot stand beside each other."""
-    from ...patchnet_addon.network.weights import load_weights
+    from ...training.encoders import load_weights
     from ...training.evaluation.evaluate import EvaluationSettings
-    from ...training.evaluation.patch_networks import patch_networks
+    from ...training.evaluation.strategies import patch_networks
 
     return EvaluationSettings(
         frames=args.frames,
@@ -118,17 +121,16 @@ def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
 
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
-    """Write results, table, figures and report."""
-    from ...training.evaluation.csv_table import csv_of
-    from ...training.evaluation.markdown import markdown_of
+    """Write results, tables, figures and report."""
     from ...training.evaluation.results import results_of
     from ...training.evaluation.strategies import map_names
+    from ...training.evaluation.tables import errors_of, markdown_of, tables_of
 
     results = {"settings": _settings(args)} | results_of(scenes, settings.networks)
     strategies = scenes[0].strategies
     results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
-    _write(args.out / TABLE, csv_of(results))
-    _write(args.out / TABLES, markdown_of(results))
+    _write(args.out / TABLE, errors_of(results).to_csv(index=False, lineterminator="\n"))
+    _write(args.out / TABLES, markdown_of(tables_of(results)))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _write(args.out / REPORT, _report(args, results, scenes))
 
@@ -152,7 +154,7 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 
 
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
-    from ...training.evaluation.octrees import scene_octree
+    from ...training.evaluation.catalogue import scene_octree
     from .catalogue_scenes import scenes_named
 
     scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
@@ -173,9 +175,8 @@ def _write(path: Path, text: str) -> None:
 
 def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
     """Draw the figures; returns the report with them."""
-    from ...training.evaluation.figures import draw_budgets, draw_overview, draw_times
-    from ...training.evaluation.generalisation_figure import draw_generalisation
-    from ...training.evaluation.patterns import draw_patterns
+    from ...training.evaluation.figures import draw_budgets, draw_generalisation, draw_overview, draw_times
+    from ...training.evaluation.panels import draw_patterns
     from ...training.evaluation.report import report_html
     from ...training.evaluation.results import POOLED
 

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,12 +24,11 @@ from .track_arguments import add_track
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ...patchnet_addon.network.weights import Weights
-    from ...training.evaluation.scene import Scene
-    from ...training.evaluation.second_truth import CameraResult
+    from ...training.evaluation.catalogue import Scene
+    from ...training.evaluation.cycles_reference import CameraResult
 
 RESULTS, TABLE, TABLES, FIGURES = "cycles.json", "cycles.csv", "cycles.md", "figures"
 OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
-_COLUMNS = ("scene", "strategy", "group", "rays_per_pixel", "truth", "budget", "mse")
 
 
 @dataclass(frozen=True)
@@ -69,8 +66,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.network.weights import load_weights
-    from ...training.evaluation.second_truth import second_truth_results
+    from ...training.encoders import load_weights
+    from ...training.evaluation import require_reports
+    from ...training.evaluation.cycles_reference import cycles_results
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
@@ -81,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = [*octrees.values(), *filter(None, [args.weights])]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     require_blender()
+    require_reports()
     args.out.mkdir(parents=True, exist_ok=True)
     weights = load_weights(args.weights)
     found: dict[str, Any] = {}
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         for scene in scenes:
             steps = _measured(scene, octrees.get(scene.name), settings, weights, args.out)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
-            found[scene.name] = {"light": scene.light} | second_truth_results(scene.name, coded, EVALUATED, cameras)
+            found[scene.name] = {"light": scene.light} | cycles_results(scene.name, coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
             _write(args.out, settings, found)  # scene by scene: each takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
@@ -124,13 +123,13 @@ def _measured(
     """Octree with its codes, and results of the scene's cameras; the scene is open in Blender afterwards."""
     import bpy
 
-    from ...operators.scene.hiding import hide_from_renders
+    from ...operators.scene.render_geometry import hide_from_renders
     from ...operators.verify_light.octree_light import as_in_octree
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.surface.bisect import AXES
-    from ...training.evaluation.kept_codes import codes_path, kept_codes
-    from ...training.evaluation.octrees import scene_octree
-    from ...training.evaluation.second_truth import spread_cameras
+    from ...training.evaluation.catalogue import scene_octree
+    from ...training.evaluation.codes import codes_path, kept_codes
+    from ...training.evaluation.cycles_reference import spread_cameras
     from ...training.evaluation.tracks import camera_track
     from ..shared.own_scenes import open_or_build
     from ..shared.quiet import quiet_stdout
@@ -155,9 +154,9 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
     import bpy
 
-    from ...operators.cycles.halves import render_halves
-    from ...training.evaluation.scene import CYCLES
-    from ...training.evaluation.second_truth import COMBINED, DIFFUSE, Truth, measure_camera
+    from ...operators.cycles.camera_render import render_halves
+    from ...training.evaluation.catalogue import CYCLES
+    from ...training.evaluation.cycles_reference import COMBINED, DIFFUSE, Truth, measure_camera
     from ...training.strategies.registry import EVALUATED
 
     first, second = yield from render_halves(bpy.context, camera, settings.samples)
@@ -170,9 +169,8 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
 
 def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
     """Draw error over budget against Cycles, and what the cameras see."""
+    from ...training.evaluation.cycles_reference import DIFFUSE, draw_cameras
     from ...training.evaluation.figures import draw_budgets
-    from ...training.evaluation.second_truth import DIFFUSE
-    from ...training.evaluation.second_truth_figures import draw_cameras
 
     truth = values["truths"][DIFFUSE]
     levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
@@ -182,16 +180,13 @@ def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], fol
 
 def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
     """Write all scenes that there are up to now, the tables first."""
-    from ...training.evaluation.second_truth import csv_rows
-    from ...training.evaluation.second_truth_tables import markdown_of_second_truth
+    from ...training.evaluation.tables import cycles_errors, cycles_tables, markdown_of
 
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(_COLUMNS)
-    for name, values in found.items():
-        rows.writerows(csv_rows(name, values))
-    results = json.dumps({"settings": asdict(settings), "scenes": found}, indent=1, allow_nan=False)
-    contents = {TABLE: text.getvalue(), TABLES: markdown_of_second_truth(found), RESULTS: results}
+    contents = {
+        TABLE: cycles_errors(found).to_csv(index=False, lineterminator="\n"),
+        TABLES: markdown_of(cycles_tables(found)),
+        RESULTS: json.dumps({"settings": asdict(settings), "scenes": found}, indent=1, allow_nan=False),
+    }
     for name, content in contents.items():
         with replaced_file(out / name, OUTPUTS[name]) as file:
             file.write(content.encode())

@@ -51,8 +51,9 @@ def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
     if args.failures:
         return _draw_failures(args)
-    from ...patchnet_addon.network.weights import load_weights
     from ...training.benchmarks.figures import check_figure
+    from ...training.encoders import load_weights
+    from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
         check_look_aheads,
@@ -60,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
         make_look_ahead,
         make_split,
     )
-    from ...training.evaluation.octrees import scene_octree
     from ..shared.progress_bars import ProgressBars
 
     names = FIGURES if args.only is None else (args.only,)
@@ -87,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _draw_failures(args: argparse.Namespace) -> int:
-    from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.runtime.file_kinds import PNG, SVG
+    from ...training.encoders import load_weights
     from ...training.evaluation.failures import make_failures
     from ..shared.progress_bars import ProgressBars
 

@@ -9,11 +9,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.network.encoders import ENCODERS, MLP, MLP_WIDTH_STEP
+from ...patchnet_addon.network.encoders import MLP, MLP_WIDTH_STEP
 from ...patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
+from ...training.encoders import ENCODERS
 from ...training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run
 from ...training.settings import (
     LOSSES,
@@ -28,7 +29,7 @@ from ...training.settings import (
 )
 from ..shared.arguments import add_number, add_out
 from ..shared.lines import say_note, say_result
-from ..shared.training_run import add_run_arguments, keep_freed_memory, require_torch, say_written
+from ..shared.training_run import add_run_arguments, require_torch, say_written
 
 _PRESET = "improved"
 
@@ -99,7 +100,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument(
         "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
-        "convolutions, or Voxception blocks, both of which need torch wherever they are used",
+        "convolutions, or Voxception blocks, which research commands alone run",
     )  # fmt: skip
     add_number(
         parser, "--encoder-width", bounds.ENCODER_WIDTH, help="values between the layers of the encoder mlp, a "
@@ -124,7 +125,6 @@ def run(args: argparse.Namespace) -> int:
     files = args.datasets if args.fresh else sample_files(args.datasets)
     validation_files = sample_files(args.validate)
     check_run(args.out, [*files, *validation_files], resume=args.resume)
-    keep_freed_memory()
     require_torch()
     from ...patchnet_addon.network.devices import found_device
     from ...patchnet_addon.network.weights import save_weights

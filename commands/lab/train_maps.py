@@ -19,7 +19,7 @@ from typing import Any
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
-from ...training.evaluation.networks.names import NAMES
+from ...training.evaluation.networks import NAMES
 from ..shared.arguments import add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import add_run_arguments, require_torch
@@ -52,7 +52,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Render the frames that are missing, train, and say where the weights are; returns 0; raises PatchNetError."""
-    from ...training.evaluation.networks.run_files import FRAMES, check_map_run
+    from ...training.evaluation.networks.maps import FRAMES, check_map_run
 
     check_map_run(args.out, args.octrees, resume=args.resume)
     check_octrees(args.octrees)

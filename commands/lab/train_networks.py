@@ -35,10 +35,10 @@ from ...training.networks_of_paper.plan import KINDS, planned_networks
 from ...training.settings import LOSSES, PRESETS, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
-from ..shared.training_run import keep_freed_memory, require_torch
+from ..shared.training_run import require_torch
 
 if TYPE_CHECKING:
-    from ...training.evaluation.scene import Scene
+    from ...training.evaluation.catalogue import Scene
     from ...training.networks_of_paper.plan import NetworkPlan
     from ...training.networks_of_paper.run import NetworksRun
 
@@ -90,8 +90,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 def run(args: argparse.Namespace) -> int:
     """Train what is missing, write the tables, print or run what comes next; returns 0; raises PatchNetError."""
     from ...patchnet_addon.runtime.outputs import check_outputs
-    from ...training.evaluation.octrees import scene_octree
-    from ...training.networks_of_paper.files import OUTPUTS, octrees_folder
+    from ...training.evaluation.catalogue import scene_octree
+    from ...training.networks_of_paper.plan import OUTPUTS, octrees_folder
     from ..shared.progress_bars import ProgressBars
 
     check_octrees(args.octrees)
@@ -101,10 +101,8 @@ def run(args: argparse.Namespace) -> int:
     if not plans:
         raise SettingError("There is nothing to train: name --kinds of networks")
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, args.octrees, folder=args.out)
-    keep_freed_memory()
     require_torch()
-    from ...training.networks_of_paper.run import train_networks
-    from ...training.networks_of_paper.table import write_tables
+    from ...training.networks_of_paper.run import train_networks, write_tables
 
     work = _work(args)
     args.out.mkdir(parents=True, exist_ok=True)
@@ -164,7 +162,7 @@ def next_commands(
     octrees: files by name of the scene. catalogue: names of those that are scenes of the catalogue. The figure of
     look-aheads is of one of them, so it is drawn where there are any.
     """
-    from ...training.networks_of_paper.files import octrees_folder, weights_path
+    from ...training.networks_of_paper.plan import octrees_folder, weights_path
 
     def named(some: Sequence[NetworkPlan]) -> list[str]:
         return [f"{plan.name}={weights_path(out, plan.name)}" for plan in some]

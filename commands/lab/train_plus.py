@@ -64,9 +64,10 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     import torch
 
-    from ...patchnet_addon.network.weights import load_weights, save_weights
+    from ...patchnet_addon.network.weights import save_weights
     from ...patchnet_addon.octree.file import load_octree, octree_hash
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
+    from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
     from ...training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
     from ...training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions

@@ -41,11 +41,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Print a line of errors for each of the weights and files; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.runtime.file_kinds import ERRORS
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...patchnet_addon.runtime.replace import replaced_file
     from ...training.data.dataset import check_names, load_dataset, name_of, sample_files
+    from ...training.encoders import load_weights
     from ..shared.lines import make_parent, say_result
 
     require_torch()

@@ -19,14 +19,19 @@ def quiet_stdout() -> Iterator[None]:
         yield
 
 
+# Lines that concern no user: its file browser misses /etc/mtab in a container; 5.3 names its file of colour spaces.
+_OF_NO_CONCERN = (b"mounted file-systems", b"color_management | Using config")
+
+
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Leave out the line about /etc/mtab that Blender prints at its import where there is none, as in containers.
+    """Leave out the lines of no concern that Blender prints at its import.
 
-    Only its file browser reads that file. All else that the block prints goes to stderr at its end.
+    All else that the block prints goes to stderr at its end.
     """
     with tempfile.TemporaryFile() as said:
         with diverted(stdout=said, stderr=said):
             yield
         said.seek(0)
-        sys.stderr.writelines(line.decode(errors="replace") for line in said if b"mounted file-systems" not in line)
+        lines = [line for line in said if not any(known in line for known in _OF_NO_CONCERN)]
+        sys.stderr.writelines(line.decode(errors="replace") for line in lines)

@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -30,15 +28,6 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "from",
     )  # fmt: skip
     add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
-
-
-def keep_freed_memory() -> None:
-    """Let the C library reuse large blocks: by default each batch would be mapped, zeroed and unmapped anew."""
-    if sys.platform == "linux":
-        library = ctypes.CDLL(None)
-        if hasattr(library, "mallopt"):
-            for parameter, value in ((-3, 1 << 30), (-1, 2**31 - 1), (-8, 1)):  # mmap and trim thresholds, one arena
-                library.mallopt(parameter, value)
 
 
 def require_torch() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -11,24 +12,69 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
 from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.progress import Progress, Result, Steps
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps, labelled
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
-from ..pipeline.output_folder import output_folder
-from ..pipeline.reports import REPORT_NAME, write_json
-from ..pipeline.versions import machine, versions
+from ..cycles.daylight import has_light
+from ..pipeline.output_files import output_folder
+from ..pipeline.reports import REPORT_NAME, machine, versions, write_json
+from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
-from .common import same_daylight, same_grid
+from ..settings.groups import Bounds
 from .frame_key import content_key, file_key
 from .frame_maker import FrameMaker, SharedSettings
 from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_folder, read_record, write_record
 
+
+def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bool]:
+    """Test that no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
+    for done, frame in enumerate(frames):
+        yield Progress(done, len(frames), "Looking for light")
+        go_to_frame(context.scene, frame)
+        if has_light(context.evaluated_depsgraph_get()):
+            return False
+    return True
+
+
+def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMaker) -> Steps[tuple[Bounds, int | None]]:
+    """Bounds around the surface at all frames, and the depth over them that the most demanding frame needs.
+
+    The depth is None where settings say it. It is the next smaller one where memory bounds a frame.
+    """
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    sides: list[float] = []
+    bounded = False
+    for done, frame in enumerate(frames):
+        label = f"One grid for all frames: frame {frame}"
+        yield Progress(done, len(frames), label)
+        go_to_frame(context.scene, frame)
+        with errors_of_frame(frame):
+            source = read_scene(context.evaluated_depsgraph_get(), maker.scope)
+            needed = yield from labelled(maker.voxel_size_world(context, source), label)
+        low, high = np.minimum(low, source.bounds_world[0]), np.maximum(high, source.bounds_world[1])
+        if needed is not None:
+            sides.append(needed[0])
+            bounded = bounded or needed[1]
+    bounds = (_corner(low), _corner(high))
+    if not sides:
+        return bounds, None
+    levels = math.log2(Grid.around(np.array(bounds), 1).side_world / min(sides))
+    depth = math.floor(levels + 1e-6) if bounded else math.ceil(levels - 1e-6)
+    return bounds, min(max(depth, 1), MAX_DEPTH)
+
+
+def _corner(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 @dataclass(frozen=True)
 class FramePlan:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makers of the files of one frame, and the values that all frames of an animation share."""
+"""Makers of the files of one frame, by the whole job or an octree alone, and the values that all frames share."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ...patchnet_addon.runtime.file_kinds import FileKind
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.camera_folders import view_folders
-from ..pipeline.output_files import job_files, job_inputs, scene_inputs
+from ..pipeline.lit_octree import LitOctree, Recipe, build_lit_octree
+from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
@@ -26,7 +27,6 @@ from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
     from ...patchnet_addon.network.weights import Weights
-
 
 @dataclass(frozen=True)
 class SharedSettings:
@@ -154,3 +154,45 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
     predicted = {"mse_unrefined": view["predicted"]["mse_unrefined"], "mse": view["predicted"]["mse"][strategy]}
     errors = {"mse_unrefined": view["mse_unrefined"], "mse": view["mse"][strategy], "predicted": predicted}
     return found | errors
+
+class OctreeMaker(FrameMaker):
+    """Makes lit octrees alone, by settings and a recipe; `wanted` is all that the recipe depends on, as text."""
+
+    def __init__(self, settings: JobSettings, recipe: Recipe, wanted: str) -> None:
+        self._settings, self._recipe, self._wanted = settings, recipe, wanted
+        self.scope, light = settings.surface.scope, settings.light
+        self.exposure, self.bakes = light.exposure, light.is_baked
+
+    def settings_text(self, common: SharedSettings) -> str:
+        """Settings that the octree depends on."""
+        return f"{self._of_frame(common)!r} {self._wanted}"
+
+    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
+        """Kind of the only file."""
+        return {OCTREE_NAME: OCTREE}
+
+    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
+        """Write the octree of a frame."""
+        from ...patchnet_addon.lightmap.page_cache import BakePageCache
+        from ...patchnet_addon.octree.file import save_octree
+
+        clock = StageClock()
+        with BakePageCache() as kept:
+            made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._recipe)
+            save_octree(made.octree, folder / OCTREE_NAME)
+        octree = made.octree
+        figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
+        warnings = [*made.warnings, *self._unseen(made)]
+        octree_figures = figures | {"bytes": octree.nbytes}
+        return {"exposure": octree.exposure, "octree": octree_figures, "views": [], "warnings": warnings}
+
+    def _unseen(self, made: LitOctree) -> list[str]:
+        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
+        from ...patchnet_addon.tracing.unseen import why_unseen_by
+
+        if made.layout is None or self._recipe.cameras is None:
+            return []
+        return why_unseen_by(made.octree, drain(self._recipe.cameras(made.source)))
+
+    def _of_frame(self, common: SharedSettings) -> JobSettings:
+        return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

@@ -16,10 +16,24 @@ import numpy as np
 
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
+from .daylight import light_of_bake
 from .render_call import render
 from .scene_copy import prepared
+
+
+def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[tuple[Reference, Reference]]:
+    """Two renders of half the samples each, in the light that was baked; raises SceneError as `render_reference`."""
+    yield Progress(0, 2, "Cycles")
+    with light_of_bake(context):
+        first = render_reference(context, camera, samples // 2, 1)
+    yield Progress(1, 2, "Cycles")
+    with light_of_bake(context):
+        second = render_reference(context, camera, samples // 2, 2)
+    yield Progress(2, 2, "Cycles")
+    return first, second
 
 _PASSES = {
     "use_pass_combined": True,

@@ -18,6 +18,8 @@ from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.streams import keep_streams
 from ...patchnet_addon.runtime.worker import attended
+from ..properties import job_settings
+from ..properties.preferences import apply_preferences
 from ..scene_access.own import quiet
 from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
@@ -25,8 +27,6 @@ from ..scene_access.window_job import in_window, others_job_is_running
 from ..session.memory import give_back
 from ..settings.job_settings import JobSettings
 from ..state import watch as job_watch
-from ..ui.preferences import apply_preferences
-from ..ui.properties import job_settings
 from .display import JobDisplay
 from .events import passes
 from .tell import tell, tell_start

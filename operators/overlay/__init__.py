@@ -19,13 +19,13 @@ from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view, view_of_camera
 from ..settings.groups import ViewSettings
-from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel, toggle
+from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel
 from .unfinished import unfinished_pictures as unfinished_pictures
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
-_MODULES = (toggle, drag_wipe, inspect_pixels, open_pictures, panel)
+_MODULES = (handlers, drag_wipe, inspect_pixels, open_pictures, panel)
 _CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
 
 

@@ -7,9 +7,9 @@ import bpy
 
 from ..session import views
 from .framed import framed, position_under
+from .handlers import NO_VIEW
 from .layout import wipe_at
 from .overlay_settings import overlay_settings
-from .toggle import NO_VIEW
 
 
 class PATCHNET_OT_drag_wipe(bpy.types.Operator):

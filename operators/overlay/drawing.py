@@ -9,16 +9,16 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
+from ..properties.preferences import preferences
 from ..scene_access.images import VIEW_TRANSFORM, unlike_view
 from ..session import views
 from ..session.scene_session import InspectedPixel, session_of
 from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
-from ..ui.preferences import preferences
 from . import paint
 from .framed import EDITORS, Framed, framed, free_rect
 from .layout import Rect, beside, sides_of_wipe, tick_values
 from .overlay_settings import NOTHING, overlay_settings
-from .textures import texture_of
+from .paint import texture_of
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not there yet: Refine with Cycles renders it"

@@ -8,12 +8,13 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.runtime import log
+from ..session import views
 from ..session.scene_session import open_sessions
+from . import handlers
 from .drawing import draw_region
 from .framed import EDITORS
 from .overlay_settings import listeners, overlay_settings
-from .paint import free_shader
-from .textures import free_textures
+from .paint import free_shader, free_textures
 
 _handles: dict[Any, Any] = {}  # by the space type that they draw in
 problem = ""  # why the overlay went off, for the panel
@@ -114,3 +115,33 @@ def unregister() -> None:
     if bpy.app.timers.is_registered(_end_after_error):
         bpy.app.timers.unregister(_end_after_error)
     remove()
+
+NO_VIEW = "There are no pictures yet: run Render Preview first"
+
+
+class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
+    """Lay the chosen picture over the camera's view, or over the image in an Image Editor"""
+
+    bl_idname = "patchnet.toggle_overlay"
+    bl_label = "Overlay"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Require a picture, except to switch off."""
+        values = overlay_settings(context)
+        if not (views.has_views(context.scene) or values.show_viewport or values.show_editor):
+            cls.poll_message_set(NO_VIEW)
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Switch it where it was pressed; in other editors that of the viewport."""
+        values = overlay_settings(context)
+        name = "show_editor" if context.area is not None and context.area.type == "IMAGE_EDITOR" else "show_viewport"
+        setattr(values, name, not getattr(values, name))
+        handlers.refresh(context)
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_toggle_overlay,)

@@ -12,8 +12,8 @@ from ..session.scene_session import InspectedPixel, open_sessions, session_of
 from . import handlers
 from .drawing import maximum_of
 from .framed import CursorPosition, framed, position_under
+from .handlers import NO_VIEW
 from .layout import pixel_at
-from .toggle import NO_VIEW
 
 
 class PATCHNET_OT_inspect_pixels(bpy.types.Operator):

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import bpy
 from bpy.props import StringProperty
 
+from ..properties.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 from ..scene_access.own import OWNER, is_own
-from ..ui.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):

@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty
 
+from ..properties.shapes import share
 from ..session.shown_view import HEATMAP, PREVIEW, TITLES
-from ..ui.properties.shapes import share
 
 NOTHING = "NONE"
 _ITEMS = [

@@ -11,11 +11,11 @@ from ...patchnet_addon.runtime.wording import named_list
 from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of
-from ..ui.panels.tab import draw_sentence
+from ..ui.tab import draw_sentence
 from . import handlers
+from .handlers import NO_VIEW
 from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .overlay_settings import overlay_settings
-from .toggle import NO_VIEW
 
 if TYPE_CHECKING:
     from bpy.types import Panel as _Panel

@@ -34,15 +34,11 @@ class Encoding:
 def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encoding]:
     """Encoder of the settings for these weights; a process of it ends with the block.
 
-    Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. An encoder
-    that convolves runs on torch of this Python alone. Raises SettingError if a GPU, or torch, is needed and not there.
+    Torch on a GPU of this Python, else the other Python that is named, else our kernels with the same codes. Raises
+    SettingError if a GPU, or torch, is needed and not there.
     """
     from ...patchnet_addon.codes.encode import make_encoder
-    from ...patchnet_addon.network.convolutions import convolving_encoder
 
-    if (own := convolving_encoder(weights, compute.torch_device)) is not None:
-        yield Encoding(own, "torch")
-        return
     warnings: tuple[str, ...] = ()
     wanted = compute.torch_device
     if compute.torch_python is not None:

@@ -1,21 +1,86 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Output files of a job, and its input files, which are never replaced."""
+"""Output of a job: its files, folders of cameras, a folder that appears complete or not at all."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import errno
+import hashlib
+import os
+import re
+import shutil
+import unicodedata
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import bpy
 
 from ...patchnet_addon.network.weights import default_weights_path
+from ...patchnet_addon.runtime.errors import OutputError, PatchNetError
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.owned_folder import owned_folder, remove_left_over
+from ...patchnet_addon.runtime.replace import temporary_path
+from ..scene.cameras import AUTO, camera_names, scene_cameras
 from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
-from .reports import REPORT_NAME
+from .reports import REPORT_NAME, remove_omitted, reported
+
+_MAX_BYTES = 120
+_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # no folder of Windows can have these names
+
+
+def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, str]:
+    """Folder of each camera that is looked through, by its name; raises SceneError if there is no such camera."""
+    chosen = camera_names(scene, cameras)
+    folders = camera_folders(chosen if list(cameras) == [AUTO] else [*scene_cameras(scene), *chosen])
+    return {name: folders[name] for name in chosen}
+
+
+def camera_folders(names: Iterable[str]) -> dict[str, str]:
+    """Folder name for each camera's name, all of them different for every file system.
+
+    Letters and digits of the camera's name, other characters as "_". Where that is not the name of one camera alone, by
+    whatever case of letters, a hash of the camera's own name follows; so names do not depend on the order of cameras,
+    and with all cameras of a scene given not on which of them are looked through.
+    """
+    names = list(dict.fromkeys(names))
+    for digits in (4, 8, 16, 32):
+        found = _with_digits(names, digits)
+        if len({_folded(folder) for folder in found.values()}) == len(names):
+            break
+    return found
+
+
+def _with_digits(names: list[str], digits: int) -> dict[str, str]:
+    plain = {name: _plain(name) for name in names}
+    owners = Counter(_folded(folder) for folder in plain.values())
+    unchanged = Counter(_folded(name) for name, folder in plain.items() if name == folder)
+    found = {}
+    for name, folder in plain.items():
+        key = _folded(folder)
+        alone = owners[key] == 1 or (name == folder and unchanged[key] == 1)
+        if not alone or _DEVICES.fullmatch(folder) or len(folder.encode(errors="surrogatepass")) > _MAX_BYTES:
+            digest = hashlib.blake2b(name.encode(errors="surrogatepass")).hexdigest()[:digits]
+            folder = f"{_shortened(folder)}-{digest}"
+        found[name] = folder
+    return found
+
+
+def _plain(name: str) -> str:
+    return bpy.path.clean_name(name) or "camera"
+
+
+def _folded(folder: str) -> str:
+    """Folded name, the same for names that some file system takes for one: of other case, or composed otherwise."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
+
+
+def _shortened(folder: str) -> str:
+    return folder.encode(errors="surrogatepass")[:_MAX_BYTES].decode(errors="ignore")
 
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 
@@ -56,3 +121,90 @@ def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> Non
     files = {REPORT_NAME: REPORT} if frames else job_files((), settings.view.cycles)
     inputs = [*job_inputs(settings), *([] if scene is None else [scene])]
     check_outputs({settings.out / name: kind for name, kind in files.items()}, inputs, folder=settings.out)
+
+@contextmanager
+def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[Path] = ()) -> Iterator[Path]:
+    """Temporary folder whose files move to `out` when the block ends without an error.
+
+    files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
+    Files of the same name are replaced, pictures that an earlier report names and the new one omits go, others stay. On
+    an error nothing in `out` is touched. What dead processes left of such folders is removed.
+    Raises OutputError, before any work, if `out` cannot be written, or what is there is not to be replaced.
+    """
+    wanted = {out / name: kind for name, kind in files.items()}
+    check_outputs(wanted, inputs, folder=out)
+    parent = _parent(out)
+    remove_left_over(parent, out.name)
+    before = reported(out)
+    with ExitStack() as stack:
+        with _spoken_of_as(out):
+            temporary = stack.enter_context(owned_folder(parent / temporary_path(out).name))
+        with _spoken_of_as(out, temporary):
+            yield temporary
+        check_outputs(wanted, inputs, folder=out)  # long jobs leave time to put something there
+        with _spoken_of_as(out):
+            _move(temporary, out)
+    remove_omitted(out, before, inputs)
+
+
+@contextmanager
+def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
+    """Translate the system's errors to ours, which name files in `temporary`, soon gone, as they would be in `out`.
+
+    With `temporary`, errors about other files are left alone.
+    """
+    try:
+        yield
+    except PatchNetError as error:
+        if temporary is None or str(temporary) not in str(error):
+            raise
+        raise type(error)(str(error).replace(str(temporary), str(out))) from error
+    except OSError as error:
+        where = str(error.filename2 or error.filename or out)
+        if temporary is not None:
+            if str(temporary) not in where:
+                raise
+            where = where.replace(str(temporary), str(out))
+        raise OutputError(
+            f"{where} cannot be written ({error.strerror}): choose another folder or make room"
+        ) from error
+
+
+def _parent(out: Path) -> Path:
+    """Nearest folder that is there above `out`; `out` itself where files can only be made in it, as in a mount."""
+    parent = out.absolute().parent
+    while not parent.exists():
+        parent = parent.parent
+    return parent if os.access(parent, os.W_OK) or not out.exists() else out
+
+
+def _move(source: Path, out: Path) -> None:
+    """Move all files, the report last, because it speaks of the others; what has to be copied is so before the rest."""
+    names = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
+    renames = {folder: _can_be_renamed(source, folder) for folder in {(out / name).parent for name in names}}
+    with ExitStack() as stack:
+        sources: dict[Path, Path] = {}
+        for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
+            temporary = sources[out / name] = source / name
+            if not renames[(out / name).parent]:
+                temporary = sources[out / name] = temporary_path(out / name)
+                stack.callback(temporary.unlink, missing_ok=True)
+                shutil.copyfile(source / name, temporary)
+        for target, temporary in sources.items():
+            os.replace(temporary, target)
+
+
+def _can_be_renamed(source: Path, folder: Path) -> bool:
+    """Return whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
+    folder.mkdir(parents=True, exist_ok=True)
+    probe, there = temporary_path(source / "probe"), temporary_path(folder / "probe")
+    probe.touch()
+    try:
+        os.replace(probe, there)
+    except OSError as cause:
+        probe.unlink()
+        if cause.errno != errno.EXDEV:
+            raise
+        return False
+    there.unlink()
+    return True

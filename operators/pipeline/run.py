@@ -30,19 +30,16 @@ from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
-from .camera_folders import view_folders
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
 from .encoder import check_encoder
 from .job_work import AGAIN, Rates, planned_work
 from .kernels_beside import compiling_beside
 from .lit_octree import LitOctree, Recipe, build_lit_octree, fit_cameras
-from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs
-from .output_folder import output_folder
-from .reports import write_report
+from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
+from .reports import machine, versions, write_report
 from .stages import GridChoice, encode, load_network
 from .unfinished import Meanwhile, first_look, stand_in_look
-from .versions import machine, versions
 from .views import View, overview, save_view, view, view_background
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes

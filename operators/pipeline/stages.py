@@ -30,7 +30,7 @@ from ..schema.table import CYCLES
 from ..settings.groups import ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder
-from .versions import versions
+from .reports import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.lightmap.atlas import Atlas

@@ -36,7 +36,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import uniform_report
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.world.background import BLACK_GROUND, Background, background
+from ..cycles.background import BLACK_GROUND, Background, background
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
 from ..schema.table import CYCLES

@@ -8,8 +8,9 @@ from typing import Any
 
 import bpy
 
+from ..scene_access.stop_cycles import forget_engine
 from ..session.scene_session import open_sessions
-from . import engine, panels, viewport_handover
+from . import engine, panels, viewport
 
 _CLASSES = (*engine.CLASSES, *panels.CLASSES)
 
@@ -28,9 +29,11 @@ def unregister() -> None:
     for handlers in _ends_of_renders():
         handlers.remove(_forget_frames)
     panels.remove_from_blenders()
-    for item in reversed(_CLASSES):
+    for item in reversed(panels.CLASSES):
         bpy.utils.unregister_class(item)
-    viewport_handover.unregister()
+    for item in engine.CLASSES:
+        forget_engine(item)
+    viewport.unregister()
 
 
 def _ends_of_renders() -> tuple[list[Any], ...]:

@@ -30,7 +30,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
         """Leave what was drawn to the viewport's next engine, which may follow at once."""
         with suppress(ReferenceError):  # Blender has removed its own part of it, as when it quits
             if self._viewport is not None:
-                from .viewport_handover import leave
+                from .viewport import leave
 
                 leave(self._viewport)
 
@@ -65,8 +65,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw a viewport in this engine's shading mode."""
-        from .viewport import Viewport
-        from .viewport_handover import left_in
+        from .viewport import Viewport, left_in
 
         if self._viewport is None:
             self._viewport = left_in(context.region) or Viewport()

@@ -10,7 +10,7 @@ import bpy
 
 from ..jobs.job_operator import JobOperator
 from ..session import results
-from ..ui.panels.tab import draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
+from ..ui.tab import draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -22,19 +24,41 @@ from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.world.background import background
+from ..cycles.background import background
 from ..importance.pixels import read_strokes
+from ..properties import scene_settings
+from ..properties.preferences import apply_preferences
 from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
-from ..ui.preferences import apply_preferences
-from ..ui.properties import scene_settings
-from .animation_time import rendered_frame
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
+
+_begun: dict[int, tuple[int, FramesTime]] = {}  # by scene: the frame that comes next, and the time of all
+
+
+@contextmanager
+def rendered_frame(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> Iterator[FramesTime | None]:
+    """Time of the animation that the frame rendered in the block belongs to; None for one that is rendered alone.
+
+    A frame that is not the next of the last one begins another animation.
+    """
+    if not engine.is_animation:
+        yield None
+        return
+    original = scene.original
+    key, frame = original.session_uid, original.frame_current
+    expected, frames = _begun.pop(key, (None, None))
+    if frames is None or expected != frame:
+        frames = FramesTime(len(range(frame, original.frame_end + 1, original.frame_step)) or 1)
+    frames.begin()
+    yield frames
+    frames.end()
+    _begun.clear()  # of other scenes, which may be gone
+    _begun[key] = frame + original.frame_step, frames
 
 _SHOWN_S = 0.7  # between two looks at the unfinished picture
 

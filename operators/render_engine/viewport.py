@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Viewport shading mode: choose the preview that belongs to the view, or the message where there is none."""
+"""Viewport shading mode: choose the preview that belongs to the view, or the message where there is none.
+
+Whenever the engine of any scene is set, Blender ends the engines of all viewports and begins new ones. Looks at the
+world set that of a scene of theirs for each of their parts, and a picture that begins anew each time would not end: so
+a viewport's picture is handed over from one engine of Blender's to the next.
+"""
 
 from __future__ import annotations
 
 import time
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -16,14 +21,14 @@ from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
+from ..properties.preferences import apply_preferences
 from ..session import results
+from ..session.memory import give_back
 from ..session.scene_result import SceneResult
-from ..ui.preferences import apply_preferences
-from .drawing import PictureTexture, draw_message
 from .render_camera import camera_rect, viewport_camera
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
-from .viewport_world import ViewportWorld
+from .viewport_world import PictureTexture, ViewportWorld, draw_message
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
@@ -156,3 +161,45 @@ def _view(camera: Camera) -> tuple[Any, ...]:
     axes = (camera.position_world, camera.right, camera.up)
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
+
+if TYPE_CHECKING:
+    pass
+
+_KEPT_S = 1.0  # at least, and at most twice
+_left: dict[int, Viewport] = {}  # by the address of the region that they were drawn in
+_old: list[Viewport] = []  # those of them that were there when time was looked at
+
+
+def leave(viewport: Viewport) -> None:
+    """Keep what an engine that ends has drawn, for a moment."""
+    _left[viewport.region] = viewport
+    if not bpy.app.timers.is_registered(_free):
+        bpy.app.timers.register(_free, first_interval=_KEPT_S, persistent=True)
+
+
+def left_in(region: bpy.types.Region) -> Viewport | None:
+    """What an engine has left of a region, if it ended just now."""
+    viewport = _left.pop(region.as_pointer(), None)
+    if viewport is not None:
+        _old[:] = [each for each in _old if each is not viewport]
+        viewport.adopted()
+    return viewport
+
+
+def _free() -> float | None:
+    """Free what nobody took since the last time: there was time to draw between the two, however long work took."""
+    gone = [region for region, viewport in _left.items() if viewport in _old]
+    for region in gone:
+        del _left[region]
+    _old[:] = _left.values()
+    if gone:
+        give_back()  # steps of a preview that did not end hold it, and it them
+    return _KEPT_S if _left else None
+
+
+def unregister() -> None:
+    """Free what is kept."""
+    _left.clear()
+    _old.clear()
+    if bpy.app.timers.is_registered(_free):
+        bpy.app.timers.unregister(_free)

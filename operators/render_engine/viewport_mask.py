@@ -13,9 +13,8 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ..importance.image import painted_image
 from ..importance.painted import Importance
-from ..importance.pixels import Strokes, read_strokes
+from ..importance.pixels import Strokes, painted_image, read_strokes
 from ..scene_access.own import quiet
 from ..schema.table import VISIBLE
 

@@ -16,6 +16,7 @@ from ...patchnet_addon.runtime.wording import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners
+from .files import missing_files, missing_libraries
 from .gloss import Gloss, read_gloss
 from .images import ImageReader
 from .instance_values import Asked, InstanceReader, asked_values
@@ -23,7 +24,6 @@ from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import MaterialReading, as_cut_out, is_partly_transparent, read_material
-from .missing_files import missing_files, missing_libraries
 from .render_geometry import render_geometry
 from .scene_mesh import MeshInstances, SceneMesh
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands

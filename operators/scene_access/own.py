@@ -30,8 +30,17 @@ def quiet() -> Iterator[None]:
     try:
         yield
     finally:
-        bpy.context.view_layer.update()
+        _update_layer()
         _blocks -= 1
+
+
+def _update_layer() -> None:
+    """Update what the context shows. Blender crashes where an override holds a layer of another scene than is shown."""
+    context = bpy.context
+    if context.view_layer in context.scene.view_layers.values():
+        context.view_layer.update()
+    elif context.window is not None:
+        context.window.view_layer.update()
 
 
 def check_own_scene(scene: bpy.types.Scene) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stop of a bake that runs as a job of Blender's, from Python, as Esc stops it.
+"""Stop of a bake or render that runs as a job of Blender's, from Python, as Esc stops it.
 
 A bake asks for one flag, which Esc sets, and which nothing of Python's can set. But a render that reports an error sets
 it, too: so a render engine of ours fails at a picture of one pixel, in a scene of its own, which takes milliseconds.
@@ -12,9 +12,11 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import bpy
 
+from .overrides import changed
 from .temporary import new_render_results_go, sync_view_layers, temporary
 
 _NAME = "PatchNet Stop"
+_OF_ENGINES = ("RENDER", "RENDER_PREVIEW")  # Blender's jobs that work with an engine
 
 
 class _Failing(bpy.types.RenderEngine):
@@ -25,25 +27,55 @@ class _Failing(bpy.types.RenderEngine):
 
     def render(self, _depsgraph: bpy.types.Depsgraph) -> None:
         """Fail."""
-        self.report({"ERROR"}, "PatchNet stops the bake of Cycles")
+        self.report({"ERROR"}, "PatchNet stops what renders or bakes")
 
 
 @contextmanager
 def stopped_cycles() -> Iterator[None]:
-    """Let the bake that runs end at its next look at the flag; within the block its thread has to be waited for.
+    """Let the bake that runs end at its next look at the flag; within the block its thread has to be waited for."""
+    bpy.utils.register_class(_Failing)
+    try:
+        with _failing_scene() as scene, suppress(RuntimeError):  # what the engine reports
+            bpy.ops.render.render(scene=scene.name)
+        yield
+    finally:
+        _end_renders()
+        bpy.utils.unregister_class(_Failing)
 
-    The engine is forgotten after that: Blender then frees all engines, that of a bake which still runs among them.
+
+def forget_engine(engine: type[bpy.types.RenderEngine]) -> None:
+    """Unregister an engine, after all renders and previews that run have ended, whatever engine they use.
+
+    Blender frees all engines then, and crashes where one of them works.
     """
     bpy.utils.register_class(_Failing)
     try:
-        _fail()
-        yield
+        _end_renders()
+        bpy.utils.unregister_class(engine)
     finally:
         bpy.utils.unregister_class(_Failing)
 
 
-def _fail() -> None:
+def _end_renders() -> None:
+    """End all that renders beside a window: another render ends it first, and is itself ended with its scene."""
+    windows = bpy.context.window_manager.windows
+    if not windows or not any(bpy.app.is_job_running(kind) for kind in _OF_ENGINES):
+        return
     with ExitStack() as stack:
+        stack.enter_context(changed(bpy.context.preferences.view, render_display_type="NONE"))
+        scene = stack.enter_context(_failing_scene())
+        stack.enter_context(bpy.context.temp_override(window=windows[0]))
+        with suppress(RuntimeError):  # what the engine reports, if it is that quick
+            bpy.ops.render.render("INVOKE_DEFAULT", scene=scene.name)
+        with bpy.context.temp_override(scene=scene):  # given with the window, it would be the window's own
+            bpy.ops.scene.delete()
+
+
+@contextmanager
+def _failing_scene() -> Iterator[bpy.types.Scene]:
+    """Make a scene whose render fails, of which nothing is left after the block."""
+    with ExitStack() as stack:
+        stack.callback(sync_view_layers)
         stack.enter_context(_nobody_hears())
         stack.enter_context(new_render_results_go())
         scene = stack.enter_context(temporary(bpy.data.scenes.new(_NAME)))
@@ -52,10 +84,9 @@ def _fail() -> None:
         scene.collection.objects.link(scene.camera)
         scene.render.resolution_x = scene.render.resolution_y = 4  # the least
         scene.render.engine = _Failing.bl_idname
-        with suppress(RuntimeError):  # what the engine reports
-            bpy.ops.render.render(scene=scene.name)
-        scene.render.engine = "CYCLES"
-    sync_view_layers()
+        yield scene
+        with suppress(ReferenceError):  # of a scene that is gone
+            scene.render.engine = "CYCLES"
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.bounds import KEPT_GIB
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ..ui.preferences import apply_preferences, preferences
+from ..properties.preferences import apply_preferences, preferences
 from . import results
 from .scene_result import SceneResult
 from .staleness import look_again
@@ -175,7 +175,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
 
 def _weights(scene: bpy.types.Scene) -> Weights:
     from ..pipeline.stages import load_network
-    from ..ui.properties import scene_settings
+    from ..properties import scene_settings
 
     return load_network(scene_settings(scene).network)
 

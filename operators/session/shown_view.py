@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import TYPE_CHECKING
 from weakref import ReferenceType, ref
@@ -13,13 +13,43 @@ import numpy as np
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.tone import to_bytes
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
+from ...patchnet_addon.sampling.report import shown_figures
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene_access.images import ERROR_MAXIMUM
 from ..settings.groups import ViewSettings
+from .scene_result import Comparison, Row, SceneResult
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
+if TYPE_CHECKING:
+    from ..pipeline.views import View
+
+def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
+    """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
+    made = replace(
+        result,
+        lookahead_share=view.buffers.lookahead_share,
+        pictures=True,
+        comparison=comparison_of(view) if compared else None,
+        errors=view.errors,
+    )
+    made.unmark("view")
+    return made
+
+
+def comparison_of(view: View) -> Comparison:
+    """Table of a view on which all strategies were measured."""
+    report, figures = view.report, shown_figures(view.report)
+    width, height = report["size"]
+    rows = [Row(name, STRATEGIES[name].title, error) for name, error in figures["mse"].items()]
+    return Comparison(
+        view=f"{report['camera']}, {width} x {height}",
+        budget=report["budget"],
+        unrefined=figures["mse_unrefined"],
+        pictures=(("Preview", report["mse_unrefined"]), ("Predicted", report["predicted"]["mse_unrefined"])),
+        rows=tuple(sorted(rows, key=lambda row: row.error)),
+    )
 
 PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
 CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it

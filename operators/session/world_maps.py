@@ -21,12 +21,12 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.world.background import Background, SeenWorld, seen_world
-from ..cycles.world.environment import world_map
+from ..cycles.background import Background, SeenWorld, seen_world
+from ..cycles.environment import world_map
+from ..scene.fingerprint import world_hash
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.window_job import BAKE, in_window, job_is_running
-from ..state.digest import Digest
 from .results import listeners
 from .scene_session import KeyedMap, session_of
 
@@ -54,13 +54,6 @@ _awaited: _Awaited | None = None  # what a render waits for
 _making: tuple[str | _Awaited, Steps[None]] | None = None  # map that is being made
 
 
-def world_key(seen: SeenWorld) -> str:
-    """32 hex digits over a world and all that it refers to, with the values of its frame."""
-    digest = Digest()
-    digest.block(seen.world)
-    return digest.hexdigest()
-
-
 def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:
     """Background as `background` has it, for a thread that cannot bake: of a map that the window makes meanwhile.
 
@@ -72,7 +65,7 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
     seen = seen_world(depsgraph, baked=baked)
     if seen.color is not None or seen.world is None:
         return Background(BLACK if seen.color is None else seen.color)
-    session, key = session_of(depsgraph.scene.original), world_key(seen)
+    session, key = session_of(depsgraph.scene.original), world_hash(seen.world)
     if session.world is None or session.world.key != key:
         asked = _awaited = _Awaited(depsgraph, seen, key, time.monotonic())
         _start()
@@ -160,7 +153,7 @@ def keep_map(scene: bpy.types.Scene) -> Steps[None]:
     if depsgraph is None:  # nothing has looked at the scene yet
         return
     seen = seen_world(depsgraph, baked=False)
-    session, key = session_of(scene), world_key(seen)
+    session, key = session_of(scene), world_hash(seen.world)
     if seen.color is None and seen.world is not None and (session.world is None or session.world.key != key):
         yield from _kept(scene, seen, key)
 

@@ -8,9 +8,11 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import bpy
+
 from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.setting import Setting
-from ..schema.table import CYCLES, TABLE, result_fields
+from ..schema.setting import Effect, Setting
+from ..schema.table import CAMERAS, CYCLES, IMPORTANCE, LIGHT, OCTREE, TABLE, VIEW, result_fields, rows
 from .groups import (
     ComputeSettings,
     LightSettings,
@@ -20,6 +22,36 @@ from .groups import (
     fields_by_flat_name,
 )
 
+ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # what an estimate depends on
+_PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step that several stages feed
+
+
+def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]:
+    """Names of the settings of a step that count now, as the panel shows them.
+
+    step: "octree", "light", "codes", "view", or "cameras" and "importance", which are parts of the view's.
+    """
+    return tuple(row.name for row in rows(*_PARTS.get(step, (step,))) if row.counts(values))
+
+
+def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
+    """Record the values of the steps' settings, to compare with later ones."""
+    found = {}
+    for step in steps:
+        for name in step_settings(values, step):
+            if TABLE[name].effect is Effect.ALWAYS:
+                value = getattr(values, name)
+                found[name] = tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+    return found
+
+
+def changed(values: bpy.types.PropertyGroup, before: dict[str, Any], *steps: str) -> str:
+    """Name of a setting of the steps that is not as it was, as the panel shows it; "" if all are."""
+    now = recorded(values, *steps)
+    for name in now:
+        if name not in before or before[name] != now[name]:
+            return str(values.bl_rna.properties[name].name)
+    return ""
 
 @dataclass(frozen=True)
 class JobSettings:

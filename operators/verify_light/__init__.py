@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Light verification: an octree against a Cycles render from the same cameras (docs/light.md)."""
 
-from .check import CameraCheck, LightCheck, verify_light
-from .check_settings import CheckSettings
+from .check import CameraCheck, CheckSettings, LightCheck, verify_light
 
 __all__ = ["CameraCheck", "CheckSettings", "LightCheck", "verify_light"]

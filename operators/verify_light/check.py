@@ -10,20 +10,52 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.image.comparison import Guides, compare, psnr
+from ...patchnet_addon.image.comparison import Guides, compare, picture_psnr
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.camera_render import Reference
-from ..cycles.halves import render_halves
+from ..cycles.camera_render import Reference, render_halves
 from ..pipeline.lit_octree import build_lit_octree
-from ..pipeline.versions import machine, versions
+from ..pipeline.reports import machine, versions
 from ..scene.cameras import camera_size_px, looking_cameras
-from .check_settings import CheckSettings
+from ..schema.table import GLOSS_OFF
+from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Settings of a light check.
+
+    job: how the octree is made: depth, light, samples, texels, size and cameras; its `out` takes the results.
+    viewpoints: so many cameras are placed in the free space of the scene; 0 takes the job's cameras.
+    render_samples: paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of
+    the octree's picture. difference: luminance at the ends of the pictures' legend. whole_voxels: the same octree
+    without the boxes in its finest voxels is compared, too.
+    """
+
+    job: JobSettings
+    viewpoints: int = 0
+    render_samples: int = 256
+    rays: int = int(bounds.RAYS.high)
+    difference: float = 0.2
+    whole_voxels: bool = False
+
+    @property
+    def compares_all_light(self) -> bool:
+        """Return whether the render has all light: where gloss is baked; else it has diffuse light and emission."""
+        return self.job.light.is_baked and self.job.light.gloss != GLOSS_OFF
+
+    def __post_init__(self) -> None:
+        if not self.job.surface.has_given_depth:
+            raise SettingError("A light check needs a depth: give one")
+        bounds.RENDER_SAMPLES.check(self.render_samples)
+        bounds.RAYS.check(self.rays)
+        bounds.DIFFERENCE.check(self.difference)
 
 _COVERAGE_RAYS = 8
 
@@ -146,7 +178,7 @@ def _figures(look: _Look, halves: Sequence[Reference], exposure: float) -> dict[
 def _noise(halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
     """Noise of the mean of two independent halves, which is half their difference."""
     first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
-    return {"reference_noise_db": psnr(first + 0.5, second + 0.5)}
+    return {"reference_noise_db": picture_psnr(first + 0.5, second + 0.5)}
 
 
 def _placed(camera: Camera) -> dict[str, Any]:

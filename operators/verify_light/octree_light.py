@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene as its octree shows it, for Cycles: the same surface, in the same light, cut open at the same plane."""
+"""Scene as its octree shows it, for Cycles: the same surface, in the same light, cut open at the same plane.
+
+Two Lights, the paper's light without shadows, is rendered by materials that shine by themselves (methods 7.3). Lamps of
+Cycles would not do: they shade by smooth normals, and light nothing of a metal's base colour that is diffuse. So a
+surface emits what an octree lit by Two Lights holds: base colour times |normal . direction|, plus its emission.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import bpy
@@ -12,11 +17,88 @@ import numpy as np
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
-from ..cycles.plane_cut import cut_for_camera
-from ..cycles.two_lights import two_lights
+from ..cycles.plane_cut import Plane, cut, cut_for_camera, mixed_with_transparent, replaced_materials
 from ..scene.read import read_scene
+from ..scene_access.blender_version import tree_in_use
 from ..schema.table import TWO_LIGHTS
 
+_BASE = {"BSDF_PRINCIPLED": "Base Color", "BSDF_DIFFUSE": "Color"}
+_KEPT = frozenset({"MIX_SHADER", "ADD_SHADER", "BSDF_TRANSPARENT", "EMISSION"})
+
+
+@contextmanager
+def two_lights(
+    scene: bpy.types.Scene, names: Sequence[str], direction: Sequence[float], plane: Plane | None = None
+) -> Iterator[None]:
+    """Let materials, by full name, emit the light of two antipodal lights within the block; all is as before after it.
+
+    plane: beyond it they are transparent. Raises SceneError for a surface without material, or one whose shaders are
+    other than principled, diffuse, transparent and emission.
+    """
+    if "" in names:
+        raise SceneError("A surface has no material, and Two Lights shine on those with one: give it a material")
+    toward = np.asarray(direction, np.float64)
+    toward /= np.linalg.norm(toward)
+
+    def change(copy: bpy.types.Material, name: str) -> None:
+        _make_shine(copy, name, toward, plane)
+
+    with replaced_materials(scene, names, change):
+        yield
+
+
+def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plane: Plane | None) -> None:
+    tree = tree_in_use(copy)
+    if tree is None:
+        raise SceneError(f"Material '{name}' has no nodes, and Two Lights need them: turn on its nodes")
+    for node in list(tree.nodes):
+        if node.type in _BASE:
+            shine = _shine(tree, node, direction)
+            for link in list(node.outputs[0].links):
+                tree.links.new(shine, link.to_socket)
+        elif node.type not in _KEPT and any(each.type == "SHADER" and each.is_linked for each in node.outputs):
+            raise SceneError(
+                f"Material '{name}' has a shader '{node.name}' that Two Lights do not know: use a principled one"
+            )
+    if plane is not None:
+        cut(tree, *plane, camera_only=False)
+
+
+def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray) -> bpy.types.NodeSocket:
+    """Shader output that emits what the lights make of a node's base colour, and its emission, where it is opaque."""
+    base = tree.nodes.new("ShaderNodeEmission")
+    _same(tree, node.inputs[_BASE[node.type]], base.inputs["Color"])
+    tree.links.new(_cosine(tree, direction), base.inputs["Strength"])
+    if node.type != "BSDF_PRINCIPLED":
+        return base.outputs[0]
+    own, both = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeAddShader")
+    _same(tree, node.inputs["Emission Color"], own.inputs["Color"])
+    _same(tree, node.inputs["Emission Strength"], own.inputs["Strength"])
+    tree.links.new(base.outputs[0], both.inputs[0])
+    tree.links.new(own.outputs[0], both.inputs[1])
+    mix = mixed_with_transparent(tree, both.outputs[0])
+    _same(tree, node.inputs["Alpha"], mix.inputs[0])
+    return mix.outputs[0]
+
+
+def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSocket:
+    """Output |n . d|, of the normal without smoothing."""
+    geometry, dot = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeVectorMath")
+    dot.operation = "DOT_PRODUCT"
+    tree.links.new(geometry.outputs["True Normal"], dot.inputs[0])
+    dot.inputs[1].default_value = direction.tolist()
+    size = tree.nodes.new("ShaderNodeMath")
+    size.operation = "ABSOLUTE"
+    tree.links.new(dot.outputs["Value"], size.inputs[0])
+    return size.outputs[0]
+
+
+def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
+    """Give an input the link or the value of another one."""
+    if source.is_linked:
+        tree.links.new(source.links[0].from_socket, target)
+    else:
+        target.default_value = source.default_value
 
 @contextmanager
 def as_in_octree(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..sampling.errors import psnr
 from .tone import gray
 
 MAX_PSNR_DB = 120.0  # of equal pictures
@@ -48,11 +49,11 @@ def clamped(luminance: np.ndarray) -> np.ndarray:
     return np.clip(np.nan_to_num(np.asarray(luminance, np.float64)), 0.0, 1.0)
 
 
-def psnr(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float:
-    """Peak signal-to-noise ratio in dB for the peak 1, over all pixels or the `chosen` ones."""
+def picture_psnr(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float:
+    """Peak signal-to-noise ratio in dB for the peak 1, at most MAX_PSNR_DB, over all pixels or the `chosen` ones."""
     squared = (clamped(picture) - clamped(reference)) ** 2
     mse = float(np.mean(squared if chosen is None else squared[chosen])) if squared.size else 0.0
-    return min(-10.0 * float(np.log10(mse)), MAX_PSNR_DB) if mse > 0 else MAX_PSNR_DB
+    return min(psnr(mse), MAX_PSNR_DB)
 
 
 def mean_ratio(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float | None:
@@ -143,9 +144,9 @@ def compare(picture: np.ndarray, reference: np.ndarray, guides: Guides) -> dict[
     squared, total = error**2, float(np.sum(error**2)) or 1.0
     both = guides.both
     return {
-        "psnr_db": psnr(picture, reference),
+        "psnr_db": picture_psnr(picture, reference),
         "mean_ratio": mean_ratio(picture, reference),
-        "psnr_where_both_hit_db": psnr(picture, reference, both) if both.any() else None,
+        "psnr_where_both_hit_db": picture_psnr(picture, reference, both) if both.any() else None,
         "mean_ratio_where_both_hit": mean_ratio(picture, reference, both) if both.any() else None,
         "both_hit_share": float(both.mean()),
         "flip": flip(picture, reference),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.threads import run_parts
-from .encode import Buffers, only_mlp, sum_octants
+from .encode import Buffers, sum_octants
 from .encoders import CHANNELS, LUMINANCE
 from .octants import octant_matrices
 from .product import Panels, multiply
@@ -44,7 +44,6 @@ class CompiledEncoder:
     """
 
     def __init__(self, weights: Weights) -> None:
-        only_mlp(weights)
         self.chunk = {1: 512, 2: 512, 3: 128}[weights.lookahead]
         matrix, self._bias = weights.encoder[0]
         self._octants = Panels.pack(octant_matrices(matrix))

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.aligned_memory import aligned_zeros
 from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
@@ -25,6 +24,7 @@ from .weights import MODULATED, Weights
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
 OUTPUTS = WIDTH_STEP  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
 
+_LINE = 16  # numbers that a line of the cache holds
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones
 FIRST_HARMONIC = RATIO + 1
 assert TILE % WIDE_LANES == 0
@@ -63,7 +63,9 @@ class DecoderLayers(NamedTuple):
 @device
 def empty_values(rows):
     """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
-    return aligned_zeros(rows, TILE).reshape(-1)
+    memory = np.zeros(rows * TILE + _LINE, np.float32)  # NumPy's begins anywhere at a multiple of 16
+    before = (4 * _LINE - memory.ctypes.data % (4 * _LINE)) % (4 * _LINE) // 4
+    return memory[before : before + rows * TILE]
 
 
 @device

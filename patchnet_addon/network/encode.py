@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 
-from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import larger, store
@@ -34,15 +33,6 @@ class Encoder(Protocol):
         """
 
 
-def only_mlp(weights: Weights) -> None:
-    """Raise SettingError for weights whose encoder convolves: `convolving_encoder` of `convolutions.py` runs those."""
-    if weights.encoder_kind.convolves:
-        raise SettingError(
-            f"The encoder '{weights.encoder_kind.name}' of these weights needs PyTorch, and this is done without it: "
-            "choose weights with the encoder 'mlp', such as those that are shipped"
-        )
-
-
 class Buffers:
     """Arrays that are kept from chunk to chunk, because fresh pages cost as much as sums."""
 
@@ -62,7 +52,6 @@ class NumpyEncoder:
     chunk = 4096
 
     def __init__(self, weights: Weights) -> None:
-        only_mlp(weights)
         matrix, self._bias = weights.encoder[0]
         self._octants = octant_matrices(matrix)
         self._layers = [(np.ascontiguousarray(matrix.T), bias) for matrix, bias in weights.encoder[1:]]

@@ -87,16 +87,6 @@ def _build_spread(context: Any, builder: Any, signature: Any, arguments: Any) ->
 
 
 @intrinsic
-def splat_lanes(_typing: Any, value: Any) -> Any:
-    """Vector of one number in every lane: splat_lanes(number)."""
-
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return build_splat(builder, _LANES, arguments[0])
-
-    return (_LANES(value), build) if value == types.float32 else None
-
-
-@intrinsic
 def add_product(_typing: Any, total: Any, left: Any, right: Any) -> Any:
     """Vector total + left * right, rounded once where the processor can: add_product(total, left, right)."""
 

@@ -17,11 +17,12 @@ from ..runtime.bounds import DECODER_WIDTH, DEFAULT_LOOKAHEAD, ENCODER_WIDTH, LO
 from ..runtime.errors import WeightsFileError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 from .encoders import CHANNELS as CHANNELS
-from .encoders import ENCODERS, LUMINANCE, MLP, MLP_WIDTH_STEP, EncoderKind, patch_side
+from .encoders import MLP, MLP_WIDTH_STEP, EncoderKind, patch_side
 from .kinds import KINDS, PAPER, WIDTH_STEP, NetworkKind
 
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
 KIND = "weights"
+_ENCODERS = {MLP.name: MLP}  # of the engine
 _PLUS = "plus."  # before the names of an estimator's arrays
 
 
@@ -31,7 +32,7 @@ def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = ML
     A file that states no kind is of the paper's, and one that states no encoder has the paper's layers.
     """
     side = patch_side(lookahead)
-    encoding = {"encoder": encoder.name, "encoder_layers": encoder.text} if encoder.convolves else {}
+    encoding = {} if encoder.name == MLP.name else {"encoder": encoder.name, "encoder_layers": encoder.text}
     return (
         ({} if kind is PAPER else {"kind": kind.name})
         | encoding
@@ -55,8 +56,8 @@ Layer = tuple[np.ndarray, np.ndarray]
 class Weights:
     """Layers of encoder and decoder, ReLU between them.
 
-    encoder: linear layers of the sizes of `encoder_kind`, or those of another architecture (`encoders.py`); input
-    order z, y, x, channel of a patch, 8x8x8x5 for two levels (methods 7.9).
+    encoder: layers of the sizes of `encoder_kind`; input order z, y, x, channel of a patch, 8x8x8x5 for two levels
+    (methods 7.9).
     decoder: linear layers, sizes and order of inputs of its kind (`kinds.py`).
     metadata: how the weights were trained, plain JSON values; not part of the hash.
     plus: arrays of an estimator of pixel errors that has learned from these weights (methods 12), with its metadata in
@@ -115,7 +116,7 @@ class Weights:
 
         Decoders of a kind that has several widths, and the encoder `mlp`, may have any of theirs.
         """
-        if not encoder.convolves:
+        if encoder.width:
             encoder = encoder.of_width(_width_of(arrays, "encoder", MLP_WIDTH_STEP, ENCODER_WIDTH))
         layers = _shaped_layers(arrays, "encoder", encoder.shapes(lookahead))
         if kind.mixes:
@@ -151,11 +152,8 @@ class Weights:
 
         first = layers(encoder.shapes(lookahead))
         last = layers((after, before) for before, after in pairwise(kind.decoder))
-        if kind.mixes and encoder.convolves:
-            for kernels, _ in first[: len(encoder.stages(lookahead)[0])]:
-                kernels[:, LUMINANCE] = 0
-        elif kind.mixes:
-            first[0][0][:, LUMINANCE::CHANNELS] = 0
+        if kind.mixes:
+            encoder.hide_luminance(first, lookahead)
         return cls(first, last, {"random_seed": seed}, encoder)
 
 
@@ -169,14 +167,17 @@ def save_weights(weights: Weights, path: str | Path) -> None:
     write_arrays(path, weights.arrays() | _named_plus(weights.plus), {**weights.metadata, "network": stated}, KIND)
 
 
-def load_weights(path: str | Path | None = None) -> Weights:
-    """Read weights from a file, or those that are shipped; raises WeightsFileError."""
+def load_weights(path: str | Path | None = None, encoders: Mapping[str, EncoderKind] = _ENCODERS) -> Weights:
+    """Read weights from a file, or those that are shipped; raises WeightsFileError.
+
+    encoders: those that may be, by name; the engine runs `mlp` alone.
+    """
     path = Path(path) if path is not None else default_weights_path()
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
     stated = {"look_ahead": DEFAULT_LOOKAHEAD, **metadata.pop("network", {})}
     lookahead = _known_lookahead(stated["look_ahead"], path)
     kind = _known_one(KINDS, stated, "kind", PAPER.name, path)
-    encoder = _known_one(ENCODERS, stated, "encoder", MLP.name, path)
+    encoder = _known_encoder(encoders, stated, path)
     here = network(lookahead, kind, encoder)
     if stated != here:
         other = next(name for name in {**here, **stated} if stated.get(name) != here.get(name))
@@ -210,6 +211,17 @@ def _known_one(known: Mapping[str, _Kind], stated: Mapping[str, Any], what: str,
             f"{path} belongs to another network: its '{what}' is {name!r} where this one has one of {', '.join(known)}"
         )
     return known[name]
+
+
+def _known_encoder(encoders: Mapping[str, EncoderKind], stated: Mapping[str, Any], path: Path) -> EncoderKind:
+    """Encoder that a file states; raises WeightsFileError for one that is not known."""
+    name = stated.get("encoder", MLP.name)
+    if encoders is _ENCODERS and name != MLP.name:
+        raise WeightsFileError(
+            f"{path} has the encoder {name!r}, which research commands alone run: choose weights with the encoder "
+            f"'{MLP.name}', such as those that are shipped"
+        )
+    return _known_one(encoders, stated, "encoder", MLP.name, path)
 
 
 def default_weights_path() -> Path:

@@ -9,7 +9,6 @@ with shorter registers take several for one vector. Indices are flat, into C-ord
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -118,25 +117,19 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
     return types.void(array, types.intp, vector), build
 
 
-def _testing(element: types.Integer, test: Callable[[Any, Any, Any], Any]) -> Any:
-    def typing(_typing: Any, array: Any, _index: Any) -> Any:
-        def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            kind = ir.VectorType(ir.IntType(32), OCTANTS)
-            address = array_address(context, builder, signature, *arguments)
-            words = builder.load(builder.bitcast(address, kind.as_pointer()))
-            words.align = 4
-            there = test(builder, words, ir.Constant(kind, [0] * OCTANTS))
-            return builder.zext(builder.bitcast(there, ir.IntType(OCTANTS)), ir.IntType(64))
+@intrinsic
+def words_set(_typing: Any, array: Any, _index: Any) -> Any:
+    """Words of eight uint32 from an index on that are not 0, as the bits of an integer: words_set(array, index)."""
 
-        return (_MASK(array, types.intp), build) if array.dtype == element else None
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.VectorType(ir.IntType(32), OCTANTS)
+        address = array_address(context, builder, signature, *arguments)
+        words = builder.load(builder.bitcast(address, kind.as_pointer()))
+        words.align = 4
+        there = builder.icmp_unsigned("!=", words, ir.Constant(kind, [0] * OCTANTS))
+        return builder.zext(builder.bitcast(there, ir.IntType(OCTANTS)), ir.IntType(64))
 
-    return typing
-
-
-# Words of eight from an index on that are not 0, of uint32, and that are 0 or above, of int32, as the bits of an
-# integer: words_set(array, index).
-words_set = intrinsic(_testing(types.uint32, lambda builder, words, none: builder.icmp_unsigned("!=", words, none)))
-words_from_zero = intrinsic(_testing(types.int32, lambda builder, words, none: builder.icmp_signed(">=", words, none)))
+    return (_MASK(array, types.intp), build) if array.dtype == types.uint32 else None
 
 
 def _choosing(sign: str) -> Any:
@@ -200,20 +193,6 @@ def _reducing(name: str) -> Any:
 
 smallest = intrinsic(_reducing("fmin"))  # smallest number of a vector: smallest(vector)
 largest = intrinsic(_reducing("fmax"))  # largest number of a vector: largest(vector)
-
-
-@intrinsic
-def total(_typing: Any, vector: Any) -> Any:
-    """Sum of the numbers of a vector, in whatever order: total(vector)."""
-
-    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        kind = vector.ir.element
-        name = f"llvm.vector.reduce.fadd.v{vector.lanes}f{vector.element.bitwidth}"
-        known = builder.module.globals.get(name)
-        function = known or ir.Function(builder.module, ir.FunctionType(kind, [kind, vector.ir]), name)
-        return builder.call(function, [ir.Constant(kind, -0.0), *arguments], fastmath=("reassoc",))
-
-    return vector.element(vector), build
 
 
 def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.pipeline.camera_folders import camera_folders
-from patchnet.operators.pipeline.output_files import job_files
-from patchnet.operators.pipeline.output_folder import output_folder
+from patchnet.operators.pipeline.output_files import camera_folders, job_files, output_folder
 from patchnet.operators.pipeline.reports import write_report
 from patchnet.operators.scene_access.images import save_png
 from patchnet.operators.settings.cycles_settings import CyclesSettings

@@ -9,7 +9,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
 
-from patchnet.operators.pipeline.camera_folders import view_folders
+from patchnet.operators.pipeline.output_files import view_folders
 from patchnet.operators.scene.cameras import (
     camera_names,
     choose_cameras,

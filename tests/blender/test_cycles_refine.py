@@ -13,9 +13,8 @@ import pytest
 from patchnet import commands
 from patchnet.operators.cycles import region_renders as renders
 from patchnet.operators.cycles import render_call
-from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view
+from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.pipeline.wanted_pixels import wanted_pixels, wanted_surface
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import COMBINED, CyclesSettings

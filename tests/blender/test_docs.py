@@ -10,9 +10,10 @@ import bpy
 import pytest
 
 from patchnet.docs import make_commands, make_operators
+from patchnet.operators import ui
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
 from patchnet.operators.schema.table import TABLE
-from patchnet.operators.ui import panels, presets_menu
+from patchnet.operators.ui import presets_menu
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import build
 
@@ -55,7 +56,7 @@ def test_commands_page_is_what_the_script_makes() -> None:
 def settings_of_panels() -> dict[str, set[str]]:
     """Names of the settings that each panel of the tab draws, whatever other settings are chosen; by its title."""
     values, window = bpy.context.scene.patchnet, bpy.context.window_manager.patchnet_overlay
-    tabs = [panel for panel in panels.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
+    tabs = [panel for panel in ui.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
     found: dict[str, set[str]] = {}
     for chosen in ("resolution", "importance"):
         for value, _, _ in TABLE[chosen].choices:

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles.halves import render_halves
+from patchnet.operators.cycles.camera_render import render_halves
 from patchnet.operators.cycles.plane_cut import cut_for_camera
-from patchnet.operators.cycles.two_lights import two_lights
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.verify_light.octree_light import as_in_octree
+from patchnet.operators.verify_light.octree_light import as_in_octree, two_lights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -24,8 +23,7 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.training.evaluation.catalogue import SCENES
-from patchnet.training.evaluation.scene import CYCLES, FOLDER, TEST, TWO_LIGHTS, Scene
+from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
 from patchnet.training.strategies.registry import EVALUATED
 
 FILE = "bars.obj"

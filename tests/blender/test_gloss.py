@@ -22,7 +22,7 @@ from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.image.comparison import psnr
+from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.octree.file import load_octree
@@ -202,7 +202,7 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     assert checks["auto"].report["cameras"][0]["psnr_db"] >= 22.0
     ratio = checks["auto"].octree.exposure / checks["off"].octree.exposure
     without = np.clip(checks["off"].cameras[0].octree * ratio, 0.0, 1.0)
-    assert psnr(without, checks["auto"].cameras[0].cycles) < 18.5
+    assert picture_psnr(without, checks["auto"].cameras[0].cycles) < 18.5
 
 
 def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from patchnet.operators.session import kept_results, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.gloss_view import GLOSS_MOVED, place_of_gloss
-from patchnet.operators.ui.panels.tab import stale_text
+from patchnet.operators.ui.tab import stale_text
 from patchnet.tests.blender.job_scene import principled, saved
 
 pytestmark = pytest.mark.usefixtures("scene")

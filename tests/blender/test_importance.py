@@ -18,8 +18,8 @@ from patchnet.operators.session.result_images import image_name
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.tests.blender.job_scene import SMALL
+from patchnet.tests.refinement import refine
 
 pytestmark = pytest.mark.usefixtures("scene")
 

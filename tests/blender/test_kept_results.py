@@ -58,6 +58,19 @@ def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: 
     assert results.voxels_of(scene).octree is after.octree
 
 
+def test_preview_selection_finds_what_fitted_the_scene_before(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, lamp = results.voxels_of(bpy.context.scene), bpy.data.lights["Lamp"]
+    energy, lamp.energy = lamp.energy, 9.0
+    assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
+    assert not np.array_equal(results.voxels_of(bpy.context.scene).octree.luminance, before.octree.luminance)
+    lamp.energy = energy
+    monkeypatch.setattr(baker, "bake_now", refuse)
+    assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
+    after = results.voxels_of(bpy.context.scene)
+    np.testing.assert_array_equal(after.octree.luminance, before.octree.luminance)
+    assert after.stale == set()
+
+
 def test_saved_elsewhere_and_recovered_files_find_it(file: Path, tmp_path: Path) -> None:
     elsewhere = saved(tmp_path / "elsewhere.blend")
     file.unlink()

@@ -11,22 +11,18 @@ import bpy
 import blf  # isort: skip  (there once bpy is)
 import pytest
 
+from patchnet.operators import ui
 from patchnet.operators.overlay.panel import _draw_how_to_see
 from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
 from patchnet.operators.session.scene_session import session_of
-from patchnet.operators.settings.step_settings import recorded
-from patchnet.operators.ui import panels, presets_menu
-from patchnet.operators.ui.panels import tab
-from patchnet.operators.ui.panels.advice import advice
-from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
-from patchnet.operators.ui.panels.main import PATCHNET_PT_main
-from patchnet.operators.ui.panels.network import PATCHNET_PT_network
-from patchnet.operators.ui.panels.octree import PATCHNET_PT_octree
-from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
-from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
-from patchnet.operators.ui.panels.tab import FIRST
+from patchnet.operators.settings.job_settings import recorded
+from patchnet.operators.ui import presets_menu, tab
+from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
+from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview, advice
+from patchnet.operators.ui.stages import PATCHNET_PT_network, PATCHNET_PT_octree
+from patchnet.operators.ui.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from patchnet.tests.blender.drawn import Layout, drawn
@@ -43,7 +39,7 @@ OPERATORS = {
 
 
 def everything() -> str:
-    classes = [item for item in panels.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
+    classes = [item for item in ui.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
     return "\n".join(text for item in classes for text in drawn(item))
 
 
@@ -57,14 +53,14 @@ def update() -> None:
 
 
 def test_order_and_names() -> None:
-    titles = [item.bl_label for item in panels.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
+    titles = [item.bl_label for item in ui.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
     assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Refine with Cycles", "Export", "Statistics"]
-    assert {item.bl_category for item in panels.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
+    assert {item.bl_category for item in ui.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
     assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
 
 
 def test_first_panel_alone_is_open_at_first() -> None:
-    tabs = [item for item in panels.CLASSES if hasattr(item, "bl_category")]
+    tabs = [item for item in ui.CLASSES if hasattr(item, "bl_category")]
     opened = {item.bl_label for item in tabs if "DEFAULT_CLOSED" not in getattr(item, "bl_options", set())}
     assert opened == {"PatchNet"}
 

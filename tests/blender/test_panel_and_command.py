@@ -9,13 +9,13 @@ import pytest
 
 from patchnet.commands import run
 from patchnet.commands.shared.job_arguments import job_settings
+from patchnet.operators import ui
+from patchnet.operators.properties import scene_settings
+from patchnet.operators.properties.preferences import PatchNetPreferences
+from patchnet.operators.properties.scene import DerivedProperties
 from patchnet.operators.schema.table import TABLE
 from patchnet.operators.settings.groups import ViewSettings
-from patchnet.operators.ui import panels
-from patchnet.operators.ui.preferences import PatchNetPreferences
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
-from patchnet.operators.ui.properties import scene_settings
-from patchnet.operators.ui.properties.derived import DerivedProperties
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import build
@@ -69,7 +69,7 @@ def drawn_settings() -> set[str]:
         for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
             for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
                 values.light, values.resolution, values.importance = light, resolution, importance
-                for panel in panels.CLASSES:
+                for panel in ui.CLASSES:
                     texts |= set(drawn(panel)) if panel is not PATCHNET_PT_presets else set()
     frames = {"frame_start", "frame_end", "frame_step"}
     return {text for text in texts if text in values.bl_rna.properties or text in frames}

@@ -10,18 +10,16 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
 from patchnet.operators.render_engine.passes import combined
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.operators.session import results
-from patchnet.operators.session.seen import comparison_of
-from patchnet.operators.session.shown_view import view_to_show
+from patchnet.operators.session.shown_view import comparison_of, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
-from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
-from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
-from patchnet.operators.ui.panels.tab import stale_text
-from patchnet.operators.ui.properties import scene_settings
+from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
+from patchnet.operators.ui.tab import stale_text
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.quantities import error_text

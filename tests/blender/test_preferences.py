@@ -14,11 +14,11 @@ import pytest
 from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.pipeline.encoder import chosen_encoder
 from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
 from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.ui import preferences
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.kernels import compiled_mark

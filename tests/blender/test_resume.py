@@ -17,7 +17,8 @@ import pytest
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake import baker as baking
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.cycles.bake.bake_key import bake_key, scene_key
+from patchnet.operators.cycles.bake.bake_key import bake_key
+from patchnet.operators.scene.fingerprint import SceneFingerprint
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.state.watch import read_state
@@ -139,7 +140,7 @@ def key(scope: str = "VISIBLE", samples: int = 4) -> str:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
     charts = drain(layout_charts(source, 0.1))
-    return bake_key(scene_key(bpy.context.evaluated_depsgraph_get()), source, charts, samples, 0)
+    return bake_key(SceneFingerprint(bpy.context.evaluated_depsgraph_get()).scene(), source, charts, samples, 0)
 
 
 def group_node(name: str) -> bpy.types.Node:

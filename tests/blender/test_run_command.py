@@ -97,7 +97,7 @@ def test_depth_of_field_is_told_once(tmp_path: Path, weights: Path, capsys: pyte
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="hiding /etc/mtab takes root")
-def test_nothing_is_said_of_a_missing_mtab(tmp_path: Path) -> None:
+def test_blender_says_nothing_of_no_concern_at_its_import(tmp_path: Path) -> None:
     words = ["unshare", "--mount", "--propagation", "private", "sh", "-c", WITHOUT_MTAB, "sh", tmp_path, sys.executable]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode == 99 or "unshare" in done.stderr:

@@ -10,6 +10,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
@@ -18,10 +19,8 @@ from patchnet.operators.session.shown_view import view_to_show
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui import presets_menu
-from patchnet.operators.ui.panels.compare import PATCHNET_PT_compare
-from patchnet.operators.ui.panels.preview import PATCHNET_PT_preview
-from patchnet.operators.ui.panels.statistics import PATCHNET_PT_statistics
-from patchnet.operators.ui.properties import scene_settings
+from patchnet.operators.ui.main import PATCHNET_PT_statistics
+from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.quantities import error_text

@@ -6,7 +6,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.render_engine.surface_key import surface_key
+from patchnet.operators.properties import scene_settings
+from patchnet.operators.render_engine.frame_octree import surface_key
 from patchnet.operators.schema.setting import Effect
 from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, TABLE, rows
 from patchnet.operators.settings.cycles_settings import CyclesSettings
@@ -17,9 +18,7 @@ from patchnet.operators.settings.groups import (
     SurfaceSettings,
     ViewSettings,
 )
-from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, setting_paths
-from patchnet.operators.settings.step_settings import recorded
-from patchnet.operators.ui.properties import scene_settings
+from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, recorded, setting_paths
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build
 

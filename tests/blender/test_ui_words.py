@@ -8,10 +8,10 @@ import bpy
 import pytest
 
 from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
+from patchnet.operators.properties import PatchNetSettings
+from patchnet.operators.properties.preferences import PatchNetPreferences
+from patchnet.operators.properties.shapes import camera_candidates
 from patchnet.operators.scene_access.lengths import length_text
-from patchnet.operators.ui.preferences import PatchNetPreferences
-from patchnet.operators.ui.properties import PatchNetSettings
-from patchnet.operators.ui.properties.camera_search import camera_candidates
 from patchnet.tests.blender.job_scene import build
 
 pytestmark = pytest.mark.usefixtures("registered")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from patchnet.operators.render_engine import viewport_handover
+from patchnet.operators.render_engine import viewport as viewports
 from patchnet.operators.render_engine.passes import combined
 from patchnet.operators.render_engine.viewport import Viewport
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
@@ -87,20 +87,20 @@ def test_a_viewport_is_left_to_the_next_engine_of_its_region() -> None:
     viewport.region = 17
     region, other = (SimpleNamespace(as_pointer=lambda at=at: at) for at in (17, 18))
     for looks in (0, 1):
-        viewport_handover.leave(viewport)
+        viewports.leave(viewport)
         for _ in range(looks):
-            viewport_handover._free()
-        assert viewport_handover.left_in(other) is None
-        assert viewport_handover.left_in(region) is viewport
-        assert viewport_handover.left_in(region) is None
-    viewport_handover.leave(viewport)  # left again between two looks: time begins anew
-    viewport_handover._free()
-    assert viewport_handover.left_in(region) is viewport
-    viewport_handover.leave(viewport)
-    viewport_handover._free()
-    assert viewport_handover.left_in(region) is viewport
-    viewport_handover.leave(viewport)
+            viewports._free()
+        assert viewports.left_in(other) is None
+        assert viewports.left_in(region) is viewport
+        assert viewports.left_in(region) is None
+    viewports.leave(viewport)  # left again between two looks: time begins anew
+    viewports._free()
+    assert viewports.left_in(region) is viewport
+    viewports.leave(viewport)
+    viewports._free()
+    assert viewports.left_in(region) is viewport
+    viewports.leave(viewport)
     for _ in range(2):
-        viewport_handover._free()
-    assert viewport_handover.left_in(region) is None
-    viewport_handover.unregister()
+        viewports._free()
+    assert viewports.left_in(region) is None
+    viewports.unregister()

@@ -11,15 +11,14 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.cycles import environment
+from patchnet.operators.cycles.background import Background, background, world_color
 from patchnet.operators.cycles.camera_render import combined_light
 from patchnet.operators.cycles.daylight import SKY_COLOR, SKY_STRENGTH
+from patchnet.operators.cycles.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
 from patchnet.operators.cycles.render_call import render
 from patchnet.operators.cycles.scene_copy import prepared
-from patchnet.operators.cycles.world import environment
-from patchnet.operators.cycles.world.background import Background, background
-from patchnet.operators.cycles.world.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
-from patchnet.operators.cycles.world.plain import world_color
-from patchnet.operators.overlay.textures import texels
+from patchnet.operators.overlay.paint import texels
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.pipeline.views import save_view
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
@@ -164,7 +163,7 @@ def test_large_pictures_are_baked_in_parts(scene: bpy.types.Scene, monkeypatch: 
     gradient(scene)
     camera = camera_of(scene)
     whole = seen_by(camera)
-    monkeypatch.setattr("patchnet.operators.cycles.world.environment._PART_PX", 7 * SIZE[0])
+    monkeypatch.setattr("patchnet.operators.cycles.environment._PART_PX", 7 * SIZE[0])
     assert psnr(seen_by(camera), whole) > 55.0
 
 

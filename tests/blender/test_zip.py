@@ -30,7 +30,7 @@ import bpy
 import patchnet
 from patchnet.operators.pipeline.encoder import chosen_encoder
 from patchnet.operators.settings.groups import ComputeSettings
-from patchnet.operators.ui.preferences import PatchNetPreferences, preferences
+from patchnet.operators.properties.preferences import PatchNetPreferences, preferences
 from patchnet.patchnet_addon.network.weights import Weights
 
 assert Path(patchnet.__file__).parent == Path.cwd() / "patchnet"

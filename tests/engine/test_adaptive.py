@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
+from patchnet.patchnet_addon.sampling.refine import refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
@@ -23,6 +23,7 @@ from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.refinement import refine
 
 CHOSEN = STRATEGIES["ss-variance"]
 

@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.image.comparison import (
     compare,
     flip,
     mean_ratio,
-    psnr,
+    picture_psnr,
     regions,
 )
 from patchnet.patchnet_addon.image.difference import difference_picture, side_by_side
@@ -37,13 +37,13 @@ def guides(**changed: np.ndarray) -> Guides:
 
 
 def test_psnr_and_ratio_by_hand() -> None:
-    assert psnr(flat(0.6), flat(0.5)) == pytest.approx(20.0, abs=1e-4)
-    assert psnr(flat(0.5), flat(0.5)) == MAX_PSNR_DB
-    assert psnr(flat(1.0), flat(7.0)) == MAX_PSNR_DB, "both are clamped at 1"
+    assert picture_psnr(flat(0.6), flat(0.5)) == pytest.approx(20.0, abs=1e-4)
+    assert picture_psnr(flat(0.5), flat(0.5)) == MAX_PSNR_DB
+    assert picture_psnr(flat(1.0), flat(7.0)) == MAX_PSNR_DB, "both are clamped at 1"
     half = np.arange(SIZE) < SIZE // 2
     picture = np.where(half, 0.6, 0.5) * np.ones((SIZE, 1))
-    assert psnr(picture, flat(0.5)) == pytest.approx(20.0 + 10 * np.log10(2), abs=1e-4)
-    assert psnr(picture, flat(0.5), np.tile(half, (SIZE, 1))) == pytest.approx(20.0, abs=1e-4)
+    assert picture_psnr(picture, flat(0.5)) == pytest.approx(20.0 + 10 * np.log10(2), abs=1e-4)
+    assert picture_psnr(picture, flat(0.5), np.tile(half, (SIZE, 1))) == pytest.approx(20.0, abs=1e-4)
     assert mean_ratio(flat(0.25), flat(0.5)) == pytest.approx(0.5)
     assert mean_ratio(flat(0.25), flat(0.0)) is None
 

@@ -10,8 +10,11 @@ from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.sampling.errors import mse_at, squared_error
 from patchnet.patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
-from patchnet.patchnet_addon.sampling.refine import priority, refinable, refine, refinement_order, urgency
+from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.refine import priority, refinable, refinement_order
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.engine.test_sampling import random_buffers
+from patchnet.tests.refinement import refine
 
 
 def test_bilinear_between_pixel_centres() -> None:
@@ -86,7 +89,8 @@ def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
         assert (score * weights)[mask].min() >= (score * weights)[left_out].max()
     expected = squared_error(buffers)[buffers.active & ~mask].sum() / np.count_nonzero(buffers.active)
     assert mse_at(buffers, score, [budget])[0] == pytest.approx(expected)
-    shown = urgency(buffers, score, budget)
+    given = replace(STRATEGIES["random"], score=lambda _: score)
+    shown = rank(given, buffers, budget).urgency(int(mask.sum()))
     np.testing.assert_array_equal(shown > 0, mask & (priority(buffers, score) > 0))
 
 

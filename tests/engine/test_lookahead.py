@@ -174,10 +174,10 @@ def test_weights_file_states_its_look_ahead(lookahead, tmp_path):
 
 def test_torch_model_has_the_look_ahead_of_its_weights():
     pytest.importorskip("torch")
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
     weights = Weights.random(4, lookahead=1)
-    assert PatchNet.from_weights(weights).to_weights().hash == weights.hash
+    assert PatchNet(weights).to_weights().hash == weights.hash
 
 
 def test_weights_file_that_does_not_say_looks_two_levels_ahead(tmp_path):

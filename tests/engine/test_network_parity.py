@@ -64,10 +64,10 @@ def test_decoder_follows_the_definition(weights, pixels):
 
 def test_decoder_with_torch(weights, pixels):
     torch = pytest.importorskip("torch")
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
     with torch.no_grad():
-        outputs = PatchNet.from_weights(weights).decode(*map(torch.from_numpy, pixels)).numpy()
+        outputs = PatchNet(weights).decode(*map(torch.from_numpy, pixels)).numpy()
     coverage, luminance = decode(weights, *pixels, clip=False)
     assert np.abs(outputs[:, 0] - coverage).max() <= TOLERANCE
     assert np.abs(outputs[:, 1] - luminance).max() <= TOLERANCE
@@ -111,12 +111,13 @@ def test_mixture_follows_the_definition(mixture, mixed_pixels):
 
 def test_mixture_with_torch(mixture, mixed_pixels):
     torch = pytest.importorskip("torch")
-    from patchnet.patchnet_addon.network.torch_model import MixturePlace, PatchNet
+    from patchnet.training.data.tensor_batch import TensorNearby
+    from patchnet.training.network.patchnet import PatchNet
 
     given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
-    place = MixturePlace(*(given.pop(name) for name in ("corner_codes", "view", "covered", "luminances")))
+    near = TensorNearby(*(given.pop(name) for name in ("view", "covered", "luminances")))
     with torch.no_grad():
-        outputs = PatchNet.from_weights(mixture).decode_mixture(place=place, **given).numpy()
+        outputs = PatchNet(mixture).decode_mixture(near=near, **given).numpy()
     coverage, luminance = decode_mixture(mixture, mixed_pixels)
     np.testing.assert_allclose(outputs[:, 0].clip(0, 1), coverage, atol=TOLERANCE)
     np.testing.assert_allclose(outputs[:, 1], luminance, atol=TOLERANCE)
@@ -137,10 +138,9 @@ def test_decoder_saturates_without_overflow(weights, pixels):
 
 def test_weights_survive_torch(weights):
     pytest.importorskip("torch")
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
-    assert PatchNet.from_weights(weights).to_weights().hash == weights.hash
-    assert PatchNet(seed=3).to_weights().hash == Weights.random(3).hash
+    assert PatchNet(weights).to_weights().hash == weights.hash
 
 
 def test_weights_file(weights, tmp_path):
@@ -237,18 +237,18 @@ def test_compiled_encoder_with_numpy(count, corners):
 def test_encoder_with_torch(weights, corners):
     torch = pytest.importorskip("torch")
     from patchnet.patchnet_addon.network.torch_encode import TorchEncoder
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet
 
     codes = CompiledEncoder(weights)(*corners)
     assert np.abs(TorchEncoder(weights)(*corners) - codes).max() <= TOLERANCE
     with torch.no_grad():
-        module = PatchNet.from_weights(weights).encode(torch.from_numpy(patches_of(*corners))).numpy()
+        module = PatchNet(weights).encode(torch.from_numpy(corners[0][corners[1]])).numpy()
     assert np.abs(module - codes).max() <= TOLERANCE
 
 
 def test_whole_network_with_torch(weights, corners, pixels):
     torch = pytest.importorskip("torch")
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
+    from patchnet.training.network.patchnet import PatchNet, interpolate
 
     count = 11
     blocks, rows = corners
@@ -262,7 +262,9 @@ def test_whole_network_with_torch(weights, corners, pixels):
         for octant in range(8):
             share = (x, 1 - x)[not octant & 1] * (y, 1 - y)[not octant & 2] * (z, 1 - z)[not octant & 4]
             mixed[pixel] += share * naive_codes[eight[pixel, octant]]
-    patches = torch.from_numpy(patches_of(blocks, rows)[eight])
+    model = PatchNet(weights)
     with torch.no_grad():
-        outputs = PatchNet.from_weights(weights)(patches, *map(torch.from_numpy, (entry, direction, up, ratio)))
+        codes = model.encode(torch.from_numpy(blocks[rows[eight]]).flatten(0, 1)).view(count, 8, -1)
+        codes = interpolate(codes, torch.from_numpy(entry[:, None]))[:, 0]
+        outputs = model.decode(codes, *map(torch.from_numpy, (direction, up, ratio)))
     assert np.abs(outputs.numpy() - naive_decode(weights, mixed, direction, up, ratio)).max() <= TOLERANCE

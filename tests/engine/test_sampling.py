@@ -16,8 +16,10 @@ from patchnet.patchnet_addon.sampling.active import active_pixels
 from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.pixel_hash import pixel_hash
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture, refinement_order, urgency
+from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.refine import refined_picture, refinement_order
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
+from patchnet.tests.refinement import refine
 
 BUDGETS = np.linspace(0, 1, 101)
 
@@ -165,12 +167,11 @@ def test_ties_follow_the_hash() -> None:
 
 def test_urgency_follows_the_order() -> None:
     buffers = random_buffers(7)
-    score = STRATEGIES["patchnet-behind"].scores(buffers)
-    amount = urgency(buffers, score, 0.4)
-    mask = refine(buffers, score, 0.4)
-    assert amount.max() == 1.0 and not amount[~mask].any()
-    order = refinement_order(buffers, score)
-    assert np.all(np.diff(amount[order]) <= 0)
+    ranking = rank(STRATEGIES["patchnet-behind"], buffers, 0.4)
+    amount = ranking.urgency(int(ranking.mask.sum()))
+    assert amount.max() == 1.0 and not amount[~ranking.mask].any()
+    np.testing.assert_array_equal(ranking.mask, refine(buffers, ranking.score, 0.4))
+    assert np.all(np.diff(amount[ranking.order]) <= 0)
 
 
 def test_pooled_is_over_all_pixels() -> None:

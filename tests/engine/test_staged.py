@@ -19,7 +19,6 @@ from patchnet.patchnet_addon.sampling.plus.forms import FORMS
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
 from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
@@ -29,6 +28,7 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.refinement import refine
 from patchnet.training.strategies.registry import EVALUATED, STAGED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)

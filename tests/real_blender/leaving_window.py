@@ -130,6 +130,24 @@ def disabled() -> clicks.Session:
     yield 0.3
 
 
+def disabled_in_a_render() -> clicks.Session:
+    """The extension is switched off, and on again, while Cycles renders for the user."""
+    scene = clicks.window().scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", ENDLESS
+    before = state()
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield 2.0
+    begun, ran = time.monotonic(), bpy.app.is_job_running("RENDER")
+    bpy.ops.preferences.addon_disable(module=PACKAGE)
+    took = round(time.monotonic() - begun, 1)
+    yield 0.5
+    seen["disabled in a render"] = {"seconds": took, "changed": differences(before), "rendered": ran}
+    bpy.ops.preferences.addon_enable(module=PACKAGE)
+    scene.cycles.samples = 64
+    yield 0.3
+
+
 def deleted_scene() -> clicks.Session:
     """The scene that is baked is deleted, and another one shown."""
     first = clicks.window().scene
@@ -146,6 +164,20 @@ def deleted_scene() -> clicks.Session:
     yield 0.3
     clicks.window().scene = first
     seen["deleted scene"] = {"changed": differences(first_state), "told": heard.told[-1:]}
+
+
+def other_scene_shown() -> clicks.Session:
+    """A scene is made, and shown, while a job adds the demo scene in the one before."""
+    first = clicks.window().scene
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        bpy.ops.patchnet.add_demo_scene("INVOKE_DEFAULT")
+        bpy.ops.scene.new()
+    yield from clicks.wait_for(lambda: not running(), "the demo scene is there")
+    seen["shown in the end"] = clicks.window().scene.name
+    clicks.window().scene = first
+    for made in [each for each in bpy.data.scenes if each != first]:
+        bpy.data.scenes.remove(made)
+    yield 0.3
 
 
 def undone() -> clicks.Session:
@@ -189,6 +221,9 @@ def session() -> clicks.Session:
     for engine in ("CYCLES", "PATCHNET"):
         yield from rendered(engine)
         visit.save(engine)
+    yield from disabled_in_a_render()
+    yield from other_scene_shown()
+    visit.save("other scene")
     yield from quits()
 
 

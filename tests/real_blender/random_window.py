@@ -6,6 +6,7 @@
 Writes OUT/random.json, and each step into OUT/random-steps.txt before it is taken, so that a crash leaves the last.
 """
 
+import faulthandler
 import random
 import sys
 import time
@@ -36,6 +37,7 @@ BEGUN = time.monotonic()
 visit = Visit("random")
 chance = random.Random(SEED)
 steps = (OUT / "random-steps.txt").open("w")
+faulthandler.enable(steps)  # what Python was at, where Blender crashes
 
 
 def say(*words: object) -> None:
@@ -184,8 +186,6 @@ def work() -> clicks.Session:
 def extension() -> clicks.Session:
     """The extension goes, and comes back; not in the middle of typing into one of its fields, which Blender forgets."""
     yield from escape()
-    if bpy.app.is_job_running("RENDER"):  # Blender frees all engines when one is unregistered, and crashes by itself
-        return
     called(bpy.ops.preferences.addon_disable, module=PACKAGE)
     yield 0.3
     called(bpy.ops.preferences.addon_enable, module=PACKAGE)

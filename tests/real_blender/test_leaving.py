@@ -10,7 +10,7 @@ import pytest
 from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
 
 PATIENCE_S = 60.0  # for what takes a second or two; the bake that is left would take hours
-LEAVES = ("disabled", "undone", "deleted scene", "other file")
+LEAVES = ("disabled", "disabled in a render", "undone", "deleted scene", "other file")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,8 @@ def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
 
 def test_leaving_takes_a_moment_and_leaves_nothing(seen: dict) -> None:
     assert {name: seen[name]["changed"] for name in LEAVES} == {name: {} for name in LEAVES}
-    assert max(seen[name]["seconds"] for name in ("disabled", "other file")) < PATIENCE_S
+    assert max(seen[name]["seconds"] for name in ("disabled", "disabled in a render", "other file")) < PATIENCE_S
+    assert seen["disabled in a render"]["rendered"]
     assert seen["seconds to quit"] < PATIENCE_S
     assert seen["deleted scene"]["told"] == ["The scene that was worked on is gone: open it and start again"]
 
@@ -54,3 +55,8 @@ def test_renders_come_first_and_the_job_goes_on(seen: dict) -> None:
     for engine, end in (("CYCLES", "complete"), ("PATCHNET", "cancel")):
         assert seen[f"rendered by {engine}"]["then"] == ["Preview Selection", end]
     assert seen["rendered by CYCLES"]["notes"] == ["waits for Blender's render"]  # the other one ends at once
+
+
+def test_a_scene_that_is_made_meanwhile(seen: dict) -> None:
+    """Blender crashed where a job's last step showed its scene in the place of another one than it began in."""
+    assert seen["shown in the end"] == "PatchNet Courtyard"

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixtures of the tests of benchmarks."""
+"""Fixtures of the tests of benchmarks, and how torch's threads wait, as in `patchnet lab train`."""
 
+import os
 import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before a test loads torch
 
 
 class GridOfSeven:

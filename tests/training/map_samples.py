@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from patchnet.training.evaluation.networks.rendered_frame import SUBPIXELS, RenderedFrame
+from patchnet.training.evaluation.networks.frames import SUBPIXELS, RenderedFrame
 
 
 def noise_frame(seed: int = 0, height: int = 35, width: int = 45) -> RenderedFrame:

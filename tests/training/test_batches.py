@@ -13,13 +13,10 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
-from patchnet.training.data.batches import Augmentation, Batch, gather_batch
+from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
+from patchnet.training.data.batches import Batch, gather_batch
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
-from patchnet.training.data.symmetry import COUNT, cube_symmetries
-
-torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
 
 DEPTH = 6
 
@@ -40,12 +37,8 @@ def samples(octree: Octree) -> Samples:
 
 
 def patches(batch: Batch, voxels: int) -> np.ndarray:
-    """Patches (V, 8, 8, 8, 8, 5) put together from a batch's pairs."""
-    result = np.zeros((voxels * 8, 8, 4, 4, 4, 5), np.float32)
-    for s in range(8):
-        here = slice(batch.slice_start[s], batch.slice_start[s + 1])
-        result[batch.pair_corner[here], s] = batch.blocks[batch.pair_block[here]].reshape(-1, 4, 4, 4, 5)
-    eight = result.reshape(voxels, 8, 2, 2, 2, 4, 4, 4, 5)
+    """Patches (V, 8, 8, 8, 8, 5) of corners, put together from a batch's blocks."""
+    eight = batch.blocks[batch.rows].reshape(voxels, 8, 2, 2, 2, 4, 4, 4, 5)
     return eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8).reshape(voxels, 8, 8, 8, 8, 5)
 
 
@@ -73,21 +66,6 @@ def test_samples_see_boxes(boxed: Octree) -> None:
             vectors[:, :3], vectors[:, 3:], views[:, 9] / 65535,
         )  # fmt: skip
         np.testing.assert_allclose(render_patches(boxed, rays)[0], views[:, 10] / 4096, atol=4 / 4096)
-
-
-@pytest.mark.parametrize("nearby", [False, True])
-@pytest.mark.parametrize("lookahead", [1, 2])
-def test_narrow_blocks_are_the_others_as_bfloat16(
-    octree: Octree, boxed: Octree, samples: Samples, nearby: bool, lookahead: int
-) -> None:
-    count = len(samples.voxel)
-    augmentation = Augmentation.random(count, np.random.default_rng(3))
-    which = concatenate([octree, boxed]), np.arange(count) % 2, samples.voxel, samples.views, augmentation, lookahead
-    wide, narrow = (TensorBatch.of(gather_batch(*which, nearby=nearby, narrow=narrow)) for narrow in (False, True))
-    assert (wide.blocks.dtype, narrow.blocks.dtype) == (torch.float32, torch.bfloat16)
-    assert torch.equal(wide.blocks.bfloat16(), narrow.blocks)
-    assert torch.equal(wide.pair_block, narrow.pair_block)
-    assert wide.slice_start == narrow.slice_start
 
 
 def moved_octree(octree: Octree, symmetry: int, gain: float, offset: float) -> Octree:
@@ -132,7 +110,7 @@ def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) 
 
 def linear_map(plain: np.ndarray, moved: np.ndarray, batch: Batch, row: int) -> tuple[float, float]:
     """Gain and offset of luminance that a voxel's blocks were given, from the extremes and the mean of both."""
-    rows = np.unique(batch.pair_block[batch.pair_corner // 8 == row])
+    rows = np.unique(batch.rows[8 * row : 8 * row + 8])
     before = np.sort(plain.reshape(-1, 5)[plain.reshape(-1, 5)[:, 0] > 0][:, 1])
     cells = moved[rows].reshape(-1, 5)
     after = np.sort(cells[cells[:, 0] > 0][:, 1])

@@ -6,10 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, random_track, scores_of
-from patchnet.training.evaluation.checks import CheckError, check_random, check_track
-from patchnet.training.evaluation.curves import TrackErrors, frame_errors, frame_orders
+from patchnet.training.evaluation.curves import (
+    CheckError,
+    TrackErrors,
+    check_random,
+    check_track,
+    frame_errors,
+    frame_orders,
+)
 
 OPTIMAL, RANDOM, VARIANCE = range(3)
 
@@ -114,9 +119,3 @@ def test_band_of_random_is_rarely_left_and_not_idle() -> None:
         left = error.sum() - np.append(0, np.cumsum(rng.permutation(error)))
         largest.append(np.abs(left - (1 - share) * error.sum()).max() / width)
     assert max(largest) < 1 and np.mean(np.array(largest) > 0.5) < 0.12 and np.mean(np.array(largest) > 0.1) > 0.9
-
-
-def test_both_limits_must_be_measured(track: TrackErrors) -> None:
-    for strategies in (("best", "random", "ss-variance"), ("optimal", "chance", "ss-variance")):
-        with pytest.raises(SettingError, match="was not measured"):
-            check_track(replace(track, strategies=strategies))

@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Curves over budgets against pictures that are composed and compared pixel by pixel (methods 5, 7.25)."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
-from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, random_track, scores_of
+from patchnet.patchnet_addon.sampling.refine import refined_picture
+from patchnet.tests.refinement import refine
+from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, scores_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,
-    FrameErrors,
     TrackErrors,
     area,
     crossing,
     excess_area,
-    frame_errors,
     frame_orders,
     mean_frame_mse,
     pooled_mse,
-    psnr,
     random_line,
 )
 
@@ -77,10 +73,6 @@ def test_variance_is_that_of_the_errors() -> None:
         assert errors_of(buffers).variance == pytest.approx(np.var(errors, ddof=1))
 
 
-def test_psnr_by_hand() -> None:
-    np.testing.assert_allclose(psnr(np.array([[1.0, 0.01], [1e-3, 0.0]])), [[0, 20], [30, np.inf]])
-
-
 def test_areas_by_hand() -> None:
     line, best = 0.4 * (1 - BUDGETS), 0.4 * (1 - BUDGETS) ** 2
     assert area(line) == pytest.approx(0.2) and area(best) == pytest.approx(0.4 / 3, rel=1e-3)
@@ -108,29 +100,10 @@ def test_crossing_by_hand() -> None:
     np.testing.assert_array_equal(both, [0.13, 0.41])
 
 
-def test_bad_input_is_named() -> None:
+def test_bad_scores_are_named() -> None:
     buffers = FRAMES[1]
     scores = scores_of(buffers)
-    orders = frame_orders(buffers, scores)
-    with pytest.raises(SettingError, match="reference"):
-        frame_errors(replace(buffers, reference=None), orders)
-    with pytest.raises(SettingError, match="importance"):
-        frame_errors(replace(buffers, importance=np.ones_like(buffers.preview)), orders)
     with pytest.raises(SettingError, match=r"'random'.*\(3,\)"):
         frame_orders(buffers, scores | {"random": np.zeros(3)})
     with pytest.raises(SettingError, match=r"'random'.*NaN"):
         frame_orders(buffers, scores | {"random": np.full_like(scores["random"], np.nan)})
-    frame = errors_of(buffers)
-    with pytest.raises(SettingError, match="'empty' has no frames"):
-        TrackErrors.of("empty", NAMES, [])
-    with pytest.raises(SettingError, match="twice"):
-        TrackErrors.of("noise", ("random", "random", "optimal"), [frame])
-    with pytest.raises(SettingError, match="'noise', frame 1"):
-        TrackErrors.of("noise", NAMES, [frame, FrameErrors(frame.active, frame.left[:2], frame.variance)])
-    track = random_track(2)
-    with pytest.raises(SettingError, match=r"'noise'.*'best'.*optimal"):
-        track.row("best")
-    with pytest.raises(SettingError, match="'noise' and 'other'"):
-        pooled_mse([track, replace(track, scene="other", strategies=NAMES[::-1])])
-    with pytest.raises(SettingError, match="at least one"):
-        pooled_mse([])

@@ -18,22 +18,29 @@ from patchnet.tests.training.map_samples import noise_frame
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
 from patchnet.training.evaluation.map_frames import FrameSettings, rendered_frames
-from patchnet.training.evaluation.networks.gbuffer import CHILDREN, DISTANCE, LEVEL, MASK, NEEDS, NORMALS, gbuffer
-from patchnet.training.evaluation.networks.map_file import map_hash, read_map, save_map
-from patchnet.training.evaluation.networks.names import NAMES
-from patchnet.training.evaluation.networks.rendered_frame import RenderedFrame, render_frame
-from patchnet.training.evaluation.networks.run_files import MAP
-from patchnet.training.evaluation.networks.strategies import map_strategy
+from patchnet.training.evaluation.networks import NAMES
+from patchnet.training.evaluation.networks.frames import (
+    CHILDREN,
+    DISTANCE,
+    LEVEL,
+    MASK,
+    NEEDS,
+    NORMALS,
+    RenderedFrame,
+    gbuffer,
+    render_frame,
+)
+from patchnet.training.evaluation.networks.maps import MAP, map_hash, map_networks, map_strategy, read_map, save_map
 from patchnet.training.evaluation.strategies import strategies_in_use
 from patchnet.training.strategies.registry import EVALUATED
 
 torch = pytest.importorskip("torch")
 
 from patchnet.training.evaluation.networks import kuznetsov, train_maps, weiss  # noqa: E402
-from patchnet.training.evaluation.networks.crops import batch_of_crops  # noqa: E402
-from patchnet.training.evaluation.networks.pull_push import pull_push  # noqa: E402
-from patchnet.training.evaluation.networks.registry import NETWORKS  # noqa: E402
+from patchnet.training.evaluation.networks.train_maps import batch_of_crops  # noqa: E402
+from patchnet.training.evaluation.networks.weiss import pull_push  # noqa: E402
 
+NETWORKS = map_networks()
 STRATEGY_NAMES = {"weiss": "witw20", "kuznetsov": "kkr18", "unet": "ss-unet"}
 SIZE = ["--size", "32", "24"]
 

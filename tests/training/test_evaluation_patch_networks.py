@@ -17,13 +17,12 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation import evaluate, frames, kept_codes
-from patchnet.training.evaluation.figures import network_styles
-from patchnet.training.evaluation.generalisation import seen
-from patchnet.training.evaluation.generalisation_figure import ordered_rows
-from patchnet.training.evaluation.kept_codes import codes_path
-from patchnet.training.evaluation.patch_networks import PatchNetwork, network_strategies, patch_networks
-from patchnet.training.evaluation.scene_codes import SceneFiles, load_scene, make_codes
+from patchnet.training.evaluation import codes as kept_codes
+from patchnet.training.evaluation import evaluate, frames
+from patchnet.training.evaluation.claims import seen
+from patchnet.training.evaluation.codes import SceneFiles, codes_path, load_scene, make_codes
+from patchnet.training.evaluation.figures import network_styles, ordered_rows
+from patchnet.training.evaluation.strategies import PatchNetwork, network_strategies, patch_networks
 from patchnet.training.strategies.registry import EVALUATED
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]

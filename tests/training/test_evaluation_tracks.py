@@ -16,12 +16,9 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation.approaches import FAR
-from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN
-from patchnet.training.evaluation.free_space import FreeSpace
-from patchnet.training.evaluation.look_ahead import track_report
-from patchnet.training.evaluation.spline import catmull_rom
-from patchnet.training.evaluation.tracks import camera_track
+from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN, catmull_rom
+from patchnet.training.evaluation.poses import FreeSpace, LookAhead, step_of, turn_of
+from patchnet.training.evaluation.tracks import FAR, camera_track
 
 FRAMES = 60
 CLEARANCE = 4  # finest voxels
@@ -94,24 +91,22 @@ def test_clearance_of_all_leaves(octree: Octree, track: list[Camera]) -> None:
             assert np.sqrt((apart**2).sum(axis=1)).min() >= CLEARANCE * voxel * (1 - 1e-9)
 
 
-def test_look_ahead_and_report(octree: Octree, track: list[Camera]) -> None:
-    report = track_report(octree, track)
-    assert report.lookahead_share >= 0.95 and report.empty_share == 0.0
-    assert report.frames == FRAMES and report.shots == 2 and 0.1 < report.hit_share < 1.0
+def test_look_ahead(octree: Octree, track: list[Camera]) -> None:
+    ahead, hits, nearest = np.array([LookAhead(octree, 2).count(camera) for camera in track]).T
+    share = LookAhead(octree, 2).share(track)
+    assert share == pytest.approx(ahead.sum() / hits.sum()) and share >= 0.95 and hits.all()
+    assert 0.1 < hits.sum() / sum(camera.pixel_count for camera in track) < 1.0
     shares = [lookahead_share(octree.nodes, octree.grid, camera) for camera in track]
-    assert min(shares) - 1e-9 <= report.lookahead_share <= max(shares) and np.mean(shares) >= 0.95
-    assert report.nearest_world > CLEARANCE * octree.grid.voxel_size_world
-    assert track_report(octree, track[::10]).frames == FRAMES // 10
+    assert min(shares) - 1e-9 <= share <= max(shares) and np.mean(shares) >= 0.95
+    assert nearest.min() > CLEARANCE * octree.grid.voxel_size_world
 
 
 def test_frames_near_each_other_look_alike(octree: Octree, track: list[Camera]) -> None:
     approach, exploration = halves(track)
-    report = track_report(octree, exploration)
-    assert 0 < report.largest_step_world <= MAX_STEP * octree.grid.side_world
-    assert report.largest_turn <= MAX_TURN
-    steps = [np.linalg.norm(b.position_world - a.position_world) for a, b in pairwise(approach)]
+    assert all(0 < step_of(*pair) <= MAX_STEP * octree.grid.side_world for pair in pairwise(exploration))
+    steps = [step_of(*pair) for pair in pairwise(approach)]
     assert all(later < earlier for earlier, later in pairwise(steps))  # the same factor at each frame
-    assert track_report(octree, approach).largest_turn <= MAX_TURN
+    assert all(turn_of(*pair) <= MAX_TURN for half in (approach, exploration) for pair in pairwise(half))
 
 
 def test_impossible_tracks(octree: Octree) -> None:
@@ -119,8 +114,6 @@ def test_impossible_tracks(octree: Octree) -> None:
         drain(camera_track(octree, frames=1))
     with pytest.raises(SettingError, match="no look-ahead"):
         drain(camera_track(octree, lookahead=octree.depth))
-    with pytest.raises(SettingError, match="no frames"):
-        track_report(octree, [])
 
 
 def test_free_space_is_beside_no_occupied_cell(octree: Octree) -> None:

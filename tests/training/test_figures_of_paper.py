@@ -15,17 +15,16 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.tests.refinement import refine
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation.crops import Crop, crops_of_difference, window_sums
-from patchnet.training.evaluation.figures_of_paper import tables
-from patchnet.training.evaluation.figures_of_paper.distances import distance_view, pooled_values
+from patchnet.training.evaluation.catalogue import octree_path
+from patchnet.training.evaluation.codes import coded_octree
+from patchnet.training.evaluation.figures_of_paper import look_ahead as tables
 from patchnet.training.evaluation.figures_of_paper.figures import make_split
-from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, split_view
-from patchnet.training.evaluation.figures_of_paper.viewpoint import hardest_end
-from patchnet.training.evaluation.kept_codes import coded_octree
-from patchnet.training.evaluation.octrees import octree_path
+from patchnet.training.evaluation.figures_of_paper.look_ahead import distance_view, pooled_values
+from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, hardest_end, split_view
+from patchnet.training.evaluation.panels import Crop, crops_of_difference, window_sums
 
 CLOTH, WOOD = 0.5, 0.1  # luminance
 WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/patchnet.safetensors"

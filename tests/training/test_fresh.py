@@ -23,9 +23,10 @@ from patchnet.training.data.voxel_choice import held_out_voxels, level_chances
 from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.run.crews import StepPlan, ThreadCrew  # noqa: E402
+from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
 from patchnet.training.run.learner import Learner  # noqa: E402
 from patchnet.training.run.processes import Processes  # noqa: E402
+from patchnet.training.run.steps import StepPlan  # noqa: E402
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402
 
 SETTINGS = TrainSettings(
@@ -104,23 +105,21 @@ def test_levels_come_as_often_as_in_sample_files(datasets: list[Dataset], corpus
 
 
 def test_shares_of_a_step_are_the_step(corpus: FreshCorpus) -> None:
-    """Any number of threads and processes has the same gradients and errors, but for rounding."""
-    voxels = SETTINGS.batch // 4
+    """Any number of processes has the same gradients and errors, but for rounding."""
     learner = Learner(SETTINGS)
     nearby = replace(corpus, nearby=True)
 
-    def sums(threads: int, processes: int) -> list[torch.Tensor]:
+    def sums(processes: int) -> list[torch.Tensor]:
         found = []
         for rank in range(processes):
-            crew = ThreadCrew(learner, StepPlan(nearby, SETTINGS, voxels, Processes(rank, processes)), threads)
-            gradients, errors = crew.gradients(5, torch.float32)
-            crew.close()
-            found.append([torch.stack(gradients).sum(0), errors])
+            plan = StepPlan(nearby, SETTINGS, SETTINGS.batch // 4, Processes(rank, processes))
+            gradients, errors = learner.differentiate(TensorBatch.of(plan.batch(5)), torch.float32, plan.share)
+            found.append([*gradients, errors])
         return [torch.stack(parts).sum(0) for parts in zip(*found, strict=True)]
 
-    wanted = sums(1, 1)
-    for threads, processes in ((3, 1), (1, 2), (2, 3)):
-        for one, other in zip(sums(threads, processes), wanted, strict=True):
+    wanted = sums(1)
+    for processes in (2, 3):
+        for one, other in zip(sums(processes), wanted, strict=True):
             torch.testing.assert_close(one, other, atol=2e-6, rtol=1e-3)
 
 

@@ -19,11 +19,11 @@ from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.forest import concatenate, voxel_luminance
 from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.validation_sets import validation_sets
+from patchnet.training.run.validation import validation_sets
 
 pytest.importorskip("torch")
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.network.sliced_net import SlicedNet
+from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.validation import validate
 
 SETTINGS = SampleSettings(views=4, min_level=5, held_out=0.2)  # patches of level 5 fit into held-out blocks
@@ -105,7 +105,7 @@ def test_luminance_as_the_voxel_shows_it(upright: Dataset, other: Dataset) -> No
 def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:
     """Those of the guesses from the samples themselves, with untrained weights."""
     corpus, _ = corpus_of([upright])
-    errors = validate(SlicedNet(Weights.random(0)), {"sponza": corpus})["sponza"]
+    errors = validate(PatchNet(Weights.random(0)), {"sponza": corpus})["sponza"]
     coverage, luminance = corpus.views[..., 10] / 4096, corpus.views[..., 11] / 65535
     seen = coverage > 0
     own = voxel_luminance(corpus.forest, corpus.tree, corpus.voxel)[:, None]

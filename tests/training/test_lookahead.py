@@ -16,12 +16,12 @@ from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetErro
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.batches import Augmentation, gather_batch
+from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
+from patchnet.training.data.batches import gather_batch
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.symmetry import COUNT, cube_symmetries
 from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
@@ -59,11 +59,8 @@ def test_patches_are_those_that_are_encoded(dataset: Dataset) -> None:
     forest = concatenate([dataset.octree])
     none = Augmentation.none(count)
     batch = gather_batch(forest, trees, samples.voxel, samples.views, none, dataset.lookahead)
-    blocks = np.zeros((count * 8, 8, side, side, side, 5), np.float32)
-    for s in range(8):
-        here = slice(batch.slice_start[s], batch.slice_start[s + 1])
-        blocks[batch.pair_corner[here], s] = batch.blocks[batch.pair_block[here]].reshape(-1, side, side, side, 5)
-    eight = blocks.reshape(count, 8, 2, 2, 2, side, side, side, 5).transpose(0, 1, 2, 5, 3, 6, 4, 7, 8)
+    eight = batch.blocks[batch.rows].reshape(count, 8, 2, 2, 2, side, side, side, 5)
+    eight = eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8)
     patches = eight.reshape(count, 8, 2 * side, 2 * side, 2 * side, 5)
     for row in range(0, count, 5):
         level, *cell = samples.voxel[row].astype(int)

@@ -21,15 +21,14 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import DEPTH, moved_octree
-from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.augmentation import Augmentation, cube_symmetries
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.symmetry import cube_symmetries
 from patchnet.training.data.tensor_batch import TensorBatch
-from patchnet.training.network.sliced_net import SlicedNet
+from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.trainer import RunOptions, train
 from patchnet.training.settings import TrainSettings
 
@@ -96,7 +95,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
     rows = np.arange(60)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad():
-        trained = SlicedNet(weights)(TensorBatch.of(batch), torch.float32).numpy().reshape(-1, 2)
+        trained = PatchNet(weights)(TensorBatch.of(batch)).numpy().reshape(-1, 2)
     level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
     node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
     views = batch.ratio.shape[1]

@@ -9,12 +9,11 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.lab.train_networks import next_commands
-from patchnet.patchnet_addon.network.encoders import CONV3D, VOXCEPTION
-from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.training.encoders import CONV3D, VOXCEPTION, load_weights
 from patchnet.training.networks_of_paper.plan import KINDS, NetworkPlan, planned_networks
 from patchnet.training.settings import PRESETS, TrainSettings
 

@@ -9,25 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.encoders import CONV3D, MLP, VOXCEPTION, EncoderKind
+from patchnet.patchnet_addon.network.decode import decode
+from patchnet.patchnet_addon.network.encode import NumpyEncoder
+from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.training.convolution_reference import NumpyConvolutions
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.schedule import learning_rate
+from patchnet.training.encoders import CONV3D, VOXCEPTION
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
 from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
-from patchnet.training.network.cpu_adam import CpuAdam  # noqa: E402  needs torch
-from patchnet.training.run.crews import rows_of_step  # noqa: E402  needs torch
+from patchnet.training.network.patchnet import PatchNet  # noqa: E402  needs torch
+from patchnet.training.run.learner import learning_rate  # noqa: E402  needs torch
+from patchnet.training.run.steps import rows_of_step  # noqa: E402  needs torch
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
@@ -43,79 +47,35 @@ def datasets() -> list[Dataset]:
     return found
 
 
-def test_sparse_first_layer_equals_the_network(datasets: list[Dataset]) -> None:
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.network.sliced_net import SlicedNet
-
-    corpus, _ = corpus_of(datasets)
-    rows = np.arange(12)
-    batch = corpus.batch(rows, Augmentation.none(len(rows)))
-    weights = Weights.random(3, bias=0.1)
-    sliced, plain = SlicedNet(weights), PatchNet.from_weights(weights)
-    blocks = torch.zeros(len(rows) * 8, 8, 320)
-    for s in range(8):
-        here = slice(batch.slice_start[s], batch.slice_start[s + 1])
-        blocks[batch.pair_corner[here], s] = torch.from_numpy(batch.blocks[batch.pair_block[here]])
-    eight = blocks.view(len(rows), 8, 2, 2, 2, 4, 4, 4, 5).permute(0, 1, 2, 5, 3, 6, 4, 7, 8)
-    patches = eight.reshape(len(rows), 1, 8, 2560).expand(-1, 4, -1, -1).reshape(-1, 8, 2560)
-    views = [torch.from_numpy(getattr(batch, name)).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
-    expected = plain(patches, *views)
-    found = sliced(TensorBatch.of(batch), torch.float32)
-    torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
-    expected.square().sum().backward()
-    found.square().sum().backward()
-    gradient = SlicedNet(plain_gradient(plain)).slices
-    torch.testing.assert_close(sliced.slices.grad, gradient, atol=1e-3, rtol=1e-3)
-    for name, array in sliced.to_weights().arrays().items():
-        np.testing.assert_array_equal(array, weights.arrays()[name])
-
-
-@pytest.mark.parametrize("kind", [CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
-def test_convolutions_of_a_batch_equal_the_network(datasets: list[Dataset], kind: EncoderKind) -> None:
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.network.sliced_net import SlicedNet
-
-    corpus, _ = corpus_of(datasets)
-    rows = np.arange(3)
-    batch = TensorBatch.of(corpus.batch(rows, Augmentation.none(len(rows))))
-    weights = Weights.random(3, bias=0.1, encoder=kind)
-    found = SlicedNet(weights)(batch, torch.float32)
-    patches = torch.from_numpy(corner_patches_of(batch)).repeat_interleave(batch.ratio.shape[1], 0)
-    views = [getattr(batch, name).flatten(0, 1) for name in ("entry", "direction", "up", "ratio")]
-    expected = PatchNet.from_weights(weights)(patches, *views)
-    torch.testing.assert_close(found.view(-1, 2), expected, atol=1e-5, rtol=0)
-    assert SlicedNet(weights).to_weights().hash == weights.hash
+@pytest.mark.parametrize("encoder", [MLP, CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
+def test_network_of_a_batch_is_that_of_the_engine(datasets: list[Dataset], encoder: EncoderKind) -> None:
+    batch = corpus_of(datasets)[0].batch(np.arange(6), Augmentation.none(6))
+    weights = Weights.random(3, bias=0.1, encoder=encoder)
+    encode = NumpyEncoder if encoder is MLP else NumpyConvolutions
+    eight = encode(weights)(batch.blocks, batch.rows).reshape(6, 8, 10)
+    views = batch.ratio.shape[1]
+    sides = np.stack([1 - batch.entry, batch.entry]).reshape(2, -1, 3)
+    shares = [np.prod([sides[corner >> axis & 1, :, axis] for axis in range(3)], axis=0) for corner in range(8)]
+    codes = np.einsum("on,noc->nc", shares, eight.repeat(views, axis=0))
+    rays = batch.direction.reshape(-1, 3), batch.up.reshape(-1, 3), batch.ratio.ravel()
+    expected = np.stack(decode(weights, codes, *rays, clip=False), axis=1)
+    model = PatchNet(weights)
+    found = model(TensorBatch.of(batch)).detach().numpy().reshape(-1, 2)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    assert model.to_weights().hash == weights.hash
 
 
 @pytest.mark.parametrize("encoder", [MLP, CONV3D], ids=lambda kind: kind.name)
 def test_a_mixture_learns_from_blocks_without_luminance(datasets: list[Dataset], encoder: EncoderKind) -> None:
-    """Codes as of whole patches, which have theirs; weights as they were."""
-    from patchnet.patchnet_addon.network.torch_model import PatchNet
-    from patchnet.training.network.sliced_net import SlicedNet
-
-    rows, none = np.arange(3), Augmentation.none(3)
-    whole, seen = (TensorBatch.of(corpus_of(datasets, nearby=nearby)[0].batch(rows, none)) for nearby in (False, True))
+    """Codes as the engine makes of whole blocks, which have theirs; weights as they were."""
+    whole, seen = (corpus_of(datasets, nearby=near)[0].batch(np.arange(3), Augmentation.none(3)) for near in (0, 1))
     assert (whole.blocks.shape[1], seen.blocks.shape[1]) == (320, 256)
     weights = Weights.random(3, bias=0.1, kind=MIXTURE, encoder=encoder)
-    expected = PatchNet.from_weights(weights).encode(torch.from_numpy(corner_patches_of(whole)).flatten(0, 1))
-    model = SlicedNet(weights)
-    torch.testing.assert_close(model._codes(seen, torch.float32), expected, atol=1e-5, rtol=0)
+    encode = NumpyEncoder if encoder is MLP else NumpyConvolutions
+    model = PatchNet(weights)
+    found = model.encode(torch.from_numpy(seen.blocks[seen.rows])).detach().numpy()
+    np.testing.assert_allclose(found, encode(weights)(whole.blocks, whole.rows), atol=1e-5)
     assert model.to_weights().hash == weights.hash
-
-
-def corner_patches_of(batch: TensorBatch) -> np.ndarray:
-    """Patches (V, 8, 2560) of the corners of a batch, block by block."""
-    patches = np.zeros((8 * len(batch.ratio), 2, 4, 2, 4, 2, 4, 5), np.float32)
-    for octant in range(8):
-        for pair in range(batch.slice_start[octant], batch.slice_start[octant + 1]):
-            block = batch.blocks[batch.pair_block[pair]].numpy().reshape(4, 4, 4, 5)
-            patches[batch.pair_corner[pair], octant >> 2, :, octant >> 1 & 1, :, octant & 1] = block
-    return patches.reshape(-1, 8, 2560)
-
-
-def plain_gradient(model: torch.nn.Module) -> Weights:
-    """Gradients of a network in the form of weights."""
-    return Weights.from_arrays({name: value.grad.numpy() for name, value in model.named_parameters()})
 
 
 def test_learns_a_small_set(datasets: list[Dataset], tmp_path: Path) -> None:
@@ -146,14 +106,15 @@ def test_a_step_that_is_interrupted_is_taken_whole(
     datasets: list[Dataset], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", stop_after=3)))
-    take = CpuAdam.step
+    take, taken = torch.optim.Adam.step, []
 
-    def interrupted(adam: CpuAdam, *arguments: object, **options: float) -> None:
-        if adam._steps == 2:
+    def interrupted(adam: torch.optim.Adam) -> None:
+        taken.append(1)
+        if len(taken) == 3:
             signal.raise_signal(signal.SIGINT)
-        take(adam, *arguments, **options)
+        take(adam)
 
-    monkeypatch.setattr(CpuAdam, "step", interrupted)
+    monkeypatch.setattr(torch.optim.Adam, "step", interrupted)
     with pytest.raises(KeyboardInterrupt), prompt_interrupt():
         drain(train(datasets, SETTINGS, RunOptions(tmp_path / "b")))
     stopped = load_weights(tmp_path / "b" / "patchnet.safetensors")
@@ -332,12 +293,3 @@ def test_encoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_
 def test_widths_that_are_refused(changes: dict[str, str | int], sentence: str) -> None:
     with pytest.raises(SettingError, match=sentence):
         preset_with("improved", changes)
-
-
-def test_runs_of_before_encoders_had_widths_go_on(datasets: list[Dataset], tmp_path: Path) -> None:
-    drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
-    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
-    del state["run"]["encoder_width"]
-    torch.save(state, tmp_path / "checkpoint.pt")
-    weights = drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True, stop_after=2)))
-    assert weights.metadata["steps"] == 2

@@ -14,10 +14,10 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.batches import Augmentation
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.dataset import load_dataset, save_samples
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.validation_sets import all_of
+from patchnet.training.run.validation import all_of
 from patchnet.training.run.weights_errors import _errors, weights_errors
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from .batches import Augmentation, Batch, gather_batch
+from .augmentation import Augmentation
+from .batches import Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, concatenate
 
@@ -34,10 +35,10 @@ class Corpus:
         """Views of each voxel."""
         return int(self.views.shape[1])
 
-    def batch(self, rows: np.ndarray, augmentation: Augmentation, *, narrow: bool = False) -> Batch:
-        """Batch of the voxels `rows` (V,); narrow: its blocks are bits of bfloat16."""
+    def batch(self, rows: np.ndarray, augmentation: Augmentation) -> Batch:
+        """Batch of the voxels `rows` (V,)."""
         parts = self.tree[rows], self.voxel[rows], self.views[rows]
-        return gather_batch(self.forest, *parts, augmentation, self.lookahead, nearby=self.nearby, narrow=narrow)
+        return gather_batch(self.forest, *parts, augmentation, self.lookahead, nearby=self.nearby)
 
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:

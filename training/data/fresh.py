@@ -18,7 +18,8 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.runtime.kernels import kernel
 from ..settings import SAMPLES, VALIDATION_VOXELS, VIEWS
-from .batches import Augmentation, Batch, gather_batch
+from .augmentation import Augmentation
+from .batches import Batch, gather_batch
 from .corpus import Corpus
 from .dataset import Dataset
 from .forest import Forest, concatenate, tree_nodes
@@ -61,15 +62,10 @@ class FreshCorpus:
         """Levels that samples look ahead."""
         return self.settings.lookahead
 
-    def batch_of_step(
-        self, seed: int, step: int, places: slice, augmentation: Augmentation, *, narrow: bool = False
-    ) -> Batch:
-        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen.
-
-        narrow: its blocks are bits of bfloat16.
-        """
+    def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
+        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen."""
         drawn = self.draw(seed, step, places)
-        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby, narrow=narrow)
+        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
 
     def draw(self, seed: int, step: int, places: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Octrees (V,), voxels (V, 4) and views (V, R, 12) at places of a step; raises as `batch_of_step`."""
@@ -80,7 +76,7 @@ class FreshCorpus:
         where = self.lists.voxel, self.lists.start, self.lists.below
         how = self.settings.first_hit, self.settings.lookahead
         octrees = self.forest.nodes, self.forest.luminance, self.forest.root
-        if not _draw(start, places.start, *octrees, where, *how, tree, voxel, views):
+        if not _draw(start, places.start, octrees, where, how, tree, voxel, views):
             raise PatchNetError("No voxel of an octree can be seen from outside: it is too coarse for training")
         return tree, voxel, views
 
@@ -144,8 +140,10 @@ def _held_out_samples(
 
 
 @kernel
-def _draw(start, first, nodes, luminance, root, lists, first_hit, lookahead, tree, voxel, views):
+def _draw(start, first, octrees, lists, how, tree, voxel, views):
+    nodes, luminance, root = octrees
     candidates, starts, below = lists
+    first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for place in range(len(tree)):
         begin_random(state, start, first + place)

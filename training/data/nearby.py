@@ -21,7 +21,6 @@ from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import device, lean_device
-from .fetch_ahead import AHEAD, fetch_cells, fetch_children
 from .forest import tree_nodes
 
 
@@ -64,10 +63,6 @@ def gather_nearby(nodes, luminance, where, rays, tables, found):  # type: ignore
             index = start + place
             here = index // of_voxel
             if here != last:
-                if here + 2 * AHEAD < len(around):
-                    fetch_children(nodes, around[here + 2 * AHEAD])
-                if here + AHEAD < len(around):
-                    fetch_cells(nodes, luminance, 1, around[here + AHEAD])
                 own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
                 write_cells_around(own, luminance, around[here], words, work)
                 inside, near = list_fine(own, luminance, node, fine), 0

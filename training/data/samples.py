@@ -102,18 +102,9 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     views = np.zeros((len(voxels), settings.views, VIEW_FIELDS), np.uint16)
     good = np.zeros(len(voxels), np.bool_)
     start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
-    run_parts(
-        _draw_views,
-        len(voxels),
-        octree.boxed_nodes,
-        octree.luminance,
-        voxels.astype(np.int32),
-        start,
-        settings.first_hit,
-        settings.lookahead,
-        views,
-        good,
-    )
+    scene = octree.boxed_nodes, octree.luminance
+    how = settings.first_hit, settings.lookahead
+    run_parts(_draw_views, len(voxels), scene, voxels.astype(np.int32), start, how, views, good)
     return views, good
 
 
@@ -220,7 +211,9 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
 
 
 @kernel
-def _draw_views(first, last, nodes, luminance, voxels, start, first_hit, lookahead, views, good):
+def _draw_views(first, last, scene, voxels, start, how, views, good):
+    nodes, luminance = scene
+    first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for group in range(first, last):
         begin_random(state, start, group)

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training batch as tensors: the arrays of a `Batch` on the CPU, and what `padded_batch.py` makes of them for a GPU."""
+"""Training batch as tensors on a device."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ...patchnet_addon.network.devices import CPU
 from .batches import Batch
 
 
@@ -23,36 +24,32 @@ class TensorNearby:
 
 @dataclass(frozen=True, eq=False)
 class TensorBatch:
-    """V voxels with R views each, see `Batch`; all tensors lie on one device.
-
-    slice_start: 9 numbers, on the host, since they bound slices.
-    """
+    """V voxels with R views each, see `Batch`; all tensors lie on one device."""
 
     blocks: Tensor
-    slice_start: list[int]
-    pair_block: Tensor
-    pair_corner: Tensor
+    rows: Tensor
     entry: Tensor
     direction: Tensor
     up: Tensor
     ratio: Tensor
     coverage: Tensor
     luminance: Tensor
-    nearby: TensorNearby | None = field(default=None, kw_only=True)
+    nearby: TensorNearby | None
 
     @classmethod
-    def of(cls, batch: Batch) -> TensorBatch:
-        """Tensors of a batch's arrays, the same memory."""
-        arrays = {each.name: getattr(batch, each.name) for each in fields(cls)}
-        starts, nearby = arrays.pop("slice_start").tolist(), arrays.pop("nearby")
-        there = None
-        if nearby is not None:
-            there = TensorNearby(**{each.name: _tensor_of(getattr(nearby, each.name)) for each in fields(nearby)})
-        return cls(slice_start=starts, nearby=there, **{name: _tensor_of(array) for name, array in arrays.items()})
+    def of(cls, batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
+        """Batch on a device; on the CPU the same memory."""
+        device = torch.device(device)
+        near = None if batch.nearby is None else TensorNearby(**_tensors(batch.nearby, device))
+        return cls(**_tensors(batch, device), nearby=near)
 
 
-def _tensor_of(array: np.ndarray) -> Tensor:
-    """The same memory as a tensor; uint16 is the bits of bfloat16."""
-    if array.dtype == np.uint16:
-        return torch.from_numpy(array.view(np.int16)).view(torch.bfloat16)
-    return torch.from_numpy(array)
+def _tensors(arrays: object, device: torch.device) -> dict[str, Tensor]:
+    """Arrays of a dataclass on a device, by name."""
+    found = {field.name: getattr(arrays, field.name) for field in fields(arrays)}  # type: ignore[arg-type]
+    return {name: _tensor(array, device) for name, array in found.items() if isinstance(array, np.ndarray)}
+
+
+def _tensor(array: np.ndarray, device: torch.device) -> Tensor:
+    tensor = torch.from_numpy(array)
+    return tensor if device.type == CPU else tensor.pin_memory().to(device, non_blocking=True)

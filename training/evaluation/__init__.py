@@ -1,2 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluation of refinement strategies over camera tracks of scenes, without Blender (methods 5)."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from ...patchnet_addon.runtime.errors import PatchNetError
+
+WITHOUT = "without-"
+"""Networks are named by what they have learned from: `station` from this scene alone, `without-station` from others."""
+
+
+def require_reports() -> None:
+    """Raise PatchNetError where the libraries are missing that tables and figures are made with."""
+    for name in ("pandas", "matplotlib"):
+        if find_spec(name) is None:
+            raise PatchNetError(f"Tables and figures need {name}: install patchnet-blender[bench]")

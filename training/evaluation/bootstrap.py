@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
-from .curves import BUDGETS, OPTIMAL, TrackErrors, crossing, excess_area, row_of, same_strategies
+from .curves import BUDGETS, OPTIMAL, TrackErrors, crossing, excess_area
 
 BLOCK_FRAMES = 50
 LEAST_BLOCKS = 10
@@ -38,13 +38,11 @@ class Interval:
 
 def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
     """Length of the blocks of a track: `wanted` frames, or less, so that there are at least ten blocks where the track
-    has ten frames. Raises SettingError for less than two frames, which have no spread, or a length below 1."""
+    has ten frames. Raises SettingError for less than two frames, which have no spread."""
     if frames < 2:
         raise SettingError(
             f"An interval needs at least two frames, and the track has {frames}: evaluate more (--frames, --every)"
         )
-    if wanted < 1:
-        raise SettingError(f"Blocks of {wanted} frames cannot be drawn: give at least 1")
     return max(min(wanted, frames // LEAST_BLOCKS), 1)
 
 
@@ -68,19 +66,16 @@ class Bootstrap:
     def of(
         cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0, wanted: int = BLOCK_FRAMES
     ) -> Self:
-        """Draw `resamples` times as many blocks of `wanted` frames as each track has.
+        """Draw `resamples` times as many blocks of `wanted` frames as each track has, all of the same strategies.
 
-        Raises SettingError as `block_frames`, for tracks of different strategies, and for less than 100 resamples.
+        Raises SettingError as `block_frames`.
         """
-        strategies = same_strategies(tracks)
-        if resamples < 100:
-            raise SettingError(f"{resamples} resamples give no 95 % interval: give at least 100, better {RESAMPLES}")
         rng = np.random.default_rng(seed)
         lengths = tuple(block_frames(len(track.active), wanted) for track in tracks)
         starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
         parts = list(zip(tracks, starts, strict=True))
         return cls(
-            strategies,
+            tracks[0].strategies,
             lengths,
             np.concatenate([_draws(rng, resamples, len(start)) for start in starts], axis=1),
             np.concatenate([np.add.reduceat(track.active, start) for track, start in parts]).astype(np.float64),
@@ -88,14 +83,13 @@ class Bootstrap:
         )
 
     def mse(self, strategy: str, budgets: Sequence[float] = tuple(BUDGETS)) -> Interval:
-        """Interval of the pooled mean squared error at each of B budgets, (B,); raises SettingError for a strategy
-        that was not measured, or a budget that is not on the grid of 1 %."""
+        """Interval of the pooled mean squared error at each of B budgets, (B,), of the grid of 1 %."""
         return _interval(self._curves(strategy, _budget_indices(budgets)))
 
     def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
         """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,).
 
-        NaN where `second` has no error left. Raises SettingError as `mse`.
+        NaN where `second` has no error left.
         """
         at = _budget_indices(budgets)
         errors, others = self._curves(first, at), self._curves(second, at)
@@ -106,12 +100,7 @@ class Bootstrap:
         return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
 
     def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
-        """Interval of X*, from which a strategy stays below all others; infinite where it never does (see `curves`).
-
-        Raises SettingError for no others, or strategies that were not measured.
-        """
-        if not others:
-            raise SettingError("A crossing needs other strategies: give at least one")
+        """Interval of X*, from which a strategy stays below all others; infinite where it never does (see `curves`)."""
         # One minimum after the other, so that no more than three sets of curves are in memory.
         least = self._curves(others[0])
         for other in others[1:]:
@@ -120,7 +109,7 @@ class Bootstrap:
 
     def _curves(self, strategy: str, at: np.ndarray = _ALL) -> np.ndarray:
         """(1 + R, B): pooled errors of the data, then of each resample, at budgets whose indices are given."""
-        left = self.left[:, row_of(self.strategies, strategy, "Bootstrap"), at]
+        left = self.left[:, self.strategies.index(strategy), at]
         draws = np.vstack([np.ones(len(left)), self.draws])
         return (draws @ left) / np.maximum(draws @ self.active, 1)[:, None]
 
@@ -132,11 +121,8 @@ def _draws(rng: np.random.Generator, resamples: int, blocks: int) -> np.ndarray:
 
 
 def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
-    """(B,) int64: places of budgets in BUDGETS; raises SettingError for one that is not there."""
-    at = np.rint(np.asarray(budgets, np.float64) * 100)
-    if ((at < 0) | (at > 100)).any() or not np.allclose(at / 100, budgets, rtol=0, atol=1e-9):
-        raise SettingError(f"Budgets {list(budgets)}: give shares from 0 to 1 in steps of 0.01")
-    return at.astype(np.int64)
+    """(B,) int64: places of budgets in BUDGETS."""
+    return np.rint(np.asarray(budgets, np.float64) * 100).astype(np.int64)
 
 
 def _interval(figures: np.ndarray) -> Interval:
@@ -153,11 +139,8 @@ def _interval(figures: np.ndarray) -> Interval:
 
 def number_with_interval(interval: Interval) -> dict[str, float | None]:
     """Value and ends of an interval of one figure; None for what is infinite or undefined, which JSON cannot say."""
-    return {
-        "value": finite(np.ravel(interval.value)[0]),
-        "low": finite(np.ravel(interval.low)[0]),
-        "high": finite(np.ravel(interval.high)[0]),
-    }
+    ends = {"value": interval.value, "low": interval.low, "high": interval.high}
+    return {name: finite(np.ravel(end)[0]) for name, end in ends.items()}
 
 
 def finite(value: float) -> float | None:

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Claims of the paper, decided by numbers: where its strategy is lowest, and how far below screen-space variance."""
+"""Claims of the paper, decided by numbers, and how networks do on scenes that they were not trained on (methods 5)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...patchnet_addon.sampling.strategy import Group
-from .bootstrap import Bootstrap, Interval
+from . import WITHOUT
+from .bootstrap import Bootstrap, number_with_interval
 from .curves import BUDGETS
+from .strategies import SCORES, PatchNetwork, strategy_name
 
 VARIANCE = "ss-variance"
 LOWEST_FROM = 0.13
@@ -21,6 +23,7 @@ ORACLES = {"patchnet": "patchnet-exact", "patchnet-behind": "patchnet-behind-exa
 """Strategies of the network, and the same scores of exact patches, which say whether network or score is at fault."""
 _REFERENCES = frozenset({"screen-space", "world-space"})
 _NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet", "plain-plus-0"})
+BUDGET = 0.3
 
 
 def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> dict[str, Any]:
@@ -34,25 +37,20 @@ def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> di
     groups: of the strategies in use, by name.
     """
     return {
-        "lowest": {scene: _lowest(draw, paper_references(draw, groups), groups) for scene, draw in draws.items()},
-        "lowest_of_more": {scene: _lowest(draw, references_of(draw, groups), groups) for scene, draw in draws.items()},
+        "lowest": {scene: _lowest(draw, _paper_references(draw, groups), groups) for scene, draw in draws.items()},
+        "lowest_of_more": {scene: _lowest(draw, _references(draw, groups), groups) for scene, draw in draws.items()},
         "half": {scene: _half(draw, groups) for scene, draw in draws.items()},
     }
 
 
-def references_of(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
+def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """Strategies among those that were measured that look at the screen or at the octree, at no further ray."""
     return [name for name in draw.strategies if groups[name] in _REFERENCES and name != "random"]
 
 
-def paper_references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
+def _paper_references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """References among those that were measured that the paper compares with."""
-    return [name for name in references_of(draw, groups) if name not in _NOT_IN_THE_PAPER]
-
-
-def network_of(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """Strategies among those that were measured that the network is part of."""
-    return [name for name in draw.strategies if groups[name] == "network"]
+    return [name for name in _references(draw, groups) if name not in _NOT_IN_THE_PAPER]
 
 
 def _lowest(draw: Bootstrap, others: list[str], groups: Mapping[str, Group]) -> dict[str, Any]:
@@ -65,7 +63,7 @@ def _lowest(draw: Bootstrap, others: list[str], groups: Mapping[str, Group]) -> 
         own = np.asarray(draw.mse(name).value)
         lowest = own < errors.min(axis=0)
         at = {budget: round(100 * budget) for budget in BUDGETS_SHOWN}
-        found[name] = _values(interval) | {
+        found[name] = number_with_interval(interval) | {
             "holds": bool(interval.value <= LOWEST_FROM),
             "share_of_budgets": float(lowest[(BUDGETS >= LOWEST_FROM) & (BUDGETS < 1)].mean()),
             "lowest_reference": {
@@ -78,7 +76,8 @@ def _lowest(draw: Bootstrap, others: list[str], groups: Mapping[str, Group]) -> 
 
 def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """Strategies of the network, then the exact oracles that were measured beside them."""
-    return [*network_of(draw, groups), *(name for name in ORACLES.values() if name in draw.strategies)]
+    networks = [name for name in draw.strategies if groups[name] == "network"]
+    return [*networks, *(name for name in ORACLES.values() if name in draw.strategies)]
 
 
 def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
@@ -95,6 +94,45 @@ def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
     return found
 
 
-def _values(interval: Interval) -> dict[str, float | None]:
-    ends = {"value": interval.value, "low": interval.low, "high": interval.high}
-    return {name: float(end) if np.isfinite(end) else None for name, end in ends.items()}
+def generalisation_of(
+    draws: Mapping[str, Bootstrap], networks: Sequence[PatchNetwork], octrees: Mapping[str, str]
+) -> dict[str, Any]:
+    """Errors of networks over that of screen-space variance at BUDGET on every scene, by score, with intervals.
+
+    draws: of each scene. octrees: hash of each scene's. `networks` of a score: {network: {scene: {value, low, high,
+    seen}}}, None where the variance leaves no error. `spread`: {scene: {least, greatest, ratio}} over networks that are
+    named after one of the scenes.
+    """
+    found = {}
+    for score in SCORES:
+        cells = {
+            network.name: {
+                scene: number_with_interval(draws[scene].ratio(strategy_name(network.name, score), VARIANCE, (BUDGET,)))
+                | {"seen": seen(network, scene, octree)}
+                for scene, octree in octrees.items()
+            }
+            for network in networks
+        }
+        alone = [name for name in cells if name in octrees]
+        found[score] = {
+            "networks": cells,
+            "spread": {scene: _spread([cells[name][scene]["value"] for name in alone]) for scene in octrees},
+        }
+    return found
+
+
+def seen(network: PatchNetwork, scene: str, octree: str) -> bool:
+    """Return whether a scene, whose octree has this hash, was in a network's training, by its name or its weights."""
+    if network.name.startswith(WITHOUT):
+        named = scene != network.name.removeprefix(WITHOUT)
+    else:
+        named = scene == network.name
+    return named or octree in network.octrees
+
+
+def _spread(values: Sequence[float | None]) -> dict[str, float | None]:
+    """Least and greatest of the values, and their ratio; None where there are not two."""
+    there = [value for value in values if value is not None]
+    if len(there) < 2:
+        return {"least": None, "greatest": None, "ratio": None}
+    return {"least": min(there), "greatest": max(there), "ratio": max(there) / min(there) if min(there) > 0 else None}

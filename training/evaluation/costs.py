@@ -8,8 +8,9 @@ scoring, sorting. So strategies that trace or decode more are dearer by what the
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.replace import replaced_file
@@ -26,35 +28,20 @@ from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy, scores_in_stages
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.supersample import supersample
 from ..benchmarks.timing import take_turns
+from .codes import SceneCodes
 from .curves import BUDGETS
-from .predicted import predicted_names
-from .scene_codes import SceneCodes
+from .strategies import PatchNetwork
 
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # of a frame, enough to be timed
 STAGED_BUDGET = 0.3
-_MEASURED = (
-    0.0,
-    0.05,
-    0.06,
-    0.07,
-    0.1,
-    0.2,
-    0.24,
-    0.25,
-    0.3,
-    0.5,
-    0.7,
-    0.74,
-    0.75,
-    1.0,
-)  # budgets; between them costs are on a line
-
-
+_MEASURED = (0.0, 0.05, 0.06, 0.07, 0.1, 0.2, 0.24, 0.25, 0.3, 0.5, 0.7, 0.74, 0.75, 1.0)
+"""Budgets of strategies in stages; between them costs are on a line."""
 CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
 renders: 0.3 million paths a second."""
@@ -88,54 +75,86 @@ class Costs:
 
 
 def measure_costs(
-    codes: SceneCodes,
-    cameras: Sequence[Camera],
-    strategies: Mapping[str, Strategy],
-    sides: Sequence[int],
-    repeats: int,
+    codes: SceneCodes, cameras: Sequence[Camera], strategies: Mapping[str, Strategy], repeats: int
 ) -> Costs:
     """Measure frames by every strategy, in turns; those that read the reference have no price."""
-    coded = codes.coded
-    staged = {name: strategy for name, strategy in strategies.items() if isinstance(strategy, StagedStrategy)}
-    known = [name for name, strategy in strategies.items() if REFERENCE not in strategy.needs and name not in staged]
-    frames: dict[str, list[float]] = {name: [] for name in known}
-    stages: dict[tuple[str, float], list[float]] = {(name, budget): [] for name in staged for budget in _MEASURED}
-    uniform: dict[int, list[float]] = {side: [] for side in sides}
-    pictures = dict(zip(predicted_names(list(codes.networks)), [coded, *codes.networks.values()], strict=True))
-    predicted: dict[str, list[float]] = {name: [] for name in pictures}
-    refined = []
+    names = predicted_names(list(codes.networks))
+    times: dict[str, list[float]] = {}
     with limit_threads(1):
         for camera in cameras:
-            pixels = _spread_pixels(camera)
-            runs = {name: _frame(codes.of(strategies[name]), camera, strategies[name]) for name in known}
-            runs |= {f"{name} {budget}": _staged(coded, camera, staged[name], budget) for name, budget in stages}
-            runs |= {f"uniform {side}": _uniform(coded, camera, side) for side in sides}
-            runs |= {f"picture {name}": _predicted(by, camera) for name, by in pictures.items()}
-            runs["reference"] = _reference(coded, camera, pixels)
+            runs = _runs(codes, camera, strategies)
             for run in runs.values():
                 run()  # compiles
-            seconds = {name: median(times) for name, times in take_turns(runs, repeats).items()}
-            for name in known:
-                frames[name].append(1e3 * seconds[name])
-            for name, budget in stages:
-                stages[name, budget].append(1e3 * seconds[f"{name} {budget}"])
-            for side in sides:
-                uniform[side].append(1e3 * seconds[f"uniform {side}"])
-            for name in pictures:
-                predicted[name].append(1e3 * seconds[f"picture {name}"])
-            refined.append(1e3 * seconds["reference"] / len(pixels))
+            for key, seconds in take_turns(runs, repeats).items():
+                times.setdefault(key, []).append(1e3 * median(seconds))
+    ms = {key: median(each) for key, each in times.items()}
     by_budget = {
-        name: np.interp(BUDGETS, _MEASURED, [median(stages[name, budget]) for budget in _MEASURED]).tolist()
-        for name in staged
+        name: np.interp(BUDGETS, _MEASURED, [ms[f"{name} {budget}"] for budget in _MEASURED]).tolist()
+        for name, strategy in strategies.items()
+        if isinstance(strategy, StagedStrategy)
     }
-    at_budget = {name: times[BUDGETS.tolist().index(STAGED_BUDGET)] for name, times in by_budget.items()}
+    at_budget = {name: curve[BUDGETS.tolist().index(STAGED_BUDGET)] for name, curve in by_budget.items()}
+    pixels = [len(_spread_pixels(camera)) for camera in cameras]
     return Costs(
-        {name: median(times) for name, times in frames.items()} | at_budget,
+        {name: ms[name] for name in strategies if name in ms} | at_budget,
         by_budget,
-        {side: median(times) for side, times in uniform.items()},
-        {name: median(times) for name, times in predicted.items()},
-        median(refined),
+        {side: ms[f"uniform {side}"] for side in SIDES},
+        {name: ms[f"picture {name}"] for name in names},
+        median(each / count for each, count in zip(times["reference of pixels"], pixels, strict=True)),
     )
+
+
+def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
+    """Names of the predicted pictures: by the weights of the evaluation, then by each further network."""
+    return [PREDICTED, *(f"{PREDICTED}-{network.name}" for network in networks)]
+
+
+def _runs(
+    codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]
+) -> dict[str, Callable[[], object]]:
+    """What is measured of a frame: strategies, at each budget those in stages; pictures; samples of the reference.
+
+    Names of strategies have no spaces.
+    """
+    coded, octree = codes.coded, codes.coded.octree
+    runs: dict[str, Callable[[], object]] = {}
+    for name, strategy in strategies.items():
+        if isinstance(strategy, StagedStrategy):
+            runs |= {f"{name} {budget}": partial(_rank_staged, coded, camera, strategy, budget) for budget in _MEASURED}
+        elif REFERENCE not in strategy.needs:
+            runs[name] = partial(_rank, codes.of(strategy), camera, strategy)
+    for side in SIDES:
+        runs[f"uniform {side}"] = partial(_supersample, octree, camera, side)
+    for name, by in zip(predicted_names(list(codes.networks)), [coded, *codes.networks.values()], strict=True):
+        runs[f"picture {name}"] = partial(_predict, by, camera)
+    pixels = _spread_pixels(camera)
+    runs["reference of pixels"] = partial(supersample_pixels, octree, camera, pixels, REFERENCE_SIDE)
+    return runs
+
+
+def _rank(coded: CodedOctree, camera: Camera, strategy: Strategy) -> None:
+    buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
+    refinement_order(buffers, strategy.scores(buffers))
+
+
+def _rank_staged(coded: CodedOctree, camera: Camera, strategy: StagedStrategy, budget: float) -> None:
+    buffers, scores = drain(scores_in_stages(coded.octree, camera, strategy, budget, coded))
+    refinement_order(buffers, scores)
+
+
+def _supersample(octree: Octree, camera: Camera, side: int) -> None:
+    drain(supersample(octree, camera, side))
+
+
+def _predict(coded: CodedOctree, camera: Camera) -> None:
+    buffers = drain(trace_view(coded.octree, camera, [], coded=coded, reference=False, unrefined=PREDICTED))
+    assert buffers.predicted is not None  # which computes it
+
+
+def _spread_pixels(camera: Camera) -> np.ndarray:
+    """Pixels (N,) int64 all over the picture."""
+    count = min(_REFERENCE_PIXELS, camera.pixel_count)
+    return np.linspace(0, camera.pixel_count - 1, count).astype(np.int64)
 
 
 def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> np.ndarray:
@@ -161,41 +180,3 @@ def read_costs(path: Path, key: str) -> Costs | None:
         return Costs.of_json(kept) if kept["key"] == key else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-
-
-def _frame(coded: CodedOctree, camera: Camera, strategy: Strategy):  # type: ignore[no-untyped-def]
-    def run() -> None:
-        buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
-        refinement_order(buffers, strategy.scores(buffers))
-
-    return run
-
-
-def _staged(coded: CodedOctree, camera: Camera, strategy: StagedStrategy, budget: float):  # type: ignore[no-untyped-def]
-    def run() -> None:
-        buffers, scores = drain(scores_in_stages(coded.octree, camera, strategy, budget, coded))
-        refinement_order(buffers, scores)
-
-    return run
-
-
-def _predicted(coded: CodedOctree, camera: Camera):  # type: ignore[no-untyped-def]
-    def run() -> None:
-        buffers = drain(trace_view(coded.octree, camera, [], coded=coded, reference=False, unrefined=PREDICTED))
-        assert buffers.predicted is not None  # which computes it
-
-    return run
-
-
-def _uniform(coded: CodedOctree, camera: Camera, side: int):  # type: ignore[no-untyped-def]
-    return lambda: drain(supersample(coded.octree, camera, side))
-
-
-def _reference(coded: CodedOctree, camera: Camera, pixels: np.ndarray):  # type: ignore[no-untyped-def]
-    return lambda: supersample_pixels(coded.octree, camera, pixels, REFERENCE_SIDE)
-
-
-def _spread_pixels(camera: Camera) -> np.ndarray:
-    """Pixels (N,) int64 all over the picture."""
-    count = min(_REFERENCE_PIXELS, camera.pixel_count)
-    return np.linspace(0, camera.pixel_count - 1, count).astype(np.int64)

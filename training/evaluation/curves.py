@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves of mean squared error over budgets, of frames and of tracks, and what is read off them (methods 5)."""
+"""Curves of mean squared error over budgets, what is read off them, and checks that they can be right (methods 5)."""
 
 from __future__ import annotations
 
@@ -9,17 +9,25 @@ from typing import Self
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.sampling import errors, optimal, random
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_looks import KnownLooks
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..strategies.registry import STAGED
 
 OPTIMAL, RANDOM = optimal.STRATEGY.name, random.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
 BUDGETS.setflags(write=False)
+# Sums of the same pixels in another order differ by that much of the frame's whole error.
+ROUNDING = 1e-9
+# `optimal` ranks by differences in float32, so pixels whose errors agree to 24 bits may stand in any order.
+RANKING = 1e-6
+# Of the standard errors of the random strategy at half the budget, where they are largest. Chance leaves a band of five
+# of them, over all budgets, once in 10^5 tracks.
+STANDARD_ERRORS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,39 +59,14 @@ class TrackErrors:
 
     @classmethod
     def of(cls, scene: str, strategies: Sequence[str], frames: Sequence[FrameErrors]) -> Self:
-        """Join frames, whose errors are in the order of `strategies`.
-
-        Raises SettingError without frames, for a name that is there twice, and for errors of another shape.
-        """
-        if not frames:
-            raise SettingError(f"Scene {scene!r} has no frames: render its track first")
-        if len(set(strategies)) != len(strategies):
-            raise SettingError(f"Scene {scene!r}: a strategy is named twice in {', '.join(strategies)}: name each once")
-        shape = len(strategies), len(BUDGETS)
-        for number, frame in enumerate(frames):
-            if frame.left.shape != shape:
-                raise SettingError(
-                    f"Scene {scene!r}, frame {number}: errors of shape {frame.left.shape} instead of {shape}: measure "
-                    f"every frame under the same {len(strategies)} strategies and {len(BUDGETS)} budgets"
-                )
-        return cls(
-            scene,
-            tuple(strategies),
-            np.array([frame.active for frame in frames], np.int64),
-            np.stack([frame.left for frame in frames]).astype(np.float64),
-            np.array([frame.variance for frame in frames], np.float64),
-        )
+        """Join one or more frames, whose errors are in the order of `strategies`."""
+        active = np.array([frame.active for frame in frames], np.int64)
+        left = np.stack([frame.left for frame in frames]).astype(np.float64)
+        return cls(scene, tuple(strategies), active, left, np.array([frame.variance for frame in frames], np.float64))
 
     def row(self, strategy: str) -> int:
-        """Index of a strategy; raises SettingError if it was not measured."""
-        return row_of(self.strategies, strategy, f"Scene {self.scene!r}")
-
-
-def row_of(strategies: Sequence[str], strategy: str, where: str) -> int:
-    """Index of a strategy among `strategies`; raises SettingError, which begins with `where`, if it is not there."""
-    if strategy not in strategies:
-        raise SettingError(f"{where}: strategy {strategy!r} was not measured, only {', '.join(strategies)}")
-    return strategies.index(strategy)
+        """Index of a strategy that was measured."""
+        return self.strategies.index(strategy)
 
 
 def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -105,12 +88,9 @@ def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dic
 def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> FrameErrors:
     """Errors of a frame under the strategies whose `orders` (A,) are given, in their order.
 
-    Raises SettingError for a view without a reference, or with importance, which would change what a budget means.
+    The view has a reference, and no importance, which would change what a budget means.
     """
-    if buffers.reference is None:
-        raise SettingError("The view has no reference: render it before its errors are measured")
-    if buffers.importance is not None:
-        raise SettingError("The view has importance: strategies are compared without it")
+    assert buffers.reference is not None and buffers.importance is None
     error = errors.squared_error(buffers)[buffers.active]
     budgets = BUDGETS.tolist()
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
@@ -134,37 +114,17 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
     """(S, 101) float64: mean squared error over all active pixels of all frames of all tracks (methods 5).
 
-    Raises SettingError for no tracks, or tracks that were not measured under the same strategies.
+    The tracks are measured under the same strategies.
     """
-    same_strategies(tracks)
     left = np.sum([track.left.sum(axis=0) for track in tracks], axis=0)
     return left / max(sum(int(track.active.sum()) for track in tracks), 1)
 
 
-def same_strategies(tracks: Sequence[TrackErrors]) -> tuple[str, ...]:
-    """Names of the strategies that all tracks have in common order; raises SettingError if they have not."""
-    if not tracks:
-        raise SettingError("No tracks to pool: give at least one")
-    for track in tracks[1:]:
-        if track.strategies != tracks[0].strategies:
-            raise SettingError(
-                f"Scenes {tracks[0].scene!r} and {track.scene!r} were measured under different strategies "
-                f"({', '.join(tracks[0].strategies)}; {', '.join(track.strategies)}): pool those of the same ones"
-            )
-    return tracks[0].strategies
-
-
 def mean_frame_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
     """(S, 101) float64: mean over frames of each frame's own mean squared error; frames without active pixels have
-    none and do not count (methods 5). Raises SettingError as `pooled_mse`."""
-    same_strategies(tracks)
+    none and do not count (methods 5)."""
     frames = [track.left[track.active > 0] / track.active[track.active > 0, None, None] for track in tracks]
     return np.sum([frame.sum(axis=0) for frame in frames], axis=0) / max(sum(map(len, frames)), 1)
-
-
-def psnr(mse: np.ndarray) -> np.ndarray:
-    """Peak signal-to-noise ratio in dB of each mean squared error, of any shape; infinite without error."""
-    return np.vectorize(errors.psnr, otypes=[np.float64])(mse)
 
 
 def random_line(mse: np.ndarray) -> np.ndarray:
@@ -199,3 +159,59 @@ def crossing(mse: np.ndarray, others: np.ndarray) -> np.ndarray:
     stays = below | ((mse == 0) & (least == 0))
     stays = np.logical_and.accumulate(stays[..., ::-1], axis=-1)[..., ::-1]
     return np.where((stays & below).any(axis=-1), BUDGETS[stays.argmax(axis=-1)], np.inf)
+
+
+class CheckError(PatchNetError):
+    """Measured errors contradict their definition: the message names scene, strategy, frame and budget."""
+
+
+def check_track(track: TrackErrors) -> None:
+    """Check the errors of a track; `optimal` and `random` must be among its strategies.
+
+    Every error is a number, none is left at budget 1, all strategies begin with the same, no curve rises but of those
+    that rank anew for each budget, none is below `optimal` in any frame, and `random` is near its line. Raises
+    CheckError at the first that does not hold.
+    """
+    best = track.left[:, track.row(OPTIMAL), None]
+    begin = best[..., :1]  # (F, 1, 1)
+    left = track.left
+    _require(track, np.isfinite(left) & (left >= 0), "has an error that is negative or no number")
+    _require(track, left[..., -1:] <= ROUNDING * begin, "has an error left where all is refined", 100)
+    same = np.abs(left[..., :1] - begin) <= ROUNDING * begin
+    _require(track, same, f"begins with another error than {OPTIMAL!r}")
+    falls = np.diff(left) <= ROUNDING * begin
+    falls[:, [row for row, name in enumerate(track.strategies) if name in STAGED]] = True
+    _require(track, falls, "has an error that rises with the budget", 1)
+    _require(track, left >= best - RANKING * begin, f"is below {OPTIMAL!r}, which nothing can be")
+    check_random(track)
+
+
+def check_random(track: TrackErrors) -> None:
+    """Check that the pooled error of `random` is within STANDARD_ERRORS of its expectation (methods 3.2).
+
+    The expectation is (1 - X) MSE(0), with X the share that whole pixels make of the budget. Raises CheckError.
+    """
+    frames = track.active > 0
+    active = track.active[frames, None]
+    left = track.left[frames, track.row(RANDOM)]
+    share = np.rint(active * BUDGETS) / active  # as `budget_count` rounds
+    off = np.abs((left - (1 - share) * left[:, :1]).sum(axis=0))
+    # All frames follow one order of pixels, so their deviations may add up: standard errors are added, not squares.
+    error = (np.sqrt(active[:, 0] * track.variance[frames]) / 2).sum()
+    allowed = STANDARD_ERRORS * error + ROUNDING * left[:, 0].sum()
+    worst = int(off.argmax()) if off.size else 0
+    if off.size and not off[worst] <= allowed:
+        raise CheckError(
+            f"Scene {track.scene!r}, strategy {RANDOM!r}, budget {worst} %: the error left is {off[worst]:.6g} off its "
+            f"expectation, and chance explains {allowed:.6g}: the order of pixels or the sums are wrong"
+        )
+
+
+def _require(track: TrackErrors, holds: np.ndarray, what: str, first_budget: int = 0) -> None:
+    """Raise CheckError for the first of (F, S, B) that does not hold; its first budget is `first_budget` %."""
+    if not holds.all():
+        frame, row, budget = np.argwhere(~holds)[0]
+        raise CheckError(
+            f"Scene {track.scene!r}, strategy {track.strategies[row]!r}, frame {frame}, budget {budget + first_budget} "
+            f"%: it {what}: its scores or errors were measured wrongly"
+        )

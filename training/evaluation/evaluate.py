@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.network.weights import Weights, load_weights
+from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
@@ -25,15 +25,14 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
+from ..encoders import load_weights
 from ..strategies.registry import EVALUATED
+from .codes import SceneCodes, SceneFiles, codes_path, load_scene, make_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
-from .kept_codes import codes_path
-from .networks.map_file import map_hash
-from .patch_networks import PatchNetwork
-from .quality import lpips_weights
-from .scene_codes import SceneCodes, SceneFiles, load_scene, make_codes
-from .strategies import strategies_in_use
+from .networks.maps import map_hash
+from .picture_metrics import lpips_weights
+from .strategies import PatchNetwork, strategies_in_use
 from .tracks import camera_track
 
 _BLOCK = 8  # frames
@@ -141,7 +140,7 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
     key = _key(settings, octree_hash(octree), weights.whole_hash)
     blocks = [
         FrameBlock(
-            files, cameras[first : first + _BLOCK], first, settings.strategies, SIDES,
+            files, cameras[first : first + _BLOCK], first, settings.strategies,
             folder / "frames" / f"{first:05}.safetensors", key, settings.lpips, settings.maps,
         )
         for first in range(0, len(cameras), _BLOCK)
@@ -203,6 +202,6 @@ def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strateg
     if kept is not None:
         return kept
     step = max(len(scene.cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(codes, scene.cameras[::step][:_COST_FRAMES], strategies, SIDES, _COST_REPEATS)
+    costs = measure_costs(codes, scene.cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
     write_costs(costs, path, key)
     return costs

@@ -10,10 +10,7 @@ import numpy as np
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import Camera
-from .free_space import FreeSpace
-from .look_ahead import LookAhead, step_of, turn_of
-from .poses import Lens, Pose, Seen, find_poses, look
-from .spline import catmull_rom
+from .poses import FreeSpace, Lens, LookAhead, Pose, Seen, find_poses, look, step_of, turn_of
 
 MAX_STEP = 0.01  # cube sides from frame to frame
 MAX_TURN = float(np.radians(3.0))  # from frame to frame
@@ -27,6 +24,27 @@ _TRIED_LEGS = 24
 _TRIED_SHOTS = 24
 _SPEEDS = (1.0, 0.5, 0.25)  # tried until a flight is smooth: who looks straight down turns fast
 _EVERY = 8  # frames of a shot, of which look-ahead is measured
+
+
+def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Values (N, C) at times `wanted` (N,) of the spline through points (K, C) at ascending times (K,).
+
+    Tangents are those of finite differences over uneven times; at both ends they are those of the straight piece there.
+    One point stays where it is.
+    """
+    if len(points) == 1:
+        return np.repeat(points, len(wanted), axis=0)
+    tangents = np.gradient(points, times, axis=0)  # (K, C)
+    piece = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
+    length = (times[piece + 1] - times[piece])[:, None]
+    s = (wanted - times[piece])[:, None] / length
+    result: np.ndarray = (
+        (2 * s**3 - 3 * s**2 + 1) * points[piece]
+        + (s**3 - 2 * s**2 + s) * length * tangents[piece]
+        + (3 * s**2 - 2 * s**3) * points[piece + 1]
+        + (s**3 - s**2) * length * tangents[piece + 1]
+    )
+    return result
 
 
 class Explorations:

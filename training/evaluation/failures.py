@@ -18,9 +18,8 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ..benchmarks.figures import check_figure
 from ..strategies.registry import EVALUATED
-from .crops import Crop, window_sums
-from .kept_codes import coded_octree
-from .panels import save_panels, show_picture, show_values
+from .codes import coded_octree
+from .panels import Crop, save_panels, show_picture, show_values, window_sums
 from .tracks import camera_track
 
 FIGURE = "failures"

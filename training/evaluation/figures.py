@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures of an evaluation: error over budget by the number of rays, and error over total time."""
+"""Figures of an evaluation: error over budget and over total time, and the matrix of generalisation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
+from . import WITHOUT
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .panels import save_panels
-from .patch_networks import network_name
+from .strategies import network_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +27,8 @@ _STYLES: dict[str, Style] = {
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
     "patchnet-exact": ("#56b4e9", ":"), "patchnet-plus-staged": ("black", ":"),
-    "patchnet-plus-1-staged": ("#b2182b", ":"),
+    "patchnet-plus-1-staged": ("#b2182b", ":"), "witw20": ("#332288", ":"), "kkr18": ("#332288", "--"),
+    "ss-unet": ("#332288", "-"),
 }  # fmt: skip
 # For further networks, the first ones that are named; those after them are gray.
 _NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
@@ -36,6 +38,10 @@ _PANELS = (
     (range(2, 3), "one further ray"),
     (range(3, 9), "four or five further rays"),
 )
+GENERALISATION = "generalisation"  # name of its files
+_COLORS = "RdBu_r"  # blue is below 1, red above; told apart also without colour vision
+_LEAST_RANGE = 2.0  # the scale goes at least from 1/2 to 2
+_CELL, _MARGIN = 0.72, 2.2  # inches
 
 
 def draw_budgets(
@@ -50,20 +56,14 @@ def draw_budgets(
 
     figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
-    budgets = 100 * np.asarray(values["budgets"])
     panels = figure.subplots(1, len(_PANELS), sharey=True)
     styles = _STYLES | network_styles(values["mse"])
     for axes, (rays, label) in zip(panels, _PANELS, strict=True):
-        for kind, style in (("random", "--"), ("optimal", ":")):
-            axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
+        strategies = [strategy for strategy in values["mse"] if values["rays_per_pixel"][strategy] in rays]
+        _draw_scene(axes, values, strategies, styles)
         for number, (label_of_level, level) in enumerate((levels or {}).items()):
             axes.axhline(1e4 * level, color="k", lw=0.8, ls=("-.", (0, (1, 3)))[number % 2], label=label_of_level)
-        for strategy, curve in values["mse"].items():
-            if values["rays_per_pixel"][strategy] in rays and strategy not in ("random", "optimal"):
-                _draw_curve(axes, budgets, _error(curve), strategy, styles)
-        axes.set(xlabel="refined (% of active pixels)", title=label, yscale="log")
-        axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
-        finish(axes)
+        axes.set(xlabel="refined (% of active pixels)", title=label)
         axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     panels[0].set_ylabel("mean squared error (1e-4)")
     return save_panels(figure, folder, name)
@@ -80,25 +80,15 @@ def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Pa
     figure = Figure(figsize=(3.2 * _COLUMNS, 2.9 * rows + 0.8), dpi=100, layout="constrained")
     panels = figure.subplots(rows, _COLUMNS, squeeze=False, sharex=True).ravel()
     for axes, (scene, values) in zip(panels, scenes.items(), strict=False):
-        budgets = 100 * np.asarray(values["budgets"])
-        for kind, style in (("random", "--"), ("optimal", ":")):
-            axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
-        for strategy in values["mse"]:
-            if strategy in _STYLES:
-                _draw_curve(axes, budgets, _error(values["mse"][strategy]), strategy, _STYLES)
-        axes.set(title=scene, yscale="log")
-        axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
-        finish(axes)
-        if axes.get_legend() is not None:
-            axes.get_legend().remove()
+        _draw_scene(axes, values, [strategy for strategy in values["mse"] if strategy in _STYLES], _STYLES)
+        axes.set_title(scene)
     for axes in panels[len(scenes) :]:
         axes.set_axis_off()
     for axes in panels[-_COLUMNS:]:
         axes.set_xlabel("refined (% of active pixels)")
     figure.supylabel("mean squared error (1e-4)", fontsize=10)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), fontsize=9, frameon=False, loc="outside lower center", ncols=7
-    )
+    labels = panels[0].get_legend_handles_labels()
+    figure.legend(*labels, fontsize=9, frameon=False, loc="outside lower center", ncols=7)
     return save_panels(figure, folder, name)
 
 
@@ -120,21 +110,37 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
             _draw_curve(axes, total_ms(values, strategy, price), _error(values["mse"][strategy]), strategy, _STYLES)
         axes.set(xlabel="milliseconds a frame, one thread", title=label, yscale="log", xscale="log")
         axes.set_ylim(values["mse"]["random"][0] * 1e4 / 300, values["mse"]["random"][0] * 1.2e4)
-        finish(axes)
-        axes.get_legend().remove()
-    uniform = values["uniform"].values()
-    left.plot(
-        [picture["ms_per_frame"] for picture in uniform], [picture["mse"] * 1e4 for picture in uniform],
-        "k^", ms=6, label="1, 2x2, 3x3, 4x4 rays in each pixel",
-    )  # fmt: skip
-    predicted = values["predicted"].values()
-    left.plot(
-        [picture["ms_per_frame"] for picture in predicted], [picture["mse"] * 1e4 for picture in predicted],
-        "k*", ms=9, label="predicted pictures, unrefined",
-    )  # fmt: skip
-    figure.legend(*left.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=6)
+        _finish(axes)
+    for kind, marker, size, label in (
+        ("uniform", "k^", 6, "1, 2x2, 3x3, 4x4 rays in each pixel"),
+        ("predicted", "k*", 9, "predicted pictures, unrefined"),
+    ):
+        found = [(picture["ms_per_frame"], 1e4 * picture["mse"]) for picture in values[kind].values()]
+        left.plot(*zip(*found, strict=True), marker, ms=size, label=label)
+    labels = left.get_legend_handles_labels()
+    figure.legend(*labels, fontsize=8, frameon=False, loc="outside lower center", ncols=6)
     left.set_ylabel("mean squared error (1e-4)")
     return save_panels(figure, folder, name)
+
+
+def _draw_scene(axes: Axes, values: Mapping[str, Any], strategies: Iterable[str], styles: Mapping[str, Style]) -> None:
+    """Draw error over budget of strategies, with random and optimal."""
+    budgets = 100 * np.asarray(values["budgets"])
+    for kind, style in (("random", "--"), ("optimal", ":")):
+        axes.plot(budgets, _error(values["mse"][kind]), style, color=GRAY, lw=1, label=kind)
+    for strategy in strategies:
+        if strategy not in ("random", "optimal"):
+            _draw_curve(axes, budgets, _error(values["mse"][strategy]), strategy, styles)
+    axes.set_yscale("log")
+    axes.set_ylim(values["mse"]["random"][0] * 1e4 / 200, values["mse"]["random"][0] * 1.2e4)
+    _finish(axes)
+
+
+def _finish(axes: Axes) -> None:
+    """Grid and frame; the legend is the figure's."""
+    finish(axes)
+    if (legend := axes.get_legend()) is not None:
+        legend.remove()
 
 
 def network_styles(strategies: Iterable[str]) -> dict[str, Style]:
@@ -162,3 +168,87 @@ def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, sty
 def _first_of(axes: Axes, label: str) -> str:
     """Label for the first of several curves alone."""
     return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
+
+
+def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Draw the matrices of `generalisation_of`; cells are outlined where row and column name one scene.
+
+    Returns the files, none if there are no networks; raises PatchNetError if one cannot be written.
+    """
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    matrices = {score: values["networks"] for score, values in found.items() if values["networks"]}
+    if not matrices:
+        return []
+    scenes = list(next(iter(next(iter(matrices.values())).values())))
+    rows = ordered_rows(list(next(iter(matrices.values()))), scenes)
+    grids = {score: _grid(cells, rows, scenes) for score, cells in matrices.items()}
+    there = np.concatenate([grid[np.isfinite(grid) & (grid > 0)] for grid in grids.values()])
+    widest = float(np.exp(np.abs(np.log(there)).max(initial=np.log(_LEAST_RANGE))))
+    norm = LogNorm(1 / widest, widest)
+    size = (2 * _CELL * len(scenes) + 2 * _MARGIN, _CELL * len(rows) * 0.7 + _MARGIN)
+    figure = Figure(figsize=(max(size[0], 7.5), size[1]), dpi=100, layout="constrained")
+    panels = figure.subplots(1, len(grids), sharey=True, squeeze=False)[0]
+    for axes, (score, grid) in zip(panels, grids.items(), strict=True):
+        image = axes.imshow(grid, cmap=_COLORS, norm=norm, aspect="auto")
+        _label(axes, grid, image, rows, scenes)
+        axes.set_title(f"score of {score}", fontsize=11)
+    panels[0].set_ylabel("trained on")
+    bar = figure.colorbar(image, ax=list(panels), shrink=0.9, pad=0.02)
+    bar.set_label("error at 30 % over that of ss-variance")
+    _plain_ticks(bar, widest)
+    return save_panels(figure, folder, GENERALISATION)
+
+
+def ordered_rows(networks: Sequence[str], scenes: Sequence[str]) -> list[str]:
+    """Networks of one scene, then those without one, each in the order of the scenes, so that both have a diagonal."""
+    wanted = [*scenes, *(WITHOUT + scene for scene in scenes)]
+    others = [name for name in networks if name not in wanted]
+    alone = [name for name in wanted[: len(scenes)] if name in networks]
+    alone += [name for name in others if not name.startswith(WITHOUT)]
+    return [
+        *alone,
+        *(name for name in wanted[len(scenes) :] if name in networks),
+        *(name for name in others if name.startswith(WITHOUT)),
+    ]
+
+
+def row_title(network: str) -> str:
+    """What a network was trained on, in words."""
+    return f"all but {network.removeprefix(WITHOUT)}" if network.startswith(WITHOUT) else network
+
+
+def _grid(cells: Mapping[str, Any], rows: Sequence[str], scenes: Sequence[str]) -> np.ndarray:
+    """Ratios (rows, scenes) float64, NaN where there is none."""
+    values = [[cells[row][scene]["value"] for scene in scenes] for row in rows]
+    return np.array([[np.nan if value is None else value for value in line] for line in values], np.float64)
+
+
+def _label(axes: Axes, grid: np.ndarray, image: Any, rows: Sequence[str], scenes: Sequence[str]) -> None:
+    """Write the cells' numbers, the names of rows and columns, and outline the diagonals."""
+    from matplotlib.patches import Rectangle
+
+    axes.set_xticks(range(len(scenes)), scenes, rotation=35, ha="right")
+    axes.set_yticks(range(len(rows)), [row_title(row) for row in rows])
+    axes.set_xlabel("tested on")
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    alone = sum(not row.startswith(WITHOUT) for row in rows)
+    if 0 < alone < len(rows):
+        axes.axhline(alone - 0.5, color="white", lw=5)
+    for (row, column), value in np.ndenumerate(grid):
+        text = f"{value:.2f}" if np.isfinite(value) else "none"
+        red, green, blue, _ = image.cmap(image.norm(value)) if np.isfinite(value) else (1.0, 1.0, 1.0, 1.0)
+        ink = "black" if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.5 else "white"
+        axes.text(column, row, text, ha="center", va="center", fontsize=9, color=ink)
+        if rows[row].removeprefix(WITHOUT) == scenes[column]:
+            style = "--" if rows[row].startswith(WITHOUT) else "-"
+            axes.add_patch(Rectangle((column - 0.46, row - 0.42), 0.92, 0.84, fill=False, color=ink, lw=1.6, ls=style))
+
+
+def _plain_ticks(bar: Any, widest: float) -> None:
+    """Ticks such as 0.5, 1, 2 on the colour scale."""
+    ticks = [tick for tick in (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0) if 1 / widest <= tick <= widest]
+    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    bar.ax.minorticks_off()

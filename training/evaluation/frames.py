@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -16,16 +16,18 @@ from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.sampling import patchnet_behind
+from ...patchnet_addon.sampling.errors import sum_left_after
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
+from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
-from ...patchnet_addon.sampling.uniform import uniform_error
+from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from .curves import TrackErrors, frame_errors, frame_orders, rank_staged
-from .predicted import predicted_left
-from .quality import lpips_weights, quality_of
-from .scene_codes import SceneCodes, SceneFiles, load_scene
+from .codes import SceneCodes, SceneFiles, load_scene
+from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
+from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
 
 KIND = "frames"
@@ -37,14 +39,13 @@ class FrameBlock:
 
     path: file of the results. key: of everything that they depend on; a file with another key is made again.
     strategies: names, in the order of the results; those of maps, weights files of map networks, follow, then those of
-    the networks of `files`. sides: of the uniform pictures. lpips: files of its trunk and heads.
+    the networks of `files`. lpips: files of its trunk and heads.
     """
 
     files: SceneFiles
     cameras: Sequence[Camera]
     first: int
     strategies: tuple[str, ...]
-    sides: tuple[int, ...]
     path: Path
     key: str
     lpips: tuple[Path, Path] | None = None
@@ -53,7 +54,7 @@ class FrameBlock:
 
 @dataclass(frozen=True, eq=False)
 class BlockResult:
-    """Results of F frames, S strategies and U uniform pictures.
+    """Results of F frames, S strategies and U uniform pictures, which have SIDES.
 
     active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
@@ -102,7 +103,7 @@ def evaluate_block(block: FrameBlock) -> None:
             quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
-            uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in block.sides]
+            uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
             rows.append(
                 (errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, *pictures, quality)
@@ -142,3 +143,17 @@ def _scores(
 def _load(files: SceneFiles) -> SceneCodes:
     """Scene of the last block; its codes are mapped, so that processes share the memory."""
     return load_scene(files)
+
+
+def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:
+    """(N, 101) float64: squared error of N predicted pictures of a frame, summed over active pixels.
+
+    It is what each budget of BUDGETS leaves by the picture's own priority. views: each with a prediction of its own,
+    and the reference.
+    """
+    rows = []
+    for view in views:
+        buffers = replace(view, unrefined=PREDICTED)
+        order = refinement_order(buffers, patchnet_behind.STRATEGY.scores(buffers))
+        rows.append(sum_left_after(buffers, order, BUDGETS.tolist()))
+    return np.array(rows, np.float64)

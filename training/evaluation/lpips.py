@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ _CHUNK = 16  # pictures at once, for memory
 
 @dataclass(frozen=True, eq=False)
 class LpipsWeights:
-    """Weights of LPIPS on one device, float32 on a CPU and float64 on a GPU.
+    """Weights of LPIPS, float32.
 
     trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1), none
     negative.
@@ -48,14 +47,12 @@ class LpipsWeights:
     heads: tuple[torch.Tensor, ...]
 
     @classmethod
-    def load(cls, trunk_path: Path, heads_path: Path, device: str = "cpu") -> Self:
+    def load(cls, trunk_path: Path, heads_path: Path) -> Self:
         """Load torchvision's state dict of AlexNet, and that of the package lpips' v0.1 linear heads for it.
 
-        device: auto, cpu, cuda or cuda:N. Raises PatchNetError without torch, SettingError for a device that is not
-        there, and WeightsFileError for a file that is missing or another one.
+        Raises PatchNetError without torch, and WeightsFileError for a file that is missing or another one.
         """
-        device = found_device(device, "LPIPS device")
-        trunk_file, heads_file = _read(trunk_path, device), _read(heads_path, device)
+        trunk_file, heads_file = _read(trunk_path), _read(heads_path)
         trunk, heads = [], []
         for layer, (number, before, after, side, *_) in enumerate(_LAYERS):
             kernel = _entry(trunk_file, f"features.{number}.weight", (after, before, side, side), trunk_path)
@@ -72,12 +69,10 @@ class LpipsWeights:
 def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """LPIPS (N,) float64 of gray pictures (N, H, W) in [0, 1] against one reference (H, W).
 
-    Raises SettingError for pictures of another size than the reference, or of less than 31 pixels.
+    All are of one size. Raises SettingError for less than 31 pixels.
     """
     import torch
 
-    if pictures.ndim != 3 or pictures.shape[1:] != reference.shape:
-        raise SettingError(f"LPIPS compares pictures of one size, not of {pictures.shape[1:]} and {reference.shape}")
     if min(reference.shape) < LEAST_SIDE_PX:
         raise SettingError(f"LPIPS needs {LEAST_SIDE_PX} pixels a side, and the picture has {reference.shape}")
     with torch.no_grad():
@@ -85,7 +80,7 @@ def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) ->
         parts = []
         for start in range(0, len(pictures), _CHUNK):
             chunk = torch.as_tensor(pictures[start : start + _CHUNK]).to(weights.heads[0])
-            parts.append(_distances(weights, _features(weights, chunk), wanted).cpu().numpy())
+            parts.append(_distances(weights, _features(weights, chunk), wanted).numpy())
     return np.concatenate([np.empty(0), *parts])
 
 
@@ -114,7 +109,7 @@ def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
     return features
 
 
-def _read(path: Path, device: str) -> dict[str, torch.Tensor]:
+def _read(path: Path) -> dict[str, torch.Tensor]:
     """Read a state dict; nothing in the file is executed."""
     try:
         import torch
@@ -128,7 +123,7 @@ def _read(path: Path, device: str) -> dict[str, torch.Tensor]:
         raise WeightsFileError(f"{path} cannot be read ({cause.strerror}): give a file of weights") from cause
     with file:
         try:
-            found = torch.load(file, map_location=device, weights_only=True)
+            found = torch.load(file, map_location="cpu", weights_only=True)
         except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
             raise WeightsFileError(f"{path} is no state dict of torch, or damaged: fetch the file again") from cause
     if not isinstance(found, dict):
@@ -146,5 +141,4 @@ def _entry(found: dict[str, torch.Tensor], name: str, shape: tuple[int, ...], pa
         )
     if not value.isfinite().all():
         raise WeightsFileError(f"{path}: {name!r} has values that are not finite: fetch the file again")
-    # A GPU may shorten float32 in convolutions to 10 bits of mantissa (TF32), but never float64.
-    return value.double() if value.is_cuda else value.float()
+    return value.float()

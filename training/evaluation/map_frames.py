@@ -13,10 +13,10 @@ from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
-from .networks.rendered_frame import RenderedFrame, render_frame
+from .networks.frames import RenderedFrame, render_frame
 from .tracks import camera_track
 
-_CODE = ("training.evaluation.networks.rendered_frame", "training.evaluation.tracks")
+_CODE = "training.evaluation.map_frames"  # renders, with all that it imports
 
 
 @dataclass(frozen=True)
@@ -71,4 +71,4 @@ def _frames_of(path: Path, settings: FrameSettings, folder: Path, key: str) -> S
 
 def _key(octree: str, settings: FrameSettings) -> str:
     """Hash (32 hex digits) of what the frames depend on: octree, settings and the code that renders."""
-    return hashlib.sha256(repr((octree, settings, source_hash(*_CODE))).encode()).hexdigest()[:32]
+    return hashlib.sha256(repr((octree, settings, source_hash(_CODE))).encode()).hexdigest()[:32]

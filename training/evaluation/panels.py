@@ -1,20 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels of figures: pictures without axes, and figures saved as .png and .svg."""
+"""Pictures in figures: panels without axes, crops found by rule, and what each strategy refines first of a frame."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.heatmap import tint
+from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.sampling.ranking import Ranking, rank
+from ...patchnet_addon.sampling.refine import refined_picture
+from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.tracing.camera import Camera
 from ..benchmarks.figures import save_figure
+from ..strategies.registry import EVALUATED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ENDINGS = (".png", ".svg")
+PATTERN_STRATEGIES = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "fine-rays-4", "optimal")
+PATTERN_BUDGET = 0.3
 
 
 def show_picture(axes: Axes, picture: np.ndarray, title: str, *, interpolation: str = "nearest") -> None:
@@ -45,3 +57,72 @@ def save_panels(figure: Figure, folder: Path, name: str) -> list[Path]:
     for path in paths:
         save_figure(figure, path)
     return paths
+
+
+@dataclass(frozen=True)
+class Crop:
+    """Square of `side` pixels in a picture; row and column are those of its first pixel, row 0 is the lowest."""
+
+    row: int
+    column: int
+    side: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Index of the square in a picture."""
+        return slice(self.row, self.row + self.side), slice(self.column, self.column + self.side)
+
+
+def window_sums(values: np.ndarray, side: int) -> np.ndarray:
+    """Sums (H - side + 1, W - side + 1) float64 of all squares in `values` (H, W)."""
+    total = np.pad(np.asarray(values, np.float64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    return total[side:, side:] - total[:-side, side:] - total[side:, :-side] + total[:-side, :-side]
+
+
+def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tuple[Crop, Crop]:
+    """Two squares that do not overlap: where errors (H, W) are below `other` by most, and where above by most.
+
+    The second is found beside the first. side: in pixels, at most half of the picture's.
+    """
+    gain = window_sums(np.asarray(other, np.float64) - error, side)
+    first = _at(int(np.argmax(gain)), gain.shape, side)
+    rows, columns = np.ogrid[: gain.shape[0], : gain.shape[1]]
+    beside = np.maximum(abs(rows - first.row), abs(columns - first.column)) >= side
+    second = _at(int(np.argmin(np.where(beside, gain, np.inf))), gain.shape, side)
+    return first, second
+
+
+def _at(index: int, shape: tuple[int, ...], side: int) -> Crop:
+    row, column = divmod(index, shape[1])
+    return Crop(row, column, side)
+
+
+def draw_patterns(coded: CodedOctree, camera: Camera, folder: Path, name: str) -> Steps[list[Path]]:
+    """Draw what PATTERN_BUDGET refines of a frame, red is first, and the absolute errors that are left (Fig. 2).
+
+    Returns the files; raises PatchNetError if one cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    chosen = [EVALUATED[strategy] for strategy in PATTERN_STRATEGIES]
+    buffers = yield from trace_view(coded.octree, camera, chosen, coded=coded)
+    assert buffers.reference is not None
+    figure = Figure(figsize=(2.1 * (len(chosen) + 1), 4.8), dpi=100, layout="constrained")
+    above, below = figure.subplots(2, len(chosen) + 1)
+    largest = float(np.abs(buffers.preview - buffers.reference).max()) or 1.0
+    show_picture(above[0], gray(buffers.picture(buffers.preview)), "one ray a pixel")
+    show_picture(below[0], gray(buffers.picture(buffers.reference)), "32 x 32 rays")
+    for axes, error_axes, strategy in zip(above[1:], below[1:], chosen, strict=True):
+        ranking = rank(strategy, buffers, PATTERN_BUDGET)
+        show_picture(axes, pattern(ranking), strategy.name)
+        before, after = ranking.mse
+        error = np.abs(refined_picture(buffers, ranking.mask) - buffers.reference)
+        show_values(error_axes, buffers.picture(error), largest, f"{1e4 * after:.1f} of {1e4 * before:.1f} e-4")
+    return save_panels(figure, folder, name)
+
+
+def pattern(ranking: Ranking) -> np.ndarray:
+    """Preview (H, W, 3) with the pixels that the ranking's budget refines in red, redder is first."""
+    buffers = ranking.buffers
+    urgency = ranking.urgency(int(np.count_nonzero(ranking.mask)))
+    return tint(buffers.picture(buffers.preview), buffers.picture(urgency))

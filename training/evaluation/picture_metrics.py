@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture metrics at budgets: SSIM, MS-SSIM, FLIP and LPIPS of what a refinement shows (methods 5, 7.1)."""
+"""Picture metrics at budgets, SSIM, MS-SSIM, FLIP and LPIPS, for the strategies that decide (methods 5, 7.1).
+
+Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity", IEEE TIP
+13, 2004; Wang, Simoncelli, Bovik, "Multiscale structural similarity for image quality assessment", Asilomar 2003.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,45 +19,47 @@ from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refined_count, refined_picture
-from .lpips import lpips
-from .structure import structure_of
+from .lpips import LpipsWeights, lpips
 
-if TYPE_CHECKING:
-    from .lpips import LpipsWeights
+QUALITY_STRATEGIES = (
+    "patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet", "patchnet-behind", "fusion", "ss-variance",
+    "ss-variance-hits", "fine-ray", "fine-rays-4", "random", "optimal",
+)  # fmt: skip
+QUALITY_BUDGETS = (0.0, 0.1, 0.3, 0.5)
+_METRICS = ("ssim", "ssim_active", "ms_ssim", "flip", "lpips")
+QUALITY_NAMES = tuple(f"{name} {encoding}" for encoding in ("linear", "srgb") for name in _METRICS)
+REACH_PX = 5  # of the window of SSIM, 11 x 11 pixels
+SIDE_PX = 2 * REACH_PX + 1
+SIGMA_PX = 1.5
+C1, C2 = 0.01**2, 0.03**2  # (K1 L)^2 and (K2 L)^2 for the data range L = 1
+SCALE_WEIGHTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
-LINEAR, SRGB = "linear", "srgb"
-NO_FLIP = "the package flip-evaluator is not there: install patchnet-blender[verify]"
-FLIP_OF_LINEAR = "FLIP is of what a screen shows, and decodes it itself: see that of the sRGB picture"
-FLIP_NOT_ASKED = "FLIP was not asked for"
-NO_LPIPS = "no weights were given: load AlexNet's and the LPIPS v0.1 heads (LpipsWeights.load)"
 
+def quality_of(
+    buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None, *, flips: bool = True
+) -> np.ndarray:
+    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for what was not measured or run.
 
-@dataclass(frozen=True)
-class PictureMetrics:
-    """Metrics of one composed picture against the reference.
-
-    ssim: over the full frame. ssim_active: mean of its map over active pixels; None without any. ms_ssim: over
-    `ms_ssim_scales` scales. flip, lpips: None where they were not run, and `not_run` says why by
-    name.
+    flips: whether FLIP is run, which takes longer than all others together.
     """
-
-    ssim: float
-    ssim_active: float | None
-    ms_ssim: float
-    ms_ssim_scales: int
-    flip: float | None
-    lpips: float | None
-    not_run: dict[str, str]
+    quality = np.full((len(QUALITY_STRATEGIES), len(QUALITY_BUDGETS), len(QUALITY_NAMES)), np.nan)
+    rows = [row for row, name in enumerate(QUALITY_STRATEGIES) if name in orders]
+    if min(buffers.width, buffers.height) < SIDE_PX or not rows:
+        return quality
+    # Without budget all strategies show the same picture.
+    pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
+    pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
+    found = picture_metrics(buffers, np.concatenate(pictures), weights, flips=flips)
+    quality[rows, 0] = found[0]
+    quality[rows, 1:] = found[1:].reshape(len(rows), -1, len(QUALITY_NAMES))
+    return quality
 
 
 def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
     """(B, H, W) float32: linear luminance of the reference where each budget refines, of the preview elsewhere.
 
-    order: (A,) active pixels, first refined first. Raises SettingError for a view without a reference, or a budget
-    outside 0 to 1.
+    order: (A,) active pixels, first refined first.
     """
-    if buffers.reference is None:
-        raise SettingError("The view has no reference: render it before pictures are compared")
     pictures = []
     for budget in budgets:
         mask = np.zeros(len(buffers.preview), bool)
@@ -63,43 +70,102 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
 
 def picture_metrics(
     buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None, *, flips: bool = True
-) -> dict[str, tuple[PictureMetrics, ...]]:
-    """Measure composed pictures (N, H, W), of linear luminance (LINEAR) and of it sRGB-encoded (SRGB).
+) -> np.ndarray:
+    """(N, M) float64, QUALITY_NAMES of pictures (N, H, W) of linear luminance, as it is and sRGB-encoded.
 
-    flips: whether FLIP is run, which takes longer than all others together.
-    Raises SettingError for a view without a reference, and for pictures smaller than the metrics' windows.
+    ssim_active is the mean of SSIM's map over active pixels. NaN: lpips without weights; flip of linear luminance, as
+    it decodes what a screen shows, and where flip-evaluator is not there. Raises SettingError as `lpips`.
     """
-    if buffers.reference is None:
-        raise SettingError("The view has no reference: render it before pictures are compared")
-    pictures = clamped(pictures)
-    reference = clamped(buffers.picture(buffers.reference))
+    assert buffers.reference is not None
+    pictures, reference = clamped(pictures), clamped(buffers.picture(buffers.reference))
     active = buffers.picture(buffers.active)
     differences = [flip(picture, reference) if flips else None for picture in pictures]
-    missing = {} if None not in differences else {"flip": NO_FLIP if flips else FLIP_NOT_ASKED}
-    return {
-        LINEAR: _measured(pictures, reference, active, [None] * len(pictures), {"flip": FLIP_OF_LINEAR}, weights),
-        SRGB: _measured(srgb_encode(pictures), srgb_encode(reference), active, differences, missing, weights),
-    }
+    unknown = np.full(len(pictures), np.nan)
+    columns: list[np.ndarray] = []
+    for encode, flipped in ((np.asarray, unknown), (srgb_encode, np.array(differences, np.float64))):
+        encoded, wanted = encode(pictures), encode(reference)
+        found = structure_of(encoded, wanted)
+        in_active = found.similarity[:, active].mean(axis=1) if active.any() else unknown
+        perceived = unknown if weights is None else lpips(weights, encoded, wanted)
+        columns += [found.ssim, in_active, found.ms_ssim, flipped, perceived]
+    return np.stack(columns, axis=1)
 
 
-def _measured(
-    pictures: np.ndarray,
-    reference: np.ndarray,
-    active: np.ndarray,
-    flips: Sequence[float | None],
-    not_run: dict[str, str],
-    weights: LpipsWeights | None,
-) -> tuple[PictureMetrics, ...]:
-    """Metrics of pictures (N, H, W) against the reference (H, W), both encoded alike."""
-    perceived: list[float | None] = [None] * len(pictures)
-    if weights is None:
-        not_run = not_run | {"lpips": NO_LPIPS}
-    else:
-        perceived = lpips(weights, pictures, reference).tolist()
-    found = structure_of(pictures, reference)
-    in_active = found.similarity[:, active].mean(axis=1).tolist() if active.any() else [None] * len(pictures)
-    columns = zip(found.ssim.tolist(), in_active, found.ms_ssim.tolist(), flips, perceived, strict=True)
-    return tuple(
-        PictureMetrics(ssim, ssim_active, ms_ssim, found.scales, flipped, distance, dict(not_run))
-        for ssim, ssim_active, ms_ssim, flipped, distance in columns
-    )
+@lru_cache(maxsize=1)
+def lpips_weights(files: tuple[Path, Path] | None) -> LpipsWeights | None:
+    """Weights of LPIPS from the files of its trunk and its heads; None without them. Raises SettingError."""
+    if files is None:
+        return None
+    for path in files:
+        if not path.is_file():
+            raise SettingError(f"File {path} with weights of LPIPS does not exist: check --lpips")
+    return LpipsWeights.load(*files)
+
+
+class Structure(NamedTuple):
+    """Structural similarity of N pictures with one reference.
+
+    similarity: (N, H, W) float64, SSIM at each pixel; the pictures are mirrored at their border. ssim: (N,) float64,
+    its mean without the 5 pixels at the border, whose windows are not in the picture. ms_ssim: (N,) float64.
+    scales: that MS-SSIM was measured on, 5 or as many as fit into the picture.
+    """
+
+    similarity: np.ndarray
+    ssim: np.ndarray
+    ms_ssim: np.ndarray
+    scales: int
+
+
+def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
+    """SSIM and multi-scale SSIM of pictures (N, H, W) with a reference (H, W), all in [0, 1].
+
+    Each scale halves the one before by means of 2 x 2 pixels. A scale whose shorter side would be below 11 pixels is
+    left out, and the weights of the others are divided by their sum: 130 pixels hold 4 scales, 5 need 176. Negative
+    means of a scale count as 0, since they have no real power. Pictures are as large as the window of 11 x 11 pixels.
+    """
+    x, y = pictures.astype(np.float64), reference.astype(np.float64)
+    luminance, contrast = _parts(x, y)
+    similarity = luminance * contrast
+    weights = SCALE_WEIGHTS[: _scales(min(reference.shape))]
+    value = np.ones(len(x))
+    for number, weight in enumerate(weights):
+        if number:
+            x, y = _halved(x), _halved(y)
+            luminance, contrast = _parts(x, y)
+        term = luminance * contrast if number == len(weights) - 1 else contrast
+        value *= np.maximum(_inner_mean(term), 0.0) ** (weight / sum(weights))
+    return Structure(similarity, _inner_mean(similarity), value, len(weights))
+
+
+def _scales(side_px: int) -> int:
+    """Number of scales, at least 1 and at most 5, that a side is wide enough for."""
+    return max(sum(side_px >= SIDE_PX * 2**scale for scale in range(len(SCALE_WEIGHTS))), 1)
+
+
+def _parts(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Luminance term and contrast-structure term (N, H, W) of SSIM of pictures (N, H, W) with one (H, W)."""
+    mean_x, mean_y = _blurred(x), _blurred(y)
+    variances = _blurred(x * x) - mean_x**2 + (_blurred(y * y) - mean_y**2)
+    covariance = _blurred(x * y) - mean_x * mean_y
+    luminance = (2 * mean_x * mean_y + C1) / (mean_x**2 + mean_y**2 + C1)
+    return luminance, (2 * covariance + C2) / (variances + C2)
+
+
+def _blurred(values: np.ndarray) -> np.ndarray:
+    """Gaussian means (..., H, W) of the 11 x 11 pixels around each."""
+    from scipy.ndimage import correlate1d
+
+    weights = np.exp(-0.5 * (np.arange(-REACH_PX, REACH_PX + 1) / SIGMA_PX) ** 2)
+    weights /= weights.sum()
+    return np.asarray(correlate1d(correlate1d(values, weights, axis=-2), weights, axis=-1))
+
+
+def _inner_mean(values: np.ndarray) -> np.ndarray:
+    return np.asarray(values[..., REACH_PX:-REACH_PX, REACH_PX:-REACH_PX].mean(axis=(-2, -1)))
+
+
+def _halved(values: np.ndarray) -> np.ndarray:
+    """Means of 2 x 2 pixels; the last row or column of an odd side counts twice."""
+    height, width = values.shape[-2:]
+    even = np.pad(values, [(0, 0)] * (values.ndim - 2) + [(0, height % 2), (0, width % 2)], mode="edge")
+    return np.asarray((even[..., ::2, ::2] + even[..., 1::2, ::2] + even[..., ::2, 1::2] + even[..., 1::2, 1::2]) / 4)

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poses in free space from which a camera sees surface with look-ahead, nearer or farther (methods 4.1b, 7.6)."""
+"""Poses from which a camera sees surface with look-ahead, and the free space that it may be in (methods 4.1b, 7.6)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
-from .free_space import FreeSpace
+from ...patchnet_addon.tracing.viewpoints import grown, occupied_cells
 
+_LEVELS_ABOVE_LEAVES = 2  # a cell is four finest voxels wide
+_MAX_LEVEL = 8  # 17 million cells
 FOV = float(np.radians(60.0))  # vertical
 MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, as the way between poses may have less
 _POSITIONS = 200  # tried in the surface's box, and as many around it
@@ -25,6 +29,40 @@ _BRIGHT = 0.1  # luminance from which surface counts as lit
 _BEND = 0.05  # of 1 / z from pixel to pixel, more than the sides of voxels make
 _ENCLOSED = 0.7  # share of hits all around from which a position is inside something
 _ENOUGH = 24  # enclosed poses that are enough to stay inside
+
+
+class FreeSpace:
+    """Cells of a level that are neither occupied nor beside an occupied cell, and all that is outside the cube.
+
+    So a free point is at least `clearance_world` from every occupied voxel: four finest voxels, more below depth 10.
+    bounds_world: (2, 3) float64, box of the occupied cells.
+    """
+
+    def __init__(self, octree: Octree) -> None:
+        self._grid = octree.grid
+        self._level = min(max(octree.depth - _LEVELS_ABOVE_LEAVES, 0), _MAX_LEVEL)
+        occupied = np.pad(occupied_cells(octree, self._level), 1)
+        self._blocked = grown(occupied)
+        self.clearance_world: float = octree.grid.side_world / (1 << self._level)
+        where = np.argwhere(occupied) - 1
+        corners = np.stack([where.min(axis=0), where.max(axis=0) + 1])
+        self.bounds_world: np.ndarray = octree.grid.to_world(corners / (1 << self._level))
+
+    def contains(self, points_world: np.ndarray) -> np.ndarray:
+        """Tell which points (N, 3) are free: (N,) bool."""
+        cells = np.floor(self._grid.to_unit(points_world) * (1 << self._level)).astype(np.int64) + 1
+        inside = ((cells >= 0) & (cells < len(self._blocked))).all(axis=1)
+        x, y, z = np.where(inside[:, None], cells, 0).T
+        return ~(inside & self._blocked[x, y, z])
+
+    def contains_path(self, points_world: np.ndarray) -> bool:
+        """Tell whether all of a path of straight pieces between points (N, 3) is free."""
+        spacing = 0.5 * self.clearance_world
+        for start, end in pairwise(points_world):
+            count = int(np.linalg.norm(end - start) / spacing) + 2
+            if not self.contains(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)).all():
+                return False
+        return bool(self.contains(points_world[-1:]).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +194,33 @@ def _all_around(random: np.random.Generator) -> list[np.ndarray]:
         for pitch in _PITCHES
         for angle in angles
     ]
+
+
+class LookAhead:
+    """Nodes of an octree that have descendants `lookahead` levels down, to count them in pictures."""
+
+    def __init__(self, octree: Octree, lookahead: int) -> None:
+        self._octree = octree
+        self._ahead = octree.look_ahead(lookahead)
+
+    def count(self, camera: Camera) -> tuple[int, int, float]:
+        """Pixels with look-ahead, pixels that hit, and the shortest ray in world units (inf without hits)."""
+        hits = first_hits(self._octree, camera)
+        nodes = hits.node[hits.hit]
+        return int(self._ahead[nodes].sum()), len(nodes), float(hits.t_world.min())
+
+    def share(self, cameras: Sequence[Camera]) -> float:
+        """Share of the hits of all cameras; 1 without hits."""
+        ahead, hit = np.sum([self.count(camera)[:2] for camera in cameras], axis=0)
+        return float(ahead / hit) if hit else 1.0
+
+
+def step_of(one: Camera, other: Camera) -> float:
+    """Distance between two cameras in world units."""
+    return float(np.linalg.norm(other.position_world - one.position_world))
+
+
+def turn_of(one: Camera, other: Camera) -> float:
+    """Angle of the rotation between two cameras in radians, roll included."""
+    axes, other_axes = (np.stack([camera.right, camera.up, camera.forward]) for camera in (one, other))
+    return float(np.arccos(np.clip((np.sum(axes * other_axes) - 1.0) / 2.0, -1.0, 1.0)))

@@ -12,17 +12,14 @@ import numpy as np
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.sampling.uniform import SIDES
 from .bootstrap import Bootstrap, finite, number_with_interval
-from .checks import check_track
-from .claims import claims_of
-from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, mean_frame_mse, pooled_mse
+from .claims import claims_of, generalisation_of
+from .curves import BUDGETS, OPTIMAL, TrackErrors, check_track, excess_area, mean_frame_mse, pooled_mse
 from .evaluate import SceneResult
-from .generalisation import generalisation_of
-from .patch_networks import PatchNetwork
-from .quality import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
+from .picture_metrics import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
+from .strategies import PatchNetwork
 
 POOLED = "all scenes"
 PREDICTED_RAYS = 2  # a pixel: its own, and the one that goes on behind the patch
-SHOWN = (0.05, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)  # budgets of tables
 
 
 def results_of(

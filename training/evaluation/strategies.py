@@ -1,16 +1,100 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies in use in an evaluation: those of the registry that are asked for, and those of weights files."""
+"""Strategies of an evaluation: those of the registry, of map networks, and of networks of `patchnet lab train`."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling import patchnet, patchnet_behind
 from ...patchnet_addon.sampling.strategy import Strategy
+from ..encoders import load_weights
 from ..strategies.registry import EVALUATED, evaluated
-from .networks.strategies import map_strategy
-from .patch_networks import NetworkStrategy, PatchNetwork, network_strategies
+from .networks.maps import map_strategy
+
+PREFIX = "pn-"
+_ENDINGS = {patchnet.STRATEGY.name: "", patchnet_behind.STRATEGY.name: "-behind"}
+SCORES = tuple(_ENDINGS)
+"""Strategies of the shipped network whose scores every other network is measured with."""
+
+
+@dataclass(frozen=True)
+class PatchNetwork:
+    """Network under a name. weights: its file. hash: of its weights. sample_passes: of its training, 0 if it does not
+    say. octrees: hashes of those that it learned from, as far as it says them."""
+
+    name: str
+    weights: Path
+    hash: str
+    sample_passes: int = 0
+    octrees: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkStrategy(Strategy):
+    """Strategy of the shipped network, on what another network predicts; that one's codes decode to it."""
+
+    network: PatchNetwork
+
+
+def patch_networks(named: Sequence[tuple[str, Path]], lookahead: int) -> tuple[PatchNetwork, ...]:
+    """Networks of weights files, by names of a-z, 0-9 and hyphens, that all look `lookahead` levels ahead.
+
+    Raises SettingError for a name that cannot be one, or is there twice, and for a network that looks another number of
+    levels ahead; WeightsFileError for a file that is missing or no weights file.
+    """
+    names = [name for name, _ in named]
+    for name in names:
+        if not re.fullmatch("[a-z0-9-]+", name) or name.endswith(_ENDINGS[patchnet_behind.STRATEGY.name]):
+            raise SettingError(
+                f"A network cannot be called {name!r}: write its name with a to z, 0 to 9 and hyphens, without -behind "
+                "at its end, as in --networks station=run/patchnet.safetensors"
+            )
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks are called {name!r}: give each a name of its own in --networks")
+    return tuple(_network(name, path, lookahead) for name, path in named)
+
+
+def strategy_name(network: str, score: str) -> str:
+    """Name of the strategy that one of SCORES makes with the network of a name."""
+    return f"{PREFIX}{network}{_ENDINGS[score]}"
+
+
+def network_name(strategy: str) -> str | None:
+    """Name of the network that a strategy of this name is by; None if it is by no further network."""
+    if not strategy.startswith(PREFIX):
+        return None
+    return strategy.removeprefix(PREFIX).removesuffix(_ENDINGS[patchnet_behind.STRATEGY.name])
+
+
+def network_strategies(network: PatchNetwork) -> list[NetworkStrategy]:
+    """Strategies of a network, one for each of SCORES."""
+    return [
+        NetworkStrategy(
+            **vars(strategy)
+            | {
+                "name": strategy_name(network.name, strategy.name),
+                "title": f"{strategy.title}, {network.name}",
+                "description": f"{strategy.description}; by the network {network.name}",
+            },
+            network=network,
+        )
+        for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY)
+    ]
+
+
+def _network(name: str, path: Path, lookahead: int) -> PatchNetwork:
+    weights = load_weights(path)
+    if weights.lookahead != lookahead:
+        raise SettingError(
+            f"Network {name!r} looks {weights.lookahead} levels ahead, and the evaluation {lookahead}: give --networks "
+            "that look as far, or others with --weights"
+        )
+    octrees = frozenset(weights.metadata.get("octrees", {}).values())
+    return PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees)
 
 
 def strategies_in_use(

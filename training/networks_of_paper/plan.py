@@ -1,17 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plan of which networks are trained: their names, what they learn from, encoder and look-ahead; imports no torch."""
+"""Plan of which networks are trained, and where each stands in the folder of a run; imports no torch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from ...patchnet_addon.network.encoders import ENCODERS, MLP
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
-from ..evaluation.network_names import WITHOUT
+from ...patchnet_addon.runtime.file_kinds import NETWORKS, NETWORKS_TABLE
+from ..encoders import ENCODERS
+from ..evaluation import WITHOUT
+from ..run.run_files import WEIGHTS
 
+RECORD = "record.json"
+VALUES, TABLE = "networks.json", "networks.md"
+OUTPUTS = {VALUES: NETWORKS, TABLE: NETWORKS_TABLE}
 SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
+
+
+def octrees_folder(out: Path) -> Path:
+    """Folder of the scenes' octrees, where `patchnet lab evaluate --out` of the same folder looks for them."""
+    return out / "octrees"
+
+
+def network_folder(out: Path, name: str) -> Path:
+    """Folder of a network's run."""
+    return out / "networks" / name
+
+
+def weights_path(out: Path, name: str) -> Path:
+    """File of a network's weights."""
+    return network_folder(out, name) / WEIGHTS
 
 
 @dataclass(frozen=True)

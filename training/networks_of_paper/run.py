@@ -13,22 +13,30 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ...patchnet_addon.network.encoders import ENCODERS
-from ...patchnet_addon.network.weights import Weights, load_weights, save_weights
-from ...patchnet_addon.runtime.errors import WeightsFileError
+from ...patchnet_addon.network.weights import Weights, save_weights
+from ...patchnet_addon.octree.file import load_octree, octree_hash
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ...patchnet_addon.runtime.errors import FileFormatError, WeightsFileError
 from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.replace import replaced_file
-from ..data.dataset import DATASET_SEEDS, Dataset
-from ..data.samples import SampleSettings
+from ..benchmarks.tables import markdown_table
+from ..data.dataset import DATASET_SEEDS, SUFFIX, Dataset, load_dataset, save_samples
+from ..data.samples import SampleSettings, draw_samples
+from ..encoders import ENCODERS, load_weights
 from ..run.model_card import read_log, write_card
 from ..run.run_files import CHECKPOINT, LOG
 from ..run.trainer import RunOptions, train
 from ..run.weights_errors import weights_errors
 from ..settings import TrainSettings
-from .files import RECORD, network_folder, samples_path, weights_path
-from .plan import NetworkPlan
-from .scene_samples import scene_samples
+from .plan import OUTPUTS, RECORD, TABLE, VALUES, NetworkPlan, network_folder, weights_path
+
+TITLE = "# Networks of the paper"
+_HEAD = ("network", "learned from", "encoder", "look-ahead", "parameters", "passes", "seconds")
+_MEANING = (
+    "Parameters: of encoder + decoder. Seconds: of training. Then errors of coverage (of luminance, over that of the "
+    "voxel's own) on samples of each scene that the network has not seen."
+)
 
 
 @dataclass(frozen=True)
@@ -140,3 +148,69 @@ def _row(
         "seconds": seconds,
         "errors": {scene: weights_errors(weights, data[scene], run.voxels)["all"] for scene in unseen},
     }
+
+
+def samples_path(out: Path, scene: str, lookahead: int) -> Path:
+    """File of a scene's samples."""
+    folder = out / "samples"
+    return (folder if lookahead == DEFAULT_LOOKAHEAD else folder / f"look-ahead-{lookahead}") / (scene + SUFFIX)
+
+
+def scene_samples(octree: Path, path: Path, count: int, settings: SampleSettings) -> Steps[Dataset]:
+    """Samples of an octree file from `path`, or drawn and written there; at least `count` of them.
+
+    Raises PatchNetError for an octree that cannot be read or has no voxels with look-ahead, and OutputError if the
+    samples cannot be written.
+    """
+    if (kept := _kept(octree, path, count, settings)) is not None:
+        return kept
+    tree = load_octree(octree)
+    name = f"Drawing {path.name.partition('.')[0]}, {settings.lookahead} ahead"
+    samples = yield from draw_samples(tree, count, settings, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_samples(samples, octree, tree, settings, path)
+    return load_dataset(path)
+
+
+def _kept(octree: Path, path: Path, count: int, settings: SampleSettings) -> Dataset | None:
+    """Samples that are there, if they are of this octree and these settings."""
+    if not path.exists():
+        return None
+    try:
+        dataset = load_dataset(path)
+    except FileFormatError:
+        return None
+    drawn = len(dataset.samples.voxel) * settings.views
+    same = dataset.metadata.get("settings") == asdict(settings) and count <= drawn < count + settings.views
+    same = same and dataset.metadata["octree_hash"] == octree_hash(load_octree(octree))
+    return dataset if same else None
+
+
+def write_tables(out: Path, settings: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write networks.json and networks.md into `out`; raises OutputError."""
+    values = {"networks_of_paper": dict(settings), "networks": list(rows)}
+    texts = {VALUES: json.dumps(values, indent=1, allow_nan=False), TABLE: markdown_of(rows)}
+    for name, text in texts.items():
+        with replaced_file(out / name, OUTPUTS[name]) as file:
+            file.write(text.encode())
+
+
+def markdown_of(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of networks as a table, with a column for each scene."""
+    scenes = list(dict.fromkeys(scene for row in rows for scene in (*row["scenes"], *row["errors"])))
+    lines = []
+    for row in rows:
+        about = [
+            f"`{row['network']}`", ", ".join(row["scenes"]), row["encoder"], str(row["look_ahead"]),
+            f"{row['encoder_parameters']:,} + {row['decoder_parameters']:,}", f"{row['passes']:,}",
+            f"{row['seconds']:,.0f}",
+        ]  # fmt: skip
+        lines.append([*about, *(_error(row["errors"].get(scene)) for scene in scenes)])
+    return "\n\n".join([TITLE, _MEANING, markdown_table([*_HEAD, *scenes], lines)]) + "\n"
+
+
+def _error(errors: Mapping[str, float] | None) -> str:
+    if errors is None:
+        return "seen"
+    ratio = errors["luminance_ratio"]
+    return f"{errors['coverage']:.4f} ({'-' if ratio is None else f'{ratio:.2f}'})"

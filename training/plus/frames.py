@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.codes.encode import encode_octree
-from ...patchnet_addon.network.convolutions import convolving_encoder
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
@@ -27,6 +26,7 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
 from ..evaluation.tracks import camera_track
+from ..network.research_encoder import research_encoder
 
 KIND = "track-references"
 _CODE = ("patchnet_addon.tracing.supersample", "training.evaluation.tracks")
@@ -65,7 +65,7 @@ def views_of(path: Path, weights: Weights, settings: TrackSettings, folder: Path
     cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
     cameras = cameras[settings.every // 2 :: settings.every] or cameras[:1]
     references = yield from _references(octree, cameras, settings, folder)
-    coded = yield from encode_octree(octree, weights, encoder=convolving_encoder(weights))
+    coded = yield from encode_octree(octree, weights, encoder=research_encoder(weights))
 
     def views() -> Iterator[PixelBuffers]:
         for camera, reference in zip(cameras, references, strict=True):

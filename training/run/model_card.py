@@ -11,6 +11,7 @@ from typing import Any
 from ...patchnet_addon.network.encoders import EncoderKind, patch_side
 from ..data.dataset import Dataset
 from ..data.held_out import is_turned, scene_of
+from ..encoders import ConvolvingKind
 from ..settings import VALIDATION_VOXELS, TrainSettings
 from .run_files import CARD, CURVES, LOG, log_lines
 
@@ -77,7 +78,7 @@ def write_card(
 
 def encoder_text(kind: EncoderKind, lookahead: int) -> str:
     """Layers of an encoder in words: the sizes of `mlp`, or an architecture with its number of parameters."""
-    if not kind.convolves:
+    if not isinstance(kind, ConvolvingKind):
         return "-".join(map(str, kind.sizes(lookahead)))
     return f"{kind.name} ({kind.text}; {kind.parameters(lookahead):,} parameters)"
 

@@ -8,6 +8,7 @@ run has the same result with any number of processes, but for rounding. Files ar
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -51,15 +52,14 @@ class Processes:
         """Share of `length` things that is this one's."""
         return slice(self.rank * length // self.count, (self.rank + 1) * length // self.count)
 
-    def sums(self, gradients: list[Tensor], sums: Tensor) -> tuple[list[Tensor], Tensor]:
-        """Gradients (n,) of all processes as one part, and their sums (3,) of errors, added up; see `Crew`."""
+    def sums(self, tensors: Sequence[Tensor]) -> list[Tensor]:
+        """Sums of float32 tensors over all processes."""
         if self.count == 1:
-            return gradients, sums
-        own = torch.stack(gradients).sum(0) if len(gradients) > 1 else gradients[0]
-        both = torch.cat([own, sums]).float().cpu()
-        distributed.all_reduce(both)
-        added, errors = both.split([len(own), len(sums)])
-        return [added.to(own)], errors.to(sums)
+            return list(tensors)
+        flat = torch.cat([tensor.flatten() for tensor in tensors]).cpu()
+        distributed.all_reduce(flat)
+        parts = flat.split([tensor.numel() for tensor in tensors])
+        return [part.view_as(tensor).to(tensor.device) for part, tensor in zip(parts, tensors, strict=True)]
 
     def leave(self) -> None:
         """End what was joined, after all have come here."""

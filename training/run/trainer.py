@@ -17,40 +17,38 @@ from typing import Any, Protocol
 import torch
 
 from ...patchnet_addon.network.devices import CPU, enough_memory, found_device
-from ...patchnet_addon.network.encoders import ENCODERS, MLP
-from ...patchnet_addon.network.kinds import PAPER
 from ...patchnet_addon.network.weights import Weights, save_weights
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, THREADS
+from ...patchnet_addon.runtime.bounds import THREADS
 from ...patchnet_addon.runtime.errors import FileFormatError, OutputError, SettingError
 from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_path
-from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
+from ...patchnet_addon.runtime.threads import usable_cores
 from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.fresh import fresh_corpus_of
 from ..network.losses import mean_errors
-from ..settings import ABSOLUTE, AUTO, BF16, OF_LENGTH, TrainSettings
-from .crews import AnyCorpus, crew_for
-from .learner import Learner
+from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
+from .learner import Learner, learning_rate
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
-from .schedule import learning_rate
-from .validation import validate
-from .validation_sets import ValidationSet, validation_sets
+from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
+from .torch_threads import torch_threads
+from .validation import ValidationSet, validate, validation_sets
 
 
 @dataclass
 class RunOptions:
     """Options of carrying out a run, which change its result by rounding at most.
 
-    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which learn or gather
-    for a GPU; None for one a core. validation: data sets that are not learned
-    from, whose samples are all for validation. notes: entries of the weights' metadata beside data, code and extent.
-    tensorboard: whether curves are written for it, too.
+    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which torch computes
+    with, or which gather for a GPU; None for one a core. validation: data sets that are not learned from, whose samples
+    are all for validation. notes: entries of the weights' metadata beside data, code and extent. tensorboard: whether
+    curves are written for it, too.
     """
 
     out: Path
@@ -71,8 +69,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
 
     Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. A run that is resumed on
     the same device with as many threads goes on exactly, else within rounding. Of processes that train together
-    (`processes.py`) the first one writes. Raises PatchNetError if the data or the
-    device cannot be used.
+    (`processes.py`) the first one writes. Raises PatchNetError if the data or the device cannot be used.
     """
     device = found_device(options.device)
     threads = usable_cores() if options.threads is None else options.threads
@@ -94,25 +91,27 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
-    with enough_memory("training"):
-        crew = crew_for(learner, corpus, voxels, threads, processes)
+    plan = StepPlan(corpus, settings, voxels, processes)
     end = min(total, options.stop_after or total)
     keeper = _Keeper(learner, options, run, notes, sets, per_step, end) if processes.is_first else None
     before = time.monotonic() - learner.seconds
+    title = counted(threads, "CPU thread") if device == CPU else device
+    batches = batches_ahead(plan, learner.steps, end, learner.device, threads)
     try:
-        while learner.steps < end:
+        for batch in batches:
             rate = learning_rate(learner.steps, total, settings)
             dtype = encoder_type(settings, learner.steps / total, device)
-            with enough_memory("batches of this size (--batch)"):
-                gradients, sums = processes.sums(*crew.gradients(learner.steps, dtype))
-                with limit_threads(threads), interrupts_wait():  # lest a checkpoint be of half a step
+            with enough_memory(BATCHES), torch_threads(threads):
+                gradients, sums = learner.differentiate(batch, dtype, plan.share)
+                *gradients, sums = processes.sums([*gradients, sums])
+                with interrupts_wait():  # lest a checkpoint be of half a step
                     learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             if keeper is not None:
                 keeper.keep_step(sums, rate)
-            yield Progress(learner.steps, end, f"Training on {crew.title}")
+            yield Progress(learner.steps, end, f"Training on {title}")
     finally:
-        crew.close()
+        batches.close()
         if learner.steps and keeper is not None:
             keeper.save()
     return learner.mean.to_weights(notes | _extent(learner, per_step))
@@ -221,10 +220,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
     """
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
-        before = {"lookahead": DEFAULT_LOOKAHEAD, "network": PAPER.name, "loss": ABSOLUTE}
-        before |= {"encoder": MLP.name, "fresh": False, "decoder_width": PAPER.width}
-        before |= {"samples": run.get("samples")}  # of a checkpoint that does not say
-        other = before | {"encoder_width": ENCODERS[state["run"].get("encoder", MLP.name)].width} | state["run"]
+        other = state["run"]
         extended = other.get("passes", 0) < run.get("passes", 0)
         free = OF_LENGTH if extended else ()
         changed = [name for name in run if other.get(name) != run[name] and name not in free]

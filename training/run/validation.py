@@ -1,28 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Validation errors by data set, beside those of guesses that need no network (methods 7.21)."""
+"""Validation: scenes that take no part in a run, held-out parts of those that do, and errors on them (methods 7.21)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 
-from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_precision import float32_products
-from ..data.batches import Augmentation
+from ...patchnet_addon.runtime.errors import SettingError
+from ..data.augmentation import Augmentation
 from ..data.corpus import Corpus
-from ..data.forest import voxel_luminance
-from ..data.padded_batch import PaddedBatch
+from ..data.dataset import Dataset, check_names
+from ..data.forest import concatenate, voxel_luminance
+from ..data.held_out import why_not_held_out
 from ..data.tensor_batch import TensorBatch
-from ..network.sliced_net import SlicedNet
+from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
 
 _CHUNK = 512
 
 
 def validate(
-    model: SlicedNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
+    model: PatchNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
 ) -> dict[str, dict[str, float]]:
     """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
 
@@ -44,23 +46,61 @@ def validate(
     return result
 
 
-def predicted_views(model: SlicedNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
+def predicted_views(model: PatchNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
     """True coverage and luminance, predicted ones, and the voxels' own luminance, each (N,), of the first voxels."""
     count = min(limit, len(corpus.tree))
     parts = [_predicted(model, corpus, start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def _predicted(model: SlicedNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
+def _predicted(model: PatchNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
-    device = model.device
-    there = TensorBatch.of(batch) if device.type == CPU else PaddedBatch.of(batch, device)
-    with torch.no_grad(), float32_products(device):
-        predicted = model(there, torch.float32).clamp(0, 1).cpu().numpy()
+    with torch.no_grad(), float32_products(model.device):
+        predicted = model(TensorBatch.of(batch, model.device)).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 
 
 def _mean(values: np.ndarray) -> float:
     return round(float(values.mean()), 6) if values.size else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationSet:
+    """Voxels to validate on; not_held_out: why errors on them are not those of an unseen scene, empty if they are."""
+
+    corpus: Corpus
+    not_held_out: str
+
+
+def validation_sets(
+    parts: Mapping[str, Corpus],
+    training: Sequence[Dataset],
+    validation: Sequence[Dataset],
+    lookahead: int,
+    *,
+    nearby: bool = False,
+) -> dict[str, ValidationSet]:
+    """Validation sets by name: all of `validation`, then the held-out `parts` of `training` by data set.
+
+    nearby: as `Corpus` says. Raises SettingError for names that are there twice, and for another look-ahead than that
+    of training.
+    """
+    check_names(dataset.name for dataset in (*training, *validation))
+    sets = {}
+    for dataset in validation:
+        if dataset.lookahead != lookahead:
+            raise SettingError(
+                f"{dataset.name} looks {dataset.lookahead} levels ahead, training {lookahead}: draw it with the same"
+            )
+        sets[dataset.name] = ValidationSet(all_of(dataset, nearby=nearby), why_not_held_out(dataset, training))
+    reasons = {dataset.name: why_not_held_out(dataset, training) for dataset in training}
+    return sets | {name: ValidationSet(corpus, reasons[name]) for name, corpus in parts.items()}
+
+
+def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
+    """All samples of a data set, held out or not; nearby: as `Corpus` says."""
+    samples = dataset.samples
+    tree = np.zeros(len(samples.voxel), np.int32)
+    return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)

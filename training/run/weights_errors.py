@@ -12,9 +12,8 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.dataset import Dataset
 from ..data.samples import UNIT
-from ..network.sliced_net import SlicedNet
-from .validation import predicted_views
-from .validation_sets import all_of
+from ..network.patchnet import PatchNet
+from .validation import all_of, predicted_views
 
 _RATIOS = 0.5, 0.625, 0.75, 0.875, 1.0
 
@@ -33,7 +32,7 @@ def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str,
             f"with --lookahead {weights.lookahead}"
         )
     corpus = all_of(dataset, nearby=weights.kind.mixes)
-    found = np.stack(predicted_views(SlicedNet(weights), corpus, voxels))  # (5, N)
+    found = np.stack(predicted_views(PatchNet(weights), corpus, voxels))  # (5, N)
     views = corpus.views.shape[1]
     level = np.repeat(corpus.voxel[:voxels, 0], views)
     ratio = corpus.views[:voxels, :, 9].ravel() / UNIT

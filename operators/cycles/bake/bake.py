@@ -27,17 +27,18 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.unseen import BLACK_VIEWS
+from ...scene.fingerprint import SceneFingerprint
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from ...state.watch import check_unchanged
-from .bake_key import bake_key, scene_key
+from .bake_key import bake_key
 from .baker import Baker, lift_world
-from .black_views import black_views
 from .gloss_passes import place_of_view
 from .sheet_survey import sides_of_sheets
+from .side_probe import black_views
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -77,7 +78,7 @@ def bake_luminance(
     """
     side = page_side(source.triangle_count)
     graph = depsgraph or context.evaluated_depsgraph_get()
-    scene = "" if kept is None else scene_key(graph)
+    scene = "" if kept is None else SceneFingerprint(graph).scene()
     charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )

@@ -11,7 +11,7 @@ import bpy
 from ...scene_access.blender_version import start_nodes, tree_in_use
 from ...scene_access.temporary import temporary
 from .object_data import needs_redirect, redirect
-from .translucency import is_translucent, keep_sides
+from .one_sided import is_translucent, keep_sides
 
 
 @contextmanager

@@ -24,13 +24,11 @@ from ...schema.table import AUTO
 from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
-from .bake_scene import bake_scene, most_paths, page_image, page_mesh, page_object, set_cycles
-from .closed_runs import ClosedPieces
+from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_mesh, page_object, set_cycles
 from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
-from .light_links import lit_as
 from .object_data import attributes_needed, lost_inputs
 from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
-from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
+from .page_mesh import ClosedPieces, PageTriangles, fill_mesh, joined, page_triangles
 
 _MOST_LOST = 12  # nodes in a sentence
 _DARK_SIDE = 0.02  # of the brighter side: enclosed

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials of one side: those whose surfaces are baked on one side alone, if they are sheets."""
+"""Materials of one side: those whose surfaces are baked on one side alone, if they are sheets.
+
+Translucent light shines through a surface from behind (shader Translucent). What is baked lies above the surface, which
+would keep this light off: so it is baked apart, from below.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,33 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.surface.mesh import Material
+from ...scene.layer_names import all_nodes
 from ...scene.scene_mesh import SceneMesh
+from ...scene_access.blender_version import tree_in_use
 from ...settings.groups import LightSettings
 from ..daylight import emits
-from .translucency import is_translucent
 
+_TRANSLUCENT = "BSDF_TRANSLUCENT"
+
+
+def is_translucent(material: bpy.types.Material) -> bool:
+    """Return whether light shines through a material diffusely."""
+    tree = tree_in_use(material)
+    return tree is not None and any(node.type == _TRANSLUCENT for node in all_nodes(tree))
+
+
+def keep_sides(tree: bpy.types.NodeTree, through: bool) -> None:
+    """Cut off Translucent shaders of a tree, or, if `through`, all others; groups in it are left to the caller."""
+    for node in tree.nodes:
+        if _is_surface(node) and (node.type == _TRANSLUCENT) != through:
+            for socket in node.outputs:
+                for link in list(socket.links):
+                    tree.links.remove(link)
+
+
+def _is_surface(node: bpy.types.Node) -> bool:
+    """Return whether a node is a shader of its own, neither a mix of shaders nor a group."""
+    return node.type.startswith(("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND"))
 
 def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
     """(M,) bool: opaque materials, unless both sides are wanted, and all that cull backfaces."""

@@ -24,7 +24,7 @@ from ....patchnet_addon.runtime.cache_folder import user_cache_folder
 from ....patchnet_addon.runtime.compiling import NOTE
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
-from ...ui.preferences import ROOT_PACKAGE
+from ...properties.preferences import ROOT_PACKAGE
 
 ABOUT = 271  # kernels that the small jobs call, for the progress alone
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)

@@ -9,24 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
-from ....patchnet_addon.network.weights import Weights, load_weights
+from ....patchnet_addon.network.weights import Weights
 from ....patchnet_addon.octree.file import load_octree, octree_hash
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
-from ..catalogue import shuttle
-from ..kept_codes import coded_octree
-from ..scene import Scene
-from . import tables
-from .distances import DistanceView, distance_view, pooled_values
-from .look_ahead_figure import draw_look_ahead
-from .split import split_view
-from .split_figure import draw_split
-from .viewpoint import hardest_end
+from ...encoders import load_weights
+from ..catalogue import SCENES as CATALOGUE
+from ..catalogue import Scene
+from ..codes import coded_octree
+from . import look_ahead
+from .look_ahead import DistanceView, distance_view, draw_look_ahead, pooled_values
+from .split import draw_split, hardest_end, split_view
 
 SPLIT, LOOK_AHEAD = "split", "look-ahead"
-SCENES: dict[str, Scene] = {SPLIT: shuttle.SCENE, LOOK_AHEAD: tables.SCENE}
+SCENES: dict[str, Scene] = {SPLIT: CATALOGUE["shuttle"], LOOK_AHEAD: look_ahead.SCENE}
 SPLIT_PX = 520
 
 
@@ -61,14 +59,14 @@ def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) 
         coded.append((yield from coded_octree(octree, network)))
     tree = coded[0].octree if coded else load_octree(octree)
     views: dict[float, list[DistanceView]] = {}
-    for number, distance in enumerate(tables.DISTANCES):
-        yield Progress(number, len(tables.DISTANCES), "Looking from several distances")
+    for number, distance in enumerate(look_ahead.DISTANCES):
+        yield Progress(number, len(look_ahead.DISTANCES), "Looking from several distances")
         views[distance] = []
-        for azimuth in tables.AZIMUTHS:
-            camera = tables.table_camera(distance, azimuth)
-            views[distance].append((yield from distance_view(tree, camera, tables.BOX_WORLD, coded)))
-    values = [pooled_values(views[distance]) for distance in tables.DISTANCES]
-    shown = [views[distance][len(tables.AZIMUTHS) // 2] for distance in tables.SHOWN]
+        for azimuth in look_ahead.AZIMUTHS:
+            camera = look_ahead.table_camera(distance, azimuth)
+            views[distance].append((yield from distance_view(tree, camera, look_ahead.BOX_WORLD, coded)))
+    values = [pooled_values(views[distance]) for distance in look_ahead.DISTANCES]
+    shown = [views[distance][len(look_ahead.AZIMUTHS) // 2] for distance in look_ahead.SHOWN]
     shown_values = [pooled_values([view]) for view in shown]
     paths = draw_look_ahead(shown, values, shown_values, out, LOOK_AHEAD, _title(SCENES[LOOK_AHEAD]))
     return [*paths, _write(LOOK_AHEAD, octree_hash(tree), networks, {"distances": values, "shown": shown_values}, out)]

@@ -1,31 +1,70 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Split rendering of one view and what strategies refine of it first (Fig. 2 of the paper): what is in the figure."""
+"""Split rendering of one view and what strategies refine of it first (Fig. 2 of the paper)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
-from ....patchnet_addon.runtime.progress import Steps
+from ....patchnet_addon.octree.octree import Octree
+from ....patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.ranking import Ranking, rank
 from ....patchnet_addon.sampling.refine import refined_picture
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
+from ....patchnet_addon.tracing.render import first_hits
+from ....patchnet_addon.tracing.supersample import supersample
+from ...benchmarks.figures import BLUE, ORANGE
 from ...strategies.registry import EVALUATED
-from ..crops import Crop, crops_of_difference
-from ..patterns import PATTERN_BUDGET
+from ..panels import PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
+from ..poses import FreeSpace, Lens, LookAhead
+from ..tracks import Approaches
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+APPROACHES = 5  # as many as a camera track of an evaluation has
+_FRAMES = 200  # of each
+_SIDE = 8  # rays of the pictures that tell which is most wrong
+_LABEL = "Looking for a viewpoint"
 PATTERNS = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "optimal")
 OURS, OTHER = "patchnet-behind", "ss-variance"  # whose refined pictures are shown beside each other
 PREVIEW, REFERENCE = "preview", "reference"
 _CROPS = 10  # crops in the height of the picture
 _MARGIN_PX = 8  # around what is hit
+_TITLES = {PREVIEW: "one ray a pixel", REFERENCE: "32 x 32 rays"}
+_COLORS = (BLUE, ORANGE)
+_INCHES = 11.0
+_WIDE = 0.5  # of it for the stripes, the rest for crops
+
+
+def hardest_end(
+    octree: Octree, size_px: tuple[int, int], *, lookahead: int = DEFAULT_LOOKAHEAD, seed: int = 0
+) -> Steps[Camera]:
+    """Camera at the end of one of five approaches, as near as there is look-ahead on 95 % of hits.
+
+    The squared error of the preview, summed over the picture, is the largest there, against 8 x 8 rays a pixel. Raises
+    SceneError if nothing is seen from far.
+    """
+    yield Progress(0, APPROACHES, _LABEL)
+    space, lens, look_ahead = FreeSpace(octree), Lens.of(octree, size_px, lookahead), LookAhead(octree, lookahead)
+    approaches = Approaches(octree, space, lens, look_ahead, np.random.default_rng(seed))
+    ends = []
+    for number in range(1, APPROACHES + 1):
+        end = approaches.shot(number, APPROACHES, _FRAMES)[-1]
+        truth = yield from supersample(octree, end, _SIDE)
+        ends.append((float(np.sum((first_hits(octree, end).luminance - truth) ** 2.0)), number, end))
+        yield Progress(number, APPROACHES, _LABEL)
+    return max(ends, key=lambda end: end[:2])[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +149,62 @@ def _viewpoint(camera: Camera) -> dict[str, Any]:
         "fov_degrees": float(np.degrees(2 * np.arctan(camera.half_y))),
         "size": [camera.width_px, camera.height_px],
     }
+
+
+def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Path]:
+    """Draw a view; returns the files, raises PatchNetError if one cannot be written."""
+    from matplotlib.figure import Figure
+
+    rows, columns = view.bounds
+    aspect = (rows.stop - rows.start) / (columns.stop - columns.start)
+    wide, small = _WIDE * _INCHES, _INCHES / 3
+    heights = (max(wide * aspect + 0.5, 0.3 * _INCHES), 2 * (small * aspect + 0.3))
+    figure = Figure(figsize=(_INCHES, sum(heights) + 0.3), dpi=150, layout="constrained")
+    figure.suptitle(title, fontsize=11)
+    parts: Any = figure.subfigures(2, 1, height_ratios=heights)
+    above, below = parts
+    left, right = above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE))
+    _draw_stripes(left.subplots(), view)
+    _draw_crops(right, view)
+    _draw_patterns(below, view)
+    return save_panels(figure, folder, name)
+
+
+def _draw_stripes(axes: Axes, view: SplitView) -> None:
+    """Stripes with lines between them and their names below, and frames around the crops."""
+    from matplotlib.patches import Rectangle
+
+    stripes = view.stripes()
+    height, width = stripes.shape[:2]
+    show_picture(axes, stripes, f"{PATTERN_BUDGET:.0%} of the pixels refined", interpolation="antialiased")
+    for number, name in enumerate(view.pictures):
+        middle = (number + 0.5) * width / len(view.pictures)
+        axes.text(middle, height * 1.01, _TITLES.get(name, name), fontsize=8, ha="center", va="top")
+        if number:
+            axes.axvline(number * width / len(view.pictures) - 0.5, color="w", lw=0.8)
+    rows, columns = view.bounds
+    for crop, color in zip(view.crops, _COLORS, strict=True):
+        corner = crop.column - columns.start - 0.5, rows.stop - crop.row - crop.side - 0.5
+        axes.add_patch(Rectangle(corner, crop.side, crop.side, fill=False, ec=color, lw=1.5))
+
+
+def _draw_crops(figure: SubFigure, view: SplitView) -> None:
+    """Crops of all pictures, a row each, in a frame of its colour."""
+    rows: Any = figure.subfigures(2, 1)
+    for row, crop, color, better, worse in zip(rows, view.crops, _COLORS, (OURS, OTHER), (OTHER, OURS), strict=True):
+        row.suptitle(f"where {better} is ahead of {worse} by most", fontsize=9)
+        panels = row.subplots(1, len(view.pictures))
+        for axes, (name, picture) in zip(panels, view.pictures.items(), strict=True):
+            show_picture(axes, gray(picture[crop.slices]), _TITLES.get(name, name))
+            axes.title.set_fontsize(8)
+            axes.set_axis_on()
+            axes.set(xticks=[], yticks=[])
+            for spine in axes.spines.values():
+                spine.set(color=color, lw=1.5)
+
+
+def _draw_patterns(figure: Figure | SubFigure, view: SplitView) -> None:
+    """Refinement patterns, and how much of the squared error each finds."""
+    for axes, (name, ranking) in zip(figure.subplots(2, 3).flat, view.rankings.items(), strict=True):
+        title = f"{name}: {found_share(*ranking.mse):.0%} of the squared error found"
+        show_picture(axes, pattern(ranking)[view.bounds], title, interpolation="antialiased")

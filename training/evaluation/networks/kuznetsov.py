@@ -19,9 +19,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .gbuffer import DISTANCE, LUMINANCE, NORMALS
+from .frames import DISTANCE, LUMINANCE, NORMALS, SIDES
 from .map_network import MapBatch, MapNetwork
-from .rendered_frame import SIDES
 from .unet import UNet
 
 INPUTS = 11

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .rendered_frame import SUBPIXELS
+from .frames import SUBPIXELS
 
 
 @dataclass(frozen=True, eq=False)

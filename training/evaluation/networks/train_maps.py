@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from ....patchnet_addon.network.devices import CPU, enough_memory, found_device
@@ -21,15 +22,48 @@ from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.sampling.active import active_pixels
 from ...run.run_files import CHECKPOINT, LOG
 from ...run.run_log import Log
 from ...run.trainer import load_checkpoint, write_checkpoint
-from .crops import batch_of_crops
-from .map_file import save_map
+from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
-from .registry import NETWORKS
-from .rendered_frame import RenderedFrame
-from .run_files import MAP, check_map_run
+from .maps import MAP, check_map_run, map_networks, save_map
+
+_NETWORKS = map_networks()
+
+
+def batch_of_crops(
+    frames: Sequence[RenderedFrame], network: MapNetwork, *, batch: int, crop: int, seed: int, step: int
+) -> MapBatch:
+    """Draw `batch` crops of at most crop x crop pixels around active pixels of frames that are drawn evenly.
+
+    Frames are of one size. Pixels that nothing is near of are not worth learning from: they are never refined.
+    """
+    rng = np.random.default_rng([seed, step])
+    planes, pictures, fine = [], [], []
+    for number in rng.integers(len(frames), size=batch):
+        frame = frames[number]
+        rows, columns = _corner(frame.planes[MASK] > 0, crop, rng)
+        planes.append(network.planes(frame.planes[:, rows, columns]))
+        pictures.append(frame.pictures[:, rows, columns])
+        fine.append(frame.fine[_parts(rows), _parts(columns)])
+    return MapBatch(*(torch.from_numpy(np.stack(values)) for values in (planes, pictures, fine)))
+
+
+def _corner(hit: np.ndarray, crop: int, rng: np.random.Generator) -> tuple[slice, slice]:
+    """Rows and columns of a crop in the middle of which an active pixel is, as far as the borders let it."""
+    active = np.flatnonzero(active_pixels(hit))
+    middle = rng.choice(active) if len(active) else rng.integers(hit.size)
+    found = []
+    for at, size in zip(divmod(int(middle), hit.shape[1]), hit.shape, strict=True):
+        first = min(max(at - crop // 2, 0), max(size - crop, 0))
+        found.append(slice(first, min(first + crop, size)))
+    return found[0], found[1]
+
+
+def _parts(pixels: slice) -> slice:
+    return slice(SUBPIXELS * pixels.start, SUBPIXELS * pixels.stop)
 
 
 @dataclass(frozen=True)
@@ -48,8 +82,8 @@ class MapSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.network not in NETWORKS:
-            raise SettingError(f"There is no network {self.network!r}: choose one of {', '.join(NETWORKS)}")
+        if self.network not in _NETWORKS:
+            raise SettingError(f"There is no network {self.network!r}: choose one of {', '.join(_NETWORKS)}")
         bounds.STOP_AFTER.check(self.steps)
         bounds.LEARNING_RATE.check(self.rate)
         bounds.SEED.check(self.seed)
@@ -78,7 +112,7 @@ class MapLearner:
     """Network and optimiser of a run on one device."""
 
     def __init__(self, settings: MapSettings, device: str) -> None:
-        self.network: MapNetwork = NETWORKS[settings.network]
+        self.network: MapNetwork = _NETWORKS[settings.network]
         self.device = torch.device(device)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(settings.seed)

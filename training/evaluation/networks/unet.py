@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .gbuffer import CHILDREN, DISTANCE, LEVEL, LUMINANCE, NORMALS, RATIO
+from .frames import CHILDREN, DISTANCE, LEVEL, LUMINANCE, NORMALS, RATIO
 from .map_network import MapBatch, MapNetwork
 
 _WIDTHS = (32, 43, 57, 76, 101)

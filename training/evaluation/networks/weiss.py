@@ -15,17 +15,38 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .gbuffer import DISTANCE, MASK, NORMALS
+from .frames import DISTANCE, MASK, NORMALS, SUBPIXELS
 from .map_network import MapBatch, MapNetwork
-from .pull_push import pull_push
-from .rendered_frame import SUBPIXELS
 
+_EPSILON = 1e-6
 _INPUTS, _FEATURES, _BLOCKS = 5, 64, 5
 _BORDER = 8  # pixels of zeros around the input
 _LEAST, _MEAN = 0.01, 0.2  # of the normalised map: samples of each of the 4 x 4 parts of a pixel
 _SHARPNESS = 50.0
 _MEAN_WEIGHT, _WANTED_MEAN = 0.1, 0.5
 _PLASTIC = 1.324717957244746
+
+
+def pull_push(values: Tensor, weights: Tensor) -> Tensor:
+    """Fill pictures (B, H, W) where their weights (B, H, W), in [0, 1], are small; gradients reach the weights.
+
+    Gortler, Grzeszczuk, Szeliski, Cohen, "The Lumigraph", 1996. Pull: each coarser pixel is the weighted mean of 2 x 2,
+    with the sum of their weights, at most 1. Push: what a weight leaves of a pixel is filled from the coarser picture.
+    """
+    return _filled(values[:, None], weights[:, None])[:, 0]
+
+
+def _filled(values: Tensor, weights: Tensor) -> Tensor:
+    """Filled pictures (B, 1, H, W)."""
+    height, width = values.shape[2:]
+    if max(height, width) == 1:
+        return values
+    odd = [0, width % 2, 0, height % 2]  # weights of 0 beyond the border
+    values_even, weights_even = functional.pad(values, odd), functional.pad(weights, odd)
+    total = 4 * functional.avg_pool2d(weights_even, 2)
+    coarse = 4 * functional.avg_pool2d(values_even * weights_even, 2) / (total + _EPSILON)
+    filled = functional.interpolate(_filled(coarse, total.clamp(max=1.0)), scale_factor=2, mode="bilinear")
+    return torch.lerp(filled[:, :, :height, :width], values, weights)
 
 
 class _Block(nn.Module):

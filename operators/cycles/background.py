@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Background of a camera's picture: the world as Cycles shows it to cameras, black, or none for a transparent film."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.image.background import BLACK
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene_access.blender_version import tree_in_use
+from ..schema.table import AUTO, BLACK_BACKGROUND, TRANSPARENT
+from .daylight import SKY_COLOR, SKY_STRENGTH, has_light
+from .environment import SAMPLES, world_view
+
+
+def world_color(world: bpy.types.World | None) -> np.ndarray | None:
+    """Scene-linear colour (3,) float32 that cameras see of an evaluated world; None if it is not one colour."""
+    if world is None or not getattr(getattr(world, "cycles_visibility", None), "camera", True):
+        return BLACK
+    tree = tree_in_use(world)
+    if tree is None:
+        return np.array(world.color, np.float32)
+    output = tree.get_output_node("CYCLES")
+    surface = output.inputs["Surface"] if output else None
+    if surface is None or not surface.is_linked:
+        return BLACK
+    node = surface.links[0].from_node
+    if node.mute or surface.links[0].is_muted:
+        return None
+    if node.type != "BACKGROUND" or any(node.inputs[name].is_linked for name in ("Color", "Strength")):
+        return None
+    color = np.array(node.inputs["Color"].default_value[:3], np.float32)
+    return color * np.float32(node.inputs["Strength"].default_value)
+
+_UNSEEN = "Black is shown behind objects: {}"
+DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # sky of ours, where the scene has no light
+
+
+class SeenWorld(NamedTuple):
+    """World that cameras see, as long as the scene does not change.
+
+    color: scene-linear (3,) if it is one colour everywhere, else None. world: the evaluated one, None for none.
+    frame: that it is seen at, and the part of it that has passed.
+    """
+
+    color: np.ndarray | None
+    world: bpy.types.World | None
+    frame: tuple[int, float]
+
+
+class Background(NamedTuple):
+    """Background of a picture.
+
+    light: (P, 3) or (3,) float32, scene-linear and unexposed; None where film is transparent.
+    warnings: why the world is not there.
+    """
+
+    light: np.ndarray | None
+    warnings: tuple[str, ...] = ()
+
+
+BLACK_GROUND = Background(BLACK)
+
+
+def seen_world(depsgraph: bpy.types.Depsgraph, *, baked: bool, daylight: bool | None = None) -> SeenWorld:
+    """World of an evaluated scene, that of its view layer if there is one.
+
+    baked: whether Cycles lights the voxels; then a scene without light shows the sky that it was lit with. daylight:
+    whether there is one; None finds out.
+    """
+    scene = depsgraph.scene
+    frame = scene.frame_current, scene.frame_subframe
+    if baked and (not has_light(depsgraph) if daylight is None else daylight):
+        return SeenWorld(DAYLIGHT, None, frame)
+    world = getattr(depsgraph.view_layer, "world_override", None) or scene.world
+    if world is not None:  # the graph of a render names the original
+        world = world.original.evaluated_get(depsgraph)
+    return SeenWorld(world_color(world), world, frame)
+
+
+def background(
+    depsgraph: bpy.types.Depsgraph, camera: Camera, choice: str, *, baked: bool, daylight: bool | None = None
+) -> Steps[Background]:
+    """What a camera sees behind all objects, by the setting `choice`; baked, daylight: as for `seen_world`.
+
+    Black with a warning if Cycles is not there.
+    """
+    if is_transparent(choice, depsgraph.scene):
+        return Background(None)
+    if choice == BLACK_BACKGROUND:
+        return BLACK_GROUND
+    seen = seen_world(depsgraph, baked=baked, daylight=daylight)
+    if seen.color is not None or seen.world is None:
+        return Background(BLACK if seen.color is None else seen.color)
+    try:
+        return Background((yield from world_view(seen.world.original, seen.frame, camera, SAMPLES)))
+    except SceneError as error:
+        return Background(BLACK, (_UNSEEN.format(error),))
+
+
+def is_transparent(choice: str, scene: bpy.types.Scene) -> bool:
+    """Return whether nothing is behind objects, by the setting `choice`, or by the scene's Film where that says."""
+    return choice == TRANSPARENT or (choice == AUTO and bool(scene.render.film_transparent))

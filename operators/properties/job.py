@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of a job: what an operator's caller gave, else the scene's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...patchnet_addon.runtime.bounds import MEMORY_GIB
+from ...patchnet_addon.runtime.errors import SettingError
+from ..importance.painted import Importance
+from ..scene_access.unread_file import check_opened
+from ..schema.setting import Kind, Setting
+from ..schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
+from ..settings.job_settings import JobSettings
+from .preferences import Preferences, preferences
+
+
+def setting(context: bpy.types.Context, operator: bpy.types.Operator, name: str) -> Any:
+    """Value of a setting: the operator's property if its caller set it, else the scene's."""
+    return getattr(operator if is_given(operator, name) else context.scene.patchnet, name)
+
+
+def is_given(operator: bpy.types.Operator, name: str) -> bool:
+    """Return whether the operator has this property and its caller set it."""
+    values = operator.properties
+    return name in values.bl_rna.properties and values.is_property_set(name)
+
+
+def absolute_path(text: str) -> Path | None:
+    """Absolute path of a text that may begin with // for the folder of the .blend file; None for an empty one.
+
+    Raises SettingError, or SceneError, if there is no such folder.
+    """
+    if not text:
+        return None
+    if text.startswith("//") and not bpy.data.filepath:
+        check_opened()
+        raise SettingError(f"Path '{text}' is relative to the .blend file: save the file first")
+    return Path(bpy.path.abspath(text)).absolute()
+
+def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> JobSettings:
+    """Settings of a job: the operator's properties where they are set, else the scene's.
+
+    Raises SettingError for values that contradict each other or lie outside their range.
+    """
+
+    def value(name: str) -> Any:
+        return setting(context, operator, name)
+
+    scope = VISIBLE if bpy.app.background else SELECTED
+    mine = preferences(context)
+    settings = _job_settings(value, _resolution(operator, value("resolution")), scope, mine.colormap)
+    return settings.changed(torch_python=absolute_path(mine.torch_python))
+
+
+def scene_settings(scene: bpy.types.Scene) -> JobSettings:
+    """Settings of a job by the scene alone, as its renders take them: automatic scope is all that is visible.
+
+    Raises SettingError.
+    """
+    values = scene.patchnet
+    return _job_settings(lambda name: getattr(values, name), values.resolution, VISIBLE, Preferences().colormap)
+
+
+# Settings whose values mean what they mean beside others; all else is taken as it stands.
+_TOGETHER = frozenset(
+    {"scope", "resolution", "depth", "voxel_size", "track", "memory", "cameras", "importance", "importance_image",
+     "importance_group"}
+)  # fmt: skip
+
+
+def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope: str, colormap: str) -> JobSettings:
+    scope = value("scope")
+    plain = {row.job_field: _plain(row, value(row.name)) for row in TABLE.values() if row.name not in _TOGETHER}
+    return JobSettings.of(
+        scope=automatic_scope if scope == AUTO else scope,
+        depth=value("depth") if resolution == DEPTH else None,
+        voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
+        fit=resolution == FIT,
+        track=resolution == FIT and value("track"),
+        memory_bytes=_bytes(value("memory")),
+        cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
+        importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),
+        colormap=colormap,
+        **plain,
+    )
+
+
+def _plain(row: Setting, value: Any) -> Any:
+    if row.kind is Kind.AUTOMATIC:
+        return value or None
+    if row.kind is Kind.PAIR:
+        return tuple(value)
+    return absolute_path(value) if row.kind in (Kind.FILE, Kind.FOLDER) else value
+
+
+def _bytes(gib: float) -> int | None:
+    """Bytes of a memory limit; None for 0; raises SettingError, since Blender lets a script set NaN."""
+    if gib:
+        MEMORY_GIB.check(gib)
+    return round(gib * 2**30) or None
+
+
+def _resolution(operator: bpy.types.Operator, resolution: str) -> str:
+    """Resolution of a job: a depth or voxel size given to an operator counts, without naming the resolution too."""
+    given = [name for name in ("resolution", "depth", "voxel_size") if is_given(operator, name)]
+    if "resolution" in given or not given:
+        return resolution
+    if len(given) == 2:
+        raise SettingError("Depth and voxel size are both given: choose one of them")
+    return given[0].upper()

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Preferences of the extension, which belong to a user or a computer rather than to a scene."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+
+from ...patchnet_addon.image.colormaps import COLORMAPS
+from ...patchnet_addon.network.devices import OTHER_PYTHON
+from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
+from ...patchnet_addon.runtime.heap import reuse_freed_memory
+from ...patchnet_addon.runtime.log import set_up
+
+# "patchnet", or "bl_ext.<repository>.patchnet" in Blender
+ROOT_PACKAGE = __package__.removesuffix(".operators.properties")
+IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
+OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
+KEPT_GIB = 4.0
+_LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
+
+
+@dataclass
+class _Kept:
+    """Findings of operators that the preferences show: the size of the cache, what the other Python has."""
+
+    cache: str = ""
+    python: str = ""
+
+
+kept = _Kept()
+
+
+def _forget_python(_values: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+    kept.python = ""
+
+
+class PatchNetPreferences(bpy.types.AddonPreferences):
+    """Shown under Edit > Preferences > Add-ons."""
+
+    bl_idname = ROOT_PACKAGE
+
+    cache_folder: StringProperty(
+        name="Cache Folder",
+        description="Folder for compiled kernels, light of bakes and finished octrees; empty for the "
+        "extension's own. Counts from the next start of Blender",
+        subtype="DIR_PATH",
+    )
+    kept_gib: FloatProperty(
+        name="Keep Octrees (GiB)",
+        description="Finished octrees and their look-ahead are kept in the cache folder, so that they are there again "
+        "when the file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        default=KEPT_GIB,
+        min=KEPT.low,
+        max=KEPT.high,
+        soft_max=64.0,
+        step=100,
+        precision=1,
+    )
+    if OTHER_PYTHON:
+        torch_python: StringProperty(
+            name="Python with torch",
+            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares "
+            "look-ahead. Empty for Blender's own Python, with the same result",
+            subtype="FILE_PATH",
+            update=_forget_python,
+        )
+    colormap: EnumProperty(
+        name="Color Map",
+        description="Colors of the heatmap and the error picture",
+        items=[(name, name.capitalize(), "") for name in COLORMAPS],
+        default=COLORMAPS[0],
+    )
+    open_pictures: EnumProperty(
+        name="Open Pictures",
+        description="Where the heatmap comes up when a view is done",
+        items=[
+            (
+                OPEN_WINDOW,
+                "Image Editor or New Window",
+                "An Image Editor that is open and shows nothing of your own, else a new window, not over the viewport",
+            ),
+            (OPEN_EDITOR, "Open Image Editor", "An Image Editor that is open and shows nothing of your own"),
+            (OPEN_NEVER, "Nowhere", "Pictures are among the images, and come up nowhere"),
+        ],
+        default=OPEN_WINDOW,
+    )
+    log_level: EnumProperty(
+        name="Log Level",
+        description="What is written to the terminal",
+        items=[(name, name.capitalize(), "") for name in _LEVELS],
+        default="WARNING",
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Settings, and what operators found out about them."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "cache_folder", placeholder="The Extension's Own")
+        split = layout.split(factor=0.6)  # room for all sizes
+        split.label(text=kept.cache or "Size not measured")
+        row = split.row()
+        row.operator("patchnet.measure_cache", text="Measure")
+        row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
+        layout.prop(self, "kept_gib")
+        if OTHER_PYTHON:
+            layout.prop(self, "torch_python", placeholder="Without torch")
+            row = layout.row()
+            row.label(
+                text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
+            )
+            row.operator("patchnet.check_python", text="Check")
+        for name in ("colormap", "open_pictures", "log_level"):
+            layout.prop(self, name)
+        layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
+
+
+@dataclass(frozen=True)
+class Preferences:
+    """Preferences as plain values; the defaults hold where PatchNet is a package and no add-on."""
+
+    cache_folder: str = ""
+    colormap: str = COLORMAPS[0]
+    log_level: str = "WARNING"
+    torch_python: str = ""
+    open_pictures: str = OPEN_WINDOW
+    kept_gib: float = KEPT_GIB
+
+
+def preferences(context: bpy.types.Context) -> Preferences:
+    """Preferences of the user."""
+    addon = context.preferences.addons.get(ROOT_PACKAGE)
+    if addon is None or addon.preferences is None:
+        return Preferences()
+    values = addon.preferences
+    names = [field.name for field in fields(Preferences) if hasattr(values, field.name)]
+    return Preferences(**{name: getattr(values, name) for name in names})
+
+
+def apply_preferences(context: bpy.types.Context) -> None:
+    """Set up the process to work: log, allocator, and the cache folder where it was not known at registration.
+
+    Raises SettingError for a log format that there is not.
+    """
+    chosen = preferences(context)
+    set_up(level=chosen.log_level)
+    reuse_freed_memory()
+    _name_cache_folder(chosen)
+
+
+def _name_cache_folder(chosen: Preferences) -> None:
+    folder = bpy.path.abspath(chosen.cache_folder) if chosen.cache_folder else ""
+    if not folder and IS_EXTENSION and "PATCHNET_CACHE" not in os.environ:
+        folder = bpy.utils.extension_path_user(ROOT_PACKAGE, path="cache")
+    if folder:
+        os.environ.setdefault("PATCHNET_CACHE", folder)
+
+
+def register() -> None:
+    """Make the preferences known."""
+    bpy.utils.register_class(PatchNetPreferences)
+    _name_cache_folder(preferences(bpy.context))  # before anything imports kernels, as a render without a window does
+
+
+def unregister() -> None:
+    """Forget the preferences."""
+    bpy.utils.unregister_class(PatchNetPreferences)

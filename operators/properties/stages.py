@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Properties of the stages of a job, which scenes and operators mix in; declared in the table of settings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bpy.props import BoolProperty, EnumProperty
+
+from ...patchnet_addon.runtime.bounds import FRAME, FRAME_STEP, LEVEL, SHOWN_VOXELS, Bounds
+from ..schema.table import CAMERAS, CODES, IMPORTANCE, LIGHT, OCTREE, OUTPUT, VIEW
+from ..voxel_object import CUBES, POINTS
+from .shapes import OF_ONE_CALL, number, properties_of
+
+
+class VoxelizeProperties:
+    """Octree: what is voxelized, and how finely."""
+
+    __annotations__ = properties_of(OCTREE)
+
+
+class LightProperties:
+    """Light: where luminance comes from."""
+
+    __annotations__ = properties_of(LIGHT)
+
+
+class CodesProperties:
+    """Network that looks ahead."""
+
+    __annotations__ = properties_of(CODES)
+
+
+class CameraProperties:
+    """Cameras: whose pictures are made, and how large."""
+
+    __annotations__ = properties_of(CAMERAS)
+
+
+class ImportanceProperties:
+    """Importance: what matters to the user, painted."""
+
+    __annotations__ = properties_of(IMPORTANCE)
+
+
+class ViewProperties(ImportanceProperties):
+    """View: what is refined first, and how it is shown."""
+
+    __annotations__ = properties_of(VIEW)
+
+
+class OutputProperties:
+    """Output: where files go."""
+
+    __annotations__ = properties_of(OUTPUT)
+
+
+class JobProperties(
+    VoxelizeProperties, LightProperties, CodesProperties, CameraProperties, ViewProperties, OutputProperties
+):
+    """All settings of a job."""
+
+class AnimationProperties:
+    """Animation: how its frames are baked."""
+
+    skip_existing: BoolProperty(
+        name="Skip Finished",
+        description="Leave frames alone whose files are complete and are what would be made again; off makes them anew",
+        default=True,
+    )
+    same_grid: BoolProperty(
+        name="Same Grid",
+        description="Voxels stand at the same places and have the same size at all frames, so that pictures do not swim"
+        ": the scene is read at all frames first",
+        default=False,
+    )
+
+
+def _frame(name: str, description: str, default: int, bounds: Bounds = FRAME) -> Any:
+    """Property for a frame, or a number of frames; the scene has them already, as its frame range."""
+    return number(name, f"{description}; the scene's if it is not given", default, bounds, options=OF_ONE_CALL)
+
+
+class FrameProperties:
+    """Frame range; that of the scene where they are not given."""
+
+    frame_start: _frame("Frame Start", "First frame", 1)
+    frame_end: _frame("Frame End", "Last frame", 250)
+    frame_step: _frame("Frame Step", "Frames from one to the next", 1, FRAME_STEP)
+
+class LevelProperties:
+    """Level that is shown or exported."""
+
+    level: number(
+        "Level",
+        "Level of the voxels, each half as large as on the one before; 0 takes the finest",
+        0,
+        LEVEL,
+        options=OF_ONE_CALL,
+    )
+
+
+class DisplayProperties(LevelProperties):
+    """Voxels in the scene. Operators forget these values, so that those of the panel count for each call."""
+
+    display: EnumProperty(
+        name="Display",
+        description="What stands for a voxel",
+        items=[
+            (CUBES, "Cubes", "A cube of the voxel's size"),
+            (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw, but gray in Solid shading"),
+        ],
+        default=CUBES,
+        options=OF_ONE_CALL,
+    )
+    limit: number(
+        "Limit",
+        "Voxels at most: where a level has more, a coarser one is shown",
+        200_000,
+        SHOWN_VOXELS,
+        soft_max=5_000_000,
+        options=OF_ONE_CALL,
+    )

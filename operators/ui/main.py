@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First panel: settings that a first user needs, one button that does everything, the estimate; export, statistics."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...patchnet_addon.export.vdb import vdb_module_name
+from ...patchnet_addon.runtime.quantities import counted
+from ..jobs.job_operator import JobOperator
+from ..session import results
+from ..session.memory import held
+from ..session.result_images import shown_pictures
+from ..settings.job_settings import ESTIMATED, changed
+from .presets_menu import PATCHNET_PT_presets
+from .tab import SubPanel, Tab, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
+
+_MOST_CAMERAS = 3
+
+
+class PATCHNET_PT_main(Tab, bpy.types.Panel):
+    """Everything in one click, and what it will take."""
+
+    bl_label = "PatchNet"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the menu of presets."""
+        PATCHNET_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button, or progress in its place, so that the buttons below stay where they are."""
+        layout = split(self.layout)
+        draw_first(layout, context.scene.patchnet)
+        if JobOperator.running:
+            draw_progress(layout)
+        else:
+            row = layout.row()
+            row.scale_y = 1.5
+            row.operator("patchnet.run_all", icon="PLAY")
+        _draw_pictures(layout, context)
+        result = results.result_of(context.scene)
+        notes = [] if result is None else result.all_notes
+        draw_notes(layout, context, notes, "result")
+        layout.operator("patchnet.estimate", icon="INFO")
+        _draw_estimate(layout, context, notes)
+        draw_stale(layout, context, "surface", "light")  # of the view beside its button, in Preview
+
+
+def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw a button for each picture, camera by camera."""
+    cameras = shown_pictures()
+    for camera, names in list(cameras.items())[:_MOST_CAMERAS]:
+        column = layout.column(align=True)
+        if len(cameras) > 1:
+            column.label(text=camera, icon="CAMERA_DATA")
+        grid = column.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+        for what, name in names.items():
+            grid.operator("patchnet.show_picture", text=what.title(), icon="IMAGE_DATA").image = name
+    if len(cameras) > _MOST_CAMERAS:
+        more = len(cameras) - _MOST_CAMERAS
+        draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
+
+
+def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said: list[str]) -> None:
+    """Draw the last estimate, what it was made for, and its notes but those that were `said`."""
+    scene = context.scene
+    found = results.estimate_of(scene)
+    if found is None:
+        return
+    header, body = layout.panel("PATCHNET_estimate")
+    header.label(text="Estimate")
+    if body is None:
+        return
+    box = body.box().column(align=True)
+    setting = changed(scene.patchnet, found.settings, *ESTIMATED)
+    why = f"'{setting}' changed" if setting else found.stale_because
+    if why:
+        draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
+    for line in found.made_for:
+        draw_sentence(box, context, line)
+    for line in found.lines:
+        row = box.row()
+        row.active = not why
+        draw_sentence(row, context, line)
+    if found.too_large:
+        draw_sentence(box, context, "Does not fit into memory", "ERROR")
+    draw_notes(layout, context, [text for text in found.notes if text not in said], "estimate")
+
+
+class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
+    """Size, time and errors of the result."""
+
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Lines that were written when a step ended, what all of it takes, and the button that frees the memory."""
+        layout = split(self.layout)
+        result = results.result_of(context.scene)
+        if result is None:
+            draw_sentence(layout, context, "Nothing computed yet")
+            return
+        column = layout.column(align=True)
+        for line in result.summary:
+            draw_sentence(column, context, line)
+        column = layout.column(align=True)
+        taken = held()
+        draw_sentence(column, context, f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
+        if taken.process is not None:
+            draw_sentence(column, context, f"Blender as a whole: {_size(taken.process)}")
+        layout.operator("patchnet.clear_results", icon="TRASH")
+
+
+def _size(nbytes: int) -> str:
+    return f"{nbytes / 2**20:.1f} MiB" if nbytes < 2**30 else f"{nbytes / 2**30:.2f} GiB"
+
+
+class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
+    """Voxels in the scene, and for other programs."""
+
+    bl_label = "Export"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the two buttons, and what this Blender cannot write."""
+        layout = split(self.layout)
+        for name in ("level", "display", "limit"):
+            layout.prop(context.scene.patchnet, name)
+        layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
+        layout.operator("patchnet.export_octree", icon="EXPORT")
+        if not vdb_module_name():  # looked for once
+            draw_sentence(layout, context, "This Blender cannot write .vdb", "INFO")

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels of the preview: cameras, strategy, budget and painted importance; advice; Compare; Refine with Cycles."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...patchnet_addon.runtime.quantities import error_text
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ..schema.table import AUTO, FIT, VIEW
+from ..session import results
+from ..session.scene_result import Comparison, SceneResult
+from ..settings.job_settings import recorded
+from .tab import SubPanel, Tab, draw_samples, draw_sentence, draw_setting, draw_settings, draw_stale, draw_todo, split
+
+BETTER = 0.95  # share of the chosen strategy's error from which another one is worth a sentence
+
+
+def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
+    """Advice on a result's last view; none before there is one. `values`: settings of its scene."""
+    found = [_look_ahead(result, values), _strategy(result, values)]
+    return [item for item in found if item is not None]
+
+
+def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # with a result its kernels are there already
+
+    share = result.lookahead_share
+    if share is None or share >= LOOK_AHEAD_SHARE:
+        return None
+    again = "press Preview Selection again"
+    text = f"Voxels are too coarse to look ahead on {1.0 - share:.0%} of this picture: "
+    if values.resolution == FIT:
+        return f"{text}choose a smaller Picture Size or fewer cameras, then {again}"
+    if values.resolution == AUTO:
+        return f"{text}{again} if camera or size changed, else choose Resolution: Fit to Cameras"
+    return f"{text}choose Resolution: By Cameras, then {again}"
+
+
+def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
+    """Best strategy of the comparison where it is clearly better; only for the view that was compared."""
+    if result.comparison is None or result.why(VIEW) or _others(recorded(values, VIEW)) != _others(_made_with(result)):
+        return None
+    rows = {row.name: row for row in result.comparison.rows if STRATEGIES[row.name].group != "oracle"}
+    chosen = rows.get(values.strategy)
+    best = min(rows.values(), key=lambda row: row.error, default=None)
+    if chosen is None or best is None or best.error > BETTER * chosen.error:
+        return None
+    less = 1.0 - best.error / chosen.error
+    leaves = f"leaves {less:.0%} less error than {chosen.title}"
+    return f"In this picture {best.title} {leaves}: choose Strategy: {best.title}, and render again"
+
+
+def _made_with(result: SceneResult) -> dict[str, object]:
+    return result.made_with.get(VIEW, {})
+
+
+def _others(settings: dict[str, object]) -> dict[str, object]:
+    """Settings of a view but its strategy: a comparison holds for any."""
+    return {name: value for name, value in settings.items() if name != "strategy"}
+
+
+class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
+    """A view, where it is wrong, and what refining makes of it."""
+
+    bl_label = "Preview"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, the button, and advice on the picture."""
+        layout = split(self.layout)
+        values = context.scene.patchnet
+        for name in ("cameras", "strategy", "unrefined", "background"):
+            draw_setting(layout, values, name)
+        draw_samples(layout, values)
+        for name in ("heatmap_maximum", "out"):
+            draw_setting(layout, values, name)
+        layout.operator("patchnet.render_preview", icon="RENDER_STILL")
+        draw_stale(layout, context, "view")
+        result = results.result_of(context.scene)
+        if result is not None and result.pictures:
+            for text in advice(result, values):
+                draw_todo(layout.box(), context, text, "LIGHT_DATA")
+
+
+class PATCHNET_PT_importance(Tab, bpy.types.Panel):
+    """Painted importance."""
+
+    bl_label = "Importance"
+    bl_parent_id = "PATCHNET_PT_preview"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the source, and its name."""
+        layout = split(self.layout)
+        draw_settings(layout, context.scene.patchnet, "importance")
+        if context.scene.patchnet.importance != "NONE":
+            draw_sentence(layout, context, "Black or weight 0 is never refined", "INFO")
+
+_NAMES = 0.5  # of the table's width
+
+
+class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
+    """Strategies compared: the error that each leaves on the chosen view."""
+
+    bl_label = "Compare"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button, and the table of the last comparison."""
+        layout = split(self.layout)
+        layout.operator("patchnet.compare", icon="SORTSIZE")
+        draw_setting(layout, context.scene.patchnet, "reference")
+        layout.prop(context.scene.patchnet, "strategy")  # all of them
+        result = results.result_of(context.scene)
+        if result is None or result.comparison is None:
+            draw_sentence(layout, context, "Not compared yet", "INFO")
+            return
+        found = result.comparison
+        draw_stale(layout, context, "view")
+        draw_sentence(layout, context, f"{found.view}: squared error x 10,000, budget {found.budget:.0%}")
+        table = layout.box().column(align=True)
+        _row(table, context, "Strategy", "Error", "Left")
+        for title, error in found.pictures:
+            _row(table, context, f"{title}, unrefined", error_text(error), _share(error, found))
+        for row in found.rows:
+            marked = "> " if row.name == context.scene.patchnet.strategy else ""
+            _row(table, context, f"{marked}{row.title}", error_text(row.error), _share(row.error, found))
+
+
+def _share(error: float, found: Comparison) -> str:
+    return f"{error / found.unrefined:.0%}" if found.unrefined else "-"
+
+
+def _row(layout: bpy.types.UILayout, context: bpy.types.Context, name: str, error: str, share: str) -> None:
+    row = layout.split(factor=_NAMES)
+    draw_sentence(row, context, name, share=_NAMES)
+    numbers = row.split(factor=0.6)
+    numbers.label(text=error)
+    numbers.label(text=share)
+
+
+class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
+    """Refinement with Cycles: how much it renders over the preview, and how well."""
+
+    bl_label = "Refine with Cycles"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Settings, then the button."""
+        layout = split(self.layout)
+        for name in ("budget", "samples", "light", "tile", "regions", "compare"):
+            layout.prop(context.scene.patchnet, f"cycles_{name}")
+        layout.operator("patchnet.refine_with_cycles", icon="RENDER_STILL")

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Notes on what a job left out or shows only about, and advice, with buttons that do what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import blf
+import bpy
+
+from ...patchnet_addon.runtime.quantities import counted
+from ..jobs.job_operator import JobOperator
+from ..schema.named import named_settings
+from ..schema.setting import Kind
+from ..schema.table import TABLE
+from ..session import results
+from ..session.scene_result import SceneResult
+from ..session.staleness import look_soon
+from ..settings.cycles_settings import COMBINED
+from ..settings.job_settings import changed, step_settings
+
+_MOST = 5
+
+
+def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Sequence[str], of: str) -> None:
+    """Draw notes below a heading that closes and opens them; none for none. of: what they are notes of, its name."""
+    if not notes:
+        return
+    header, body = layout.panel(f"PATCHNET_notes_{of}")
+    header.label(text=counted(len(notes), "Note"), icon="INFO")
+    if body is None:
+        return
+    notes = sorted(notes, key=lambda text: not named_settings(text))  # those first that a button helps
+    for text in notes[:_MOST]:
+        draw_todo(body.box(), context, text, "NONE")
+    if len(notes) > _MOST:
+        draw_sentence(body, context, f"and {len(notes) - _MOST} more in the Info log")
+    if any("Refine with Cycles" in text for text in notes[:_MOST]):
+        body.operator("patchnet.refine_with_cycles", icon="RENDER_STILL").cycles_light = COMBINED
+
+
+def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """Draw a sentence, and a button for each setting that it names, unless that has the value already."""
+    draw_sentence(layout, context, text, icon)
+    for words, (row, value) in named_settings(text).items():
+        if getattr(context.scene.patchnet, row.name) != value:
+            button = layout.operator(f"wm.context_set_{'enum' if row.kind is Kind.CHOICE else 'boolean'}", text=words)
+            button.data_path, button.value = f"scene.patchnet.{row.name}", value
+
+if TYPE_CHECKING:
+    from bpy.types import Panel as _Panel
+else:
+    _Panel = object  # Blender wants its own class among the direct bases of each panel
+
+# Settings that a first user sees; sub-panels have all others.
+FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
+# What empty text settings mean.
+_WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
+# Of texts in panels, where nothing is scaled: points, what tabs and frames take of a region, and what an icon does.
+_POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
+_ADVICE = {
+    "surface": ("voxelize again", "octree"),
+    "light": ("bake again", "light"),
+    "view": ("render again", "view"),
+}
+
+
+class Tab(_Panel):
+    """Panel of the sidebar tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "PatchNet"
+
+
+class SubPanel(Tab):
+    """Panel below the first one."""
+
+    bl_parent_id = "PATCHNET_PT_main"
+
+
+def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Layout with names left and values right, as Blender's own panels have it."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
+
+
+def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
+    """Draw the settings of a step that count now, but those of the first panel."""
+    for name in step_settings(values, step):
+        if name not in FIRST:
+            draw_setting(layout, values, name)
+
+
+def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
+    """Draw the first panel's settings that count now."""
+    for name in FIRST:
+        if TABLE[name].counts(values):
+            row = layout.row()
+            row.active = name != "budget" or not values.spp
+            draw_setting(row, values, name)
+
+
+def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
+    """Draw a setting as its kind wants it: a list of images, sides in pixels, a checkbox where 0 is automatic."""
+    if name == "importance_image":
+        layout.prop_search(values, name, bpy.data, "images")
+    elif name == "size":
+        column = layout.column(align=True)
+        both = "" if any(values.size) else "As Render"
+        _draw_automatic(column, values, "size_x", "Picture Size X", both or TABLE[name].automatic)
+        _draw_automatic(column, values, "size_y", "Y", both or TABLE[name].automatic)
+    elif name == "strategy":
+        layout.prop(values, "short_strategy")
+    elif name in TABLE and TABLE[name].kind is Kind.AUTOMATIC:
+        _draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
+    elif name == "cameras":
+        layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")
+    else:
+        layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
+
+
+def _draw_automatic(
+    layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str, label: str, automatic: str
+) -> None:
+    """Draw a checkbox, and the number where it is on, else what is taken instead."""
+    row = layout.row(heading=label)
+    row.prop(values, f"use_{name}", text="")
+    if getattr(values, f"use_{name}"):
+        row.prop(values, name, text="")
+    else:
+        row.label(text=automatic)
+
+
+def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
+    """Draw how many samples pixels get; those of the budget are gray where a mean counts instead."""
+    row = layout.row()
+    row.active = not values.spp
+    draw_setting(row, values, "refined_samples")
+    draw_setting(layout, values, "spp")
+
+
+def draw_sentence(
+    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", share: float = 1.0
+) -> None:
+    """Draw a text in lines that the region has room for, the first with an icon. share: of the width that it gets."""
+    region, scale = context.region, context.preferences.system.ui_scale  # which is 0 without a window
+    column = layout.column(align=True)
+    taken = (_MARGIN_PX + (_ICON_PX if icon != "NONE" else 0.0)) * scale
+    for line in [text] if region is None or not scale else _lines(text, (region.width - taken) * share, scale):
+        column.label(text=line, icon=icon)
+        icon = "NONE" if icon == "NONE" else "BLANK1"
+
+
+def _lines(text: str, width: float, scale: float) -> list[str]:
+    """Lines of words, none of them wider than `width` pixels unless it is one long word."""
+    blf.size(0, _POINTS * scale)
+    lines: list[str] = []
+    for word in text.split(" "):
+        if lines and blf.dimensions(0, f"{lines[-1]} {word}")[0] <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines
+
+
+def draw_progress(layout: bpy.types.UILayout) -> None:
+    """Draw how much of the job is done, or what it does where that is not known, and how to stop it."""
+    what = JobOperator.running if JobOperator.fraction else JobOperator.step
+    layout.progress(factor=JobOperator.fraction, text=f"{what}: Esc stops")
+
+
+def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: str) -> None:
+    """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
+    result = results.result_of(context.scene)
+    if result is None:
+        return
+    look_soon()
+    for step in steps:
+        if text := stale_text(result, context.scene, step):
+            draw_sentence(layout, context, text, "ERROR")
+
+
+def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
+    """Reason for a step not fitting any more, and what to do, or ""."""
+    advice, settings = _ADVICE[step]
+    why = result.why(step)
+    if not why and settings in result.made_with:
+        name = changed(scene.patchnet, result.made_with[settings], settings)
+        why = f"'{name}' changed" if name else ""
+    return f"{why[:1].upper()}{why[1:]}: {advice}" if why else ""

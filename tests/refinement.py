@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a budget refines by plain scores, for tests to compare with."""
+
+import numpy as np
+
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.patchnet_addon.sampling.refine import refined_count, refinement_order
+
+
+def refine(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
+    """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
+    order = refinement_order(buffers, score)
+    mask = np.zeros(len(score), bool)
+    mask[order[: refined_count(buffers, budget, len(order))]] = True
+    return mask

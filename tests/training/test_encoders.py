@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Encoders: sizes, NumPy reference of those that convolve against torch, their files, and who runs them."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.network import weights as engine_weights
+from patchnet.patchnet_addon.network.encoders import MLP
+from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
+from patchnet.patchnet_addon.network.weights import Weights, network, save_weights
+from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
+from patchnet.patchnet_addon.runtime.files import write_arrays
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.training.convolution_reference import NumpyConvolutions, convolve_reference, corner_patches
+from patchnet.training.encoders import CONV3D, ENCODERS, VOXCEPTION, load_weights
+from patchnet.training.network import research_encoder as research
+from patchnet.training.network.research_encoder import research_encoder
+from patchnet.training.settings import SHIPPED_WIDTH
+
+CONVOLVING = (CONV3D, VOXCEPTION)
+TOLERANCE = 2e-5  # float32 sums of up to 1,500 products of about 1, in another order
+needs_torch = pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="torch is not installed")
+
+
+def corners(lookahead, count=7, seed=3):
+    """Blocks (U, B), the first one empty, and rows (C, 8) of the eight blocks around each corner."""
+    random, cells = np.random.default_rng(seed), 8**lookahead
+    occupied = random.random((12, cells, 1)) < 0.3
+    blocks = np.where(occupied, random.uniform(-1, 1, (12, cells, 5)), 0).reshape(12, -1).astype(np.float32)
+    blocks[0] = 0
+    return blocks, random.integers(0, 12, (count, 8))
+
+
+def naive_convolution(cells, kernels, bias, stride):
+    """Convolution (F, n, n, n) of cells (K, N, N, N), output by output, from the definition."""
+    side = kernels.shape[-1]
+    padded = np.pad(cells, ((0, 0), *((side // 2,) * 2,) * 3))
+    count = cells.shape[-1] // stride
+    result = np.empty((len(kernels), count, count, count))
+    for place in np.ndindex(count, count, count):
+        window = padded[(slice(None), *(slice(stride * at, stride * at + side) for at in place))]
+        result[(slice(None), *place)] = (kernels * window).sum(axis=(1, 2, 3, 4)) + bias
+    return result
+
+
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_as_many_parameters_as_the_linear_layers(kind, lookahead):
+    weights = Weights.random(1, lookahead=lookahead, encoder=kind)
+    held = sum(array.size for layer in weights.encoder for array in layer)
+    assert held == kind.parameters(lookahead)
+    assert 0.97 < held / MLP.parameters(lookahead) <= 1
+    assert weights.lookahead == lookahead and weights.encoder_kind is kind
+    assert MLP.parameters(2) == 789_770
+
+
+def test_voxception_block_from_its_definition():
+    """The first block, of 3x3x3 and 1x1x1 kernels, and the one that halves, for one patch and a look-ahead of one."""
+    weights = Weights.random(4, bias=0.1, lookahead=1, encoder=VOXCEPTION)
+    patch = corner_patches(*corners(1, count=1)).astype(np.float64)[0]
+    wide, narrow, strided, picked, largest, mean = weights.encoder[:6]
+    cells = np.maximum(np.concatenate([naive_convolution(patch, *wide, 1), naive_convolution(patch, *narrow, 1)]), 0)
+    full = [naive_convolution(cells, *layer, 1) for layer in (largest, mean)]
+    pooled = np.empty((2, 4, 2, 2, 2))
+    for place in np.ndindex(2, 2, 2):
+        near = (slice(None), *(slice(max(2 * at - 1, 0), 2 * at + 2) for at in place))
+        pooled[(0, slice(None), *place)] = full[0][near].max(axis=(1, 2, 3))
+        pooled[(1, slice(None), *place)] = full[1][near].sum(axis=(1, 2, 3)) / 27
+    halved = [naive_convolution(cells, *layer, 2) for layer in (strided, picked)]
+    values = np.maximum(np.concatenate([*halved, *pooled]), 0).ravel()
+    (hidden, hidden_bias), (last, last_bias) = weights.encoder[6:]
+    code = last @ np.maximum(hidden @ values + hidden_bias, 0) + last_bias
+    np.testing.assert_allclose(convolve_reference(weights, patch[None].astype(np.float32))[0], code, atol=TOLERANCE)
+
+
+def test_patches_are_those_of_the_linear_layers():
+    blocks, rows = corners(2)
+    eight = blocks[rows].reshape(-1, 2, 2, 2, 4, 4, 4, 5).transpose(0, 1, 4, 2, 5, 3, 6, 7)
+    np.testing.assert_array_equal(np.moveaxis(corner_patches(blocks, rows), 1, -1), eight.reshape(-1, 8, 8, 8, 5))
+
+
+@needs_torch
+@pytest.mark.parametrize(("lookahead", "count"), [(1, 0), (1, 5), (2, 1), (2, 7), (3, 2)])
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_torch_with_numpy(kind, lookahead, count):
+    import torch
+
+    from patchnet.training.network.patchnet import PatchNet
+
+    weights = Weights.random(5, bias=0.1, lookahead=lookahead, encoder=kind)
+    blocks, rows = corners(lookahead, count)
+    wanted = NumpyConvolutions(weights)(blocks, rows)
+    assert wanted.shape == (count, 10) and wanted.dtype == np.float32
+    np.testing.assert_allclose(research_encoder(weights)(blocks, rows), wanted, atol=TOLERANCE)
+    model = PatchNet(weights)
+    assert model.to_weights().hash == weights.hash
+    with torch.no_grad():
+        np.testing.assert_allclose(model.encode(torch.from_numpy(blocks[rows])).numpy(), wanted, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_mixtures_are_blind_to_luminance(kind):
+    weights = Weights.random(2, bias=0.1, lookahead=1, kind=MIXTURE, encoder=kind)
+    blocks, rows = corners(1)
+    dark = blocks.copy()
+    dark[:, 1::5] = 0
+    np.testing.assert_array_equal(NumpyConvolutions(weights)(blocks, rows), NumpyConvolutions(weights)(dark, rows))
+
+
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_file_says_the_encoder(kind, tmp_path):
+    path, weights = tmp_path / "w.safetensors", Weights.random(3, lookahead=1, kind=MIXTURE, encoder=kind)
+    save_weights(weights, path)
+    loaded = load_weights(path)
+    assert loaded.encoder_kind is kind and loaded.kind is MIXTURE and loaded.hash == weights.hash
+    write_arrays(path, weights.arrays(), {"network": network(1, MIXTURE, kind) | {"encoder": "unet"}}, "weights")
+    with pytest.raises(WeightsFileError, match="its 'encoder' is 'unet' where this one has one of mlp, conv3d, vox"):
+        load_weights(path)
+    write_arrays(path, weights.arrays(), {"network": network(1, MIXTURE, MLP)}, "weights")
+    with pytest.raises(WeightsFileError, match="shape"):
+        load_weights(path)
+    other = network(1, MIXTURE, kind) | {"encoder_layers": "of somebody else"}
+    write_arrays(path, weights.arrays(), {"network": other}, "weights")
+    with pytest.raises(WeightsFileError, match="its 'encoder_layers' is 'of somebody else'"):
+        load_weights(path)
+
+
+def test_files_without_a_word_on_it_have_linear_layers():
+    assert "encoder" not in network(2) and load_weights().encoder_kind == MLP.of_width(SHIPPED_WIDTH)
+    assert tuple(ENCODERS) == ("mlp", "conv3d", "voxception")
+
+
+@pytest.mark.parametrize("width", [64, 320])
+def test_file_has_linear_layers_of_any_width(width, tmp_path):
+    path, weights = tmp_path / "w.safetensors", Weights.random(3, kind=MIXTURE, encoder=MLP.of_width(width))
+    save_weights(weights, path)
+    loaded = load_weights(path)
+    assert loaded.encoder_kind == MLP.of_width(width) and loaded.lookahead == 2 and loaded.hash == weights.hash
+    arrays = weights.arrays() | {"encoder.0.bias": np.zeros(width + 1, np.float32)}
+    write_arrays(path, arrays, {"network": network(2, MIXTURE)}, "weights")
+    with pytest.raises(WeightsFileError, match=f"shape .{width + 1},. where encoders have a multiple of 64 numbers"):
+        load_weights(path)
+
+
+def test_the_engine_refuses_what_it_does_not_run(tmp_path):
+    save_weights(Weights.random(3, lookahead=1, encoder=CONV3D), tmp_path / "w.safetensors")
+    with pytest.raises(WeightsFileError, match="the encoder 'conv3d', which research commands alone run: choose"):
+        engine_weights.load_weights(tmp_path / "w.safetensors")
+
+
+def test_what_needs_torch_says_so(monkeypatch):
+    assert research_encoder(Weights.random(3)) is None
+    monkeypatch.setattr(research, "has_torch", lambda: False)
+    with pytest.raises(SettingError, match=r"encoder 'conv3d' .* install it"):
+        research_encoder(Weights.random(3, lookahead=1, encoder=CONV3D))
+
+
+@needs_torch
+@pytest.mark.parametrize("network_kind", [PAPER, MIXTURE], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
+def test_codes_of_an_octree(kind, network_kind):
+    octree, weights = random_octree(2, depth=5), Weights.random(6, 0.1, 1, network_kind, kind)
+    wanted = drain(encode_octree(octree, weights, encoder=NumpyConvolutions(weights))).codes
+    found = drain(encode_octree(octree, weights, encoder=research_encoder(weights))).codes
+    np.testing.assert_allclose(found, wanted, atol=2e-3, rtol=1e-3)  # half floats

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strategies measured against Cycles' renders of the scene, not against rays of its octree (truth G2, methods 7.28).
+
+Refined pixels are those of the render, unrefined ones the octree's with one ray each. So an error is left that is no
+strategy's: the octree with 32x32 rays a pixel (the first truth, G1) differs from the render by the voxels' bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
+from ...patchnet_addon.sampling.trace import trace_view
+from ...patchnet_addon.tracing.camera import Camera
+from ..benchmarks.figures import save_figure
+from .bootstrap import finite
+from .curves import (
+    BUDGETS,
+    OPTIMAL,
+    FrameErrors,
+    TrackErrors,
+    check_track,
+    excess_area,
+    frame_errors,
+    frame_orders,
+    pooled_mse,
+    rank_staged,
+)
+
+OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
+_TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse light", "|octree - Cycles|")
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Picture that refined pixels are taken from: luminance (P,) float32 in [0, 1], row 0 at the bottom.
+
+    noise: (P,) float64, expected squared error of each pixel by the render's own noise, from its two halves.
+    """
+
+    luminance: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of_halves(cls, first: np.ndarray, second: np.ndarray, exposure: float) -> Truth:
+        """Mean of two renders (H, W) of half the samples each, exposed and clamped as the octree (methods 7.1).
+
+        Its variance is a quarter of their mean squared difference, that of each half is one half.
+        """
+        clamped = [np.clip(exposure * half.ravel().astype(np.float64), 0.0, 1.0) for half in (first, second)]
+        mean = np.clip(exposure * (first.ravel().astype(np.float64) + second.ravel()) / 2.0, 0.0, 1.0)
+        return cls(mean.astype(np.float32), (clamped[0] - clamped[1]) ** 2 / 4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraResult:
+    """Results of one camera.
+
+    buffers: the view, with 32x32 rays of the octree as its reference. truths: by name. errors: against the octree and
+    against each of the truths, by name. bias, noise: sums over active pixels, by truth.
+    """
+
+    camera: Camera
+    buffers: PixelBuffers
+    truths: Mapping[str, Truth]
+    errors: Mapping[str, FrameErrors]
+    bias: Mapping[str, float]
+    noise: Mapping[str, float]
+
+
+def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
+    """Cameras in the middle of `count` equal parts of a track; raises SettingError if it has fewer frames."""
+    if count > len(track):
+        raise SettingError(f"{count} cameras cannot be taken from a track of {len(track)}: ask for fewer, or --frames")
+    cameras = [track[(2 * number + 1) * len(track) // (2 * count)] for number in range(count)]
+    return [replace(camera, name=f"View {number}") for number, camera in enumerate(cameras, 1)]
+
+
+def measure_camera(
+    coded: CodedOctree, camera: Camera, strategies: Mapping[str, Strategy], truths: Mapping[str, Truth]
+) -> Steps[CameraResult]:
+    """Measure all strategies through one camera. Scores are the same for all truths, but of those that know the truth.
+
+    Raises SettingError for a truth of another size.
+    """
+    buffers = yield from trace_view(coded.octree, camera, list(strategies.values()), coded=coded)
+    assert buffers.reference is not None
+    scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
+    errors = {OCTREE: frame_errors(buffers, frame_orders(buffers, scores))}
+    rank_staged(errors[OCTREE], buffers, strategies)
+    bias, noise = {}, {}
+    for name, truth in truths.items():
+        if truth.luminance.shape != buffers.reference.shape:
+            raise SettingError(f"Truth {name!r} has another size than the camera's picture: render it with this camera")
+        seen = replace(buffers, reference=truth.luminance)
+        known = {key: each.scores(seen) for key, each in strategies.items() if REFERENCE in each.needs}
+        errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
+        rank_staged(errors[name], seen, strategies)
+        off = (buffers.reference.astype(np.float64) - truth.luminance) ** 2
+        bias[name], noise[name] = float(off[buffers.active].sum()), float(truth.noise[buffers.active].sum())
+    return CameraResult(camera, buffers, truths, errors, bias, noise)
+
+
+def cycles_results(
+    scene: str, coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
+) -> dict[str, Any]:
+    """Results of a scene's cameras as plain JSON values: mean squared errors over all active pixels (methods 5).
+
+    `mse` is against the diffuse light; `truths` has the same of each truth, with its bias and noise. Raises CheckError
+    for errors that cannot be right, as `check_track`.
+    """
+    names = list(strategies)
+    active = max(sum(result.errors[OCTREE].active for result in results), 1)
+    truths: dict[str, Any] = {}
+    for truth in results[0].errors:
+        track = TrackErrors.of(f"{scene}, {truth}", names, [result.errors[truth] for result in results])
+        check_track(track)
+        mse = pooled_mse([track])
+        areas = excess_area(mse, mse[names.index(OPTIMAL)])
+        truths[truth] = {
+            "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
+            "excess_area": {name: finite(areas[row]) for row, name in enumerate(names)},
+        }
+        if truth != OCTREE:
+            truths[truth] |= {
+                "bias": sum(result.bias[truth] for result in results) / active,
+                "noise": sum(result.noise[truth] for result in results) / active,
+            }
+    return {
+        "budgets": BUDGETS.tolist(),
+        "mse": truths[DIFFUSE]["mse"],
+        "truths": truths,
+        "cameras": [_camera(result) for result in results],
+        "active_pixels": active,
+        "depth": coded.octree.depth,
+        "octree_hash": octree_hash(coded.octree),
+        "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in strategies.items()},
+        "group": {name: strategy.group for name, strategy in strategies.items()},
+    }
+
+
+def _camera(result: CameraResult) -> dict[str, Any]:
+    active = max(result.errors[OCTREE].active, 1)
+    return {
+        "name": result.camera.name,
+        "position_world": result.camera.position_world.tolist(),
+        "forward": result.camera.forward.tolist(),
+        "active_pixels": result.errors[OCTREE].active,
+        "lookahead_share": result.buffers.lookahead_share,
+        "mse_unrefined": {name: float(errors.left[0, 0]) / active for name, errors in result.errors.items()},
+        "bias": {name: value / active for name, value in result.bias.items()},
+        "noise": {name: value / active for name, value in result.noise.items()},
+    }
+
+
+def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> Path:
+    """Draw a row of pictures for each camera; returns the file; raises PatchNetError if it cannot be written."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
+    rows = figure.subplots(len(results), len(_TITLES), squeeze=False)
+    for axes, result in zip(rows, results, strict=True):
+        buffers, cycles = result.buffers, result.truths[DIFFUSE].luminance
+        assert buffers.reference is not None
+        pictures = [gray(buffers.picture(values)) for values in (buffers.preview, buffers.reference, cycles)]
+        for each, picture in zip(axes, pictures, strict=False):
+            each.imshow(np.clip(picture[::-1], 0.0, 1.0), interpolation="nearest")
+        difference = np.abs(buffers.picture(buffers.reference - cycles))
+        axes[-1].imshow(difference[::-1], cmap="magma", vmin=0.0, vmax=0.5, interpolation="nearest")
+        axes[-1].set_xlabel(f"bias {1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1):.1f}e-4")
+        axes[0].set_ylabel(result.camera.name)
+        for each, title in zip(axes, _TITLES, strict=True):
+            each.set_title(title, fontsize=9)
+            each.set(xticks=[], yticks=[])
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.png"
+    save_figure(figure, path)
+    return path

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames that map networks learn from, and what they see of them (methods 3.9-3.11).
+
+Scale of the planes (C, H, W) that a network may see of a pixel's centre ray, the same for all octrees: luminance is
+linear, in [0, 1]; distances are in sides of the octree's cube; levels are shares of the deepest that there may be;
+ratios are as they are, in [1/2, 1]; child counts are eighths. Normals stand in the frame of the pixel's own ray (right,
+up, towards the viewer; methods 7.14), so that nothing depends on where north is, and are turned to the viewer, since
+surfaces here have two sides. A miss has the background's luminance, and 0 in every other plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from ....patchnet_addon.octree.octree import POPCOUNT, Octree
+from ....patchnet_addon.runtime.bounds import MAX_DEPTH
+from ....patchnet_addon.runtime.errors import FileFormatError
+from ....patchnet_addon.runtime.files import read_arrays, write_arrays
+from ....patchnet_addon.runtime.progress import Steps
+from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ....patchnet_addon.sampling.strategy import CHILD_MASK, CUBE_SIDE, NORMAL, Strategy
+from ....patchnet_addon.sampling.trace import trace_view
+from ....patchnet_addon.tracing.camera import Camera
+from ....patchnet_addon.tracing.supersample import supersample
+
+NEEDS = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE})
+PLANES = (
+    "luminance", "mask", "normal right", "normal up", "normal to viewer", "distance", "level", "ratio", "children"
+)  # fmt: skip
+LUMINANCE, MASK, NORMALS, DISTANCE, LEVEL, RATIO, CHILDREN = 0, 1, slice(2, 5), 5, 6, 7, 8
+KIND = "rendered-frame"
+SIDES = (1, 2, 4, 8)  # of the pictures: side x side rays in each pixel
+SUBPIXELS = 4  # parts along a pixel's side, each of (32 / 4)^2 of the reference's rays
+_PART_SIDE = 8
+_INPUTS = Strategy(
+    "inputs", "Inputs", "The G-buffer, with nothing scored", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
+)
+
+
+def gbuffer(buffers: PixelBuffers) -> np.ndarray:
+    """Planes (9, H, W) float32 of a view, in the order of PLANES; the view must have what NEEDS names."""
+    assert buffers.child_mask is not None and buffers.cube_side_world is not None  # NEEDS says so
+    hits, hit = buffers.hits, buffers.hit
+    planes = np.zeros((len(PLANES), len(hit)), np.float32)
+    planes[LUMINANCE] = buffers.preview
+    planes[MASK] = hit
+    planes[NORMALS] = _normals(buffers)
+    planes[DISTANCE] = np.where(hit, hits.t_world, 0.0) / buffers.cube_side_world
+    planes[LEVEL] = hits.level / MAX_DEPTH
+    planes[RATIO] = hits.ratio
+    planes[CHILDREN] = POPCOUNT[buffers.child_mask] / 8
+    planes[MASK:, ~hit] = 0.0
+    return planes.reshape(len(PLANES), buffers.height, buffers.width)
+
+
+def _normals(buffers: PixelBuffers) -> np.ndarray:
+    """Normals (3, P) in the frames of the rays, turned to the viewer."""
+    assert buffers.normal is not None
+    forward, up = buffers.hits.direction, buffers.hits.up
+    axes = np.stack([np.cross(forward, up), up, -forward])  # (3, P, 3)
+    turned = np.einsum("apc,pc->ap", axes, buffers.normal)
+    return np.where(turned[2] < 0.0, -turned, turned)
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedFrame:
+    """Frame of H x W pixels, luminances linear in [0, 1], row 0 at the bottom.
+
+    planes: (9, H, W) float32, see `gbuffer`. pictures: (4, H, W) float32 with SIDES^2 rays in each pixel.
+    fine: (4H, 4W) float32; means over 4 x 4 are L32, the reference with 32 x 32 rays in each pixel (methods 7.5).
+    """
+
+    planes: np.ndarray
+    pictures: np.ndarray
+    fine: np.ndarray
+
+    @classmethod
+    def load(cls, path: Path, key: str) -> Self | None:
+        """Frame of a file, mapped into memory; None if it is not there, damaged, or has another key."""
+        try:
+            arrays, metadata = read_arrays(path, KIND)
+        except FileFormatError:
+            return None
+        return cls(**arrays) if metadata.get("key") == key else None
+
+    def save(self, path: Path, key: str) -> None:
+        """Write the frame; key: of everything that it depends on."""
+        write_arrays(path, {"planes": self.planes, "pictures": self.pictures, "fine": self.fine}, {"key": key}, KIND)
+
+
+def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:
+    """Render what the networks learn from."""
+    buffers = yield from trace_view(octree, camera, [_INPUTS], reference=False)
+    planes = gbuffer(buffers)
+    pictures = [planes[LUMINANCE]]
+    for side in SIDES[1:]:
+        pictures.append(buffers.picture((yield from supersample(octree, camera, side))))
+    # The same rays as those of the reference, kept by parts of the pixels: a part's eighth is a pixel's 32nd.
+    larger = camera.with_size(SUBPIXELS * camera.width_px, SUBPIXELS * camera.height_px)
+    fine = (yield from supersample(octree, larger, _PART_SIDE)).reshape(larger.height_px, larger.width_px)
+    return RenderedFrame(planes, np.stack(pictures), fine)

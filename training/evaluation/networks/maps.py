@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of map networks, and the strategies that they make (methods 3.9-3.11); torch is imported when one is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....patchnet_addon.runtime.errors import PatchNetError, WeightsFileError
+from ....patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
+from ....patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ....patchnet_addon.runtime.files import content_hash, read_arrays, write_arrays
+from ....patchnet_addon.runtime.threads import thread_count
+from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ....patchnet_addon.sampling.strategy import Strategy
+from ...run.run_files import CHECKPOINT, LOG, check_run
+from ...run.torch_threads import torch_threads
+from . import NAMES
+from .frames import NEEDS, gbuffer
+
+if TYPE_CHECKING:
+    import torch
+
+    from .map_network import MapNetwork
+
+KIND = "sampling-map"
+MAP = "sampling_map.safetensors"
+FRAMES = "frames"  # folder of rendered frames
+_KINDS = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)}
+
+
+def save_map(path: Path, network: str, weights: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
+    """Write the weights of the network called `network`, and how they were made; raises OutputError."""
+    write_arrays(path, weights, dict(notes) | {"network": network}, KIND)
+
+
+def read_map(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Weights by name, and how they were made; raises WeightsFileError for a file that is missing, foreign, damaged."""
+    return read_arrays(path, KIND, WeightsFileError)
+
+
+def map_hash(path: Path) -> str:
+    """Hash (32 hex digits) of a file's weights, for keys of what depends on them; raises as `read_map`."""
+    return content_hash(read_map(path)[0])
+
+
+def map_networks() -> dict[str, MapNetwork]:
+    """Map networks by name; needs torch."""
+    from .kuznetsov import KUZNETSOV
+    from .unet import UNET
+    from .weiss import WEISS
+
+    return dict(zip(NAMES, (WEISS, KUZNETSOV, UNET), strict=True))
+
+
+def check_map_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> None:
+    """Check that a run can begin in `out`, or go on there; raises as `check_run`."""
+    check_run(out, inputs, resume=resume, kinds=_KINDS)
+
+
+def map_strategy(path: Path) -> Strategy:
+    """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file that `patchnet lab train-maps` has written.
+
+    Raises PatchNetError without torch, and WeightsFileError for a file that is missing, foreign, damaged, or of other
+    networks than those of this version.
+    """
+    try:
+        import torch
+    except ImportError as cause:
+        raise PatchNetError(f"Sampling maps need torch ({cause}): install patchnet-blender[train]") from cause
+    weights, notes = read_map(path)
+    network = map_networks().get(notes.get("network", ""))
+    if network is None:
+        raise WeightsFileError(f"{path} is of the network {notes.get('network')!r}, which this version does not have")
+    model = network.build()
+    _fill(model, weights, path)
+
+    def score(buffers: PixelBuffers) -> np.ndarray:
+        planes = torch.from_numpy(network.planes(gbuffer(buffers)))
+        with torch_threads(thread_count()), torch.inference_mode():
+            return network.scores(model, planes[None])[0].numpy().ravel()
+
+    made = f"{notes.get('steps', 0):,} steps on {notes.get('frames', 0):,} frames"
+    return Strategy(
+        name=network.strategy,
+        title=network.title,
+        description=f"{network.description}; retrained here, {made}",
+        needs=NEEDS,
+        score=score,
+        quantity=network.quantity,
+        maximum=network.maximum,
+        group="screen-space",
+    )
+
+
+def _fill(model: torch.nn.Module, weights: dict[str, Any], path: Path) -> None:
+    """Give a network its weights; raises WeightsFileError unless they are exactly its own, and finite."""
+    import torch
+
+    wanted = {name: tuple(value.shape) for name, value in model.state_dict().items()}
+    found = {name: value.shape for name, value in weights.items()}
+    if wanted != found:
+        raise WeightsFileError(f"{path} has weights of other layers than its network: train it anew")
+    if not all(np.isfinite(value).all() for value in weights.values()):
+        raise WeightsFileError(f"{path} has weights that are not finite: train it anew, at a lower rate")
+    model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
+    model.eval()

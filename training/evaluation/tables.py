@@ -1,0 +1,401 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tables of an evaluation's results as pandas frames: all errors, and what documentation and reports show of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from statistics import median
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..benchmarks.tables import markdown_table
+from .claims import ORACLES, VARIANCE
+from .costs import CYCLES_MS_PER_PIXEL, total_ms
+from .results import POOLED
+from .strategies import network_name
+
+TITLE = "# Tables of an evaluation"
+BUDGET = 30  # percent
+BUDGETS = 5, 10, 20, 30, 50, 70  # of means over scenes, and of pairs
+BUDGETS_SHOWN = 10, 13, 20, 30, 50, 70
+_LEAST = 1e-9  # of a ratio, for its logarithm
+_RATIOS = (
+    "patchnet-plus-0", "plain-plus-0", "patchnet", "patchnet-plus-1", "plain-plus-1", "patchnet-behind", "fusion",
+    "fine-ray", "fine-ray-variance", "patchnet-plus", "plain-plus-4", "fine-rays-4", "fine-rays-4-variance",
+)  # fmt: skip
+PAIRS = {
+    "patchnet-plus-0": ("patchnet", VARIANCE, "ss-variance-hits", "plain-plus-0"),
+    "patchnet-plus-1": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1"),
+    "patchnet-plus": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4"),
+    "patchnet-plus-1-staged": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1-staged"),
+    "patchnet-plus-staged": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4-staged"),
+}  # strategies and their rivals at as many rays
+_CYCLES_SHOWN = (
+    VARIANCE, "patchnet-plus-0", "patchnet", "patchnet-plus-1", "patchnet-plus-1-staged", "patchnet-behind", "fusion",
+    "fine-ray", "fine-ray-variance", "patchnet-plus", "patchnet-plus-staged", "fine-rays-4", "optimal",
+)  # fmt: skip
+Tables = list[tuple[str, pd.DataFrame]]
+"""Titles, and the tables below them, whose cells are texts."""
+
+
+def errors_of(results: Mapping[str, Any]) -> pd.DataFrame:
+    """All errors of the results of `results_of`: a row for each scene, strategy and budget.
+
+    After a scene's strategies follow its pictures, unrefined, in the group "picture", without intervals.
+    psnr_db: none where no error is left. ms_per_frame: of the strategy alone; ms_with_rays, ms_with_cycles: with the
+    samples that the budget asks for, 32x32 of our own rays a pixel, or CYCLES_MS_PER_PIXEL; none without a price.
+    """
+    parts = [part for scene, values in results["scenes"].items() for part in _errors_of_scene(scene, values)]
+    frame = pd.concat(parts, ignore_index=True)
+    frame.insert(8, "psnr_db", -10 * np.log10(frame["mse"].where(frame["mse"] > 0)))
+    return frame
+
+
+def _errors_of_scene(scene: str, values: Mapping[str, Any]) -> Iterator[pd.DataFrame]:
+    for name, curve in values["mse"].items():
+        interval = values["intervals"][name]
+        about = {"scene": scene, "strategy": name, "group": values["group"][name]}
+        frame = pd.DataFrame(
+            about
+            | {"rays_per_pixel": values["rays_per_pixel"][name], "budget": values["budgets"], "mse": curve}
+            | {"low": interval["low"], "high": interval["high"]}
+        )
+        yield frame.assign(**_times(values, name))
+    uniform = {f"uniform-{side}": picture for side, picture in values["uniform"].items()}
+    for name, picture in (uniform | values["predicted"]).items():
+        about = {"scene": scene, "strategy": name, "group": "picture", "rays_per_pixel": picture["rays_per_pixel"]}
+        ms = dict.fromkeys(("ms_per_frame", "ms_with_rays", "ms_with_cycles"), picture["ms_per_frame"])
+        yield pd.DataFrame([about | {"budget": 0.0, "mse": picture["mse"], "low": np.nan, "high": np.nan} | ms])
+
+
+def _times(values: Mapping[str, Any], strategy: str) -> dict[str, Any]:
+    """Milliseconds at each budget: of the strategy, with own rays, with Cycles; NaN without a price."""
+    if strategy not in values["ms_per_frame"]:
+        return dict.fromkeys(("ms_per_frame", "ms_with_rays", "ms_with_cycles"), np.nan)
+    prices = {"ms_with_rays": values["reference_ms_per_pixel"], "ms_with_cycles": CYCLES_MS_PER_PIXEL}
+    own = values.get("ms_by_budget", {}).get(strategy, values["ms_per_frame"][strategy])
+    return {"ms_per_frame": own} | {name: total_ms(values, strategy, price) for name, price in prices.items()}
+
+
+def markdown_of(tables: Tables) -> str:
+    """Markdown of tables."""
+    parts = [TITLE]
+    for title, table in tables:
+        parts += [title, markdown_table(list(table.columns), table.itertuples(index=False))]
+    return "\n\n".join(parts) + "\n"
+
+
+def tables_of(results: Mapping[str, Any]) -> Tables:
+    """Tables of the results of `results_of`: scenes, errors, excess areas, costs, claims, matrix, picture metrics."""
+    scenes, claims = results["scenes"], results["claims"]
+    first = next(iter(scenes.values()))
+    names = sorted(
+        (name for name in first["mse"] if network_name(name) is None and name not in ("random", VARIANCE)),
+        key=lambda name: (first["group"][name] == "oracle", first["rays_per_pixel"][name], name),
+    )
+    shown = [VARIANCE, *names]
+    pooled = {"pooled": results["pooled"]} if "pooled" in results else {}
+    areas = pd.DataFrame({scene: {name: _area(values, name) for name in shown} for scene, values in scenes.items()})
+    found = [
+        ("Scenes; mean squared errors times 10,000.", _scenes(scenes)),
+        (f"Error at {BUDGET}% over that of `{VARIANCE}`.", _by_strategy(_ratios(scenes | pooled, BUDGET).loc[names])),
+    ]
+    if pooled:
+        title = f"All scenes pooled: error over that of `{VARIANCE}` at several budgets."
+        ratios = pd.DataFrame({f"{at}%": _ratios(pooled, at)["pooled"] for at in BUDGETS_SHOWN})
+        found.append((title, _by_strategy(ratios.loc[names])))
+    found += [
+        (f"Strategies by further rays: geometric mean over scenes of the error over that of `{VARIANCE}`, by budget; "
+         "excess area from the best scene to the worst; milliseconds of a frame on one thread, median over scenes.",
+         _over_all(scenes, areas)),
+        (f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget, and the largest ratio of "
+         "both errors: at equal budgets, and in equal time where samples are own rays, or those of Cycles.",
+         _ahead(scenes)),
+        ("Excess area: 0 is optimal, 1 is random.", _by_strategy(areas, "{:.3f}")),
+        ("Cost: rays a pixel, and milliseconds of a frame on one thread, median over scenes and by scene.",
+         _costs(scenes, shown)),
+        (f"Intervals of 95 % of the ratio to `{VARIANCE}` at {BUDGET}%.",
+         _by_row("scene", claims["half"], _RATIOS, _half).replace(POOLED, "pooled")),
+        ("Lowest of the paper's references: from which budget on (interval), at which share of budgets from 13 % on.",
+         _by_row("scene", claims["lowest"], shipped(claims["lowest"][next(iter(scenes))]), _from)),
+        ("Rays in each pixel, and what the network predicts: error times 10,000, and milliseconds.", _pictures(scenes)),
+        (f"Predicted pictures refined by their own priority: error over that of `{VARIANCE}` from the preview.",
+         _predicted(scenes)),
+        (f"Picture metrics at {BUDGET}%, means over scenes.",
+         _quality([values["quality"] for values in scenes.values()])),
+    ]  # fmt: skip
+    for score, matrix in claims.get("generalisation", {}).items():
+        title = f"Generalisation of `{score}`, error at {BUDGET}% over that of `{VARIANCE}`"
+        table = _by_row("trained on", matrix["networks"], scenes, _learned)
+        found.append((f"{title}; bold: the scene was learned.", table))
+    return found
+
+
+def shipped(found: Mapping[str, Any]) -> dict[str, Any]:
+    """What was found of strategies without further networks, which the matrix of generalisation shows."""
+    return {name: values for name, values in found.items() if network_name(name) is None}
+
+
+def cycles_tables(scenes: Mapping[str, Any]) -> Tables:
+    """Tables of scenes by name, as `cycles_results` gives each: errors against Cycles, and which are ahead."""
+    truths = {name: values["truths"]["diffuse"] for name, values in scenes.items()}
+    mse = 1e4 * _mse(truths, BUDGET)
+    errors = pd.DataFrame(
+        {
+            "scene": list(truths),
+            "bias": [f"{1e4 * values['bias']:.1f}" for values in truths.values()],
+            "noise": [f"{1e4 * values['noise']:.2f}" for values in truths.values()],
+            "unrefined": [f"{1e4 * values['mse']['random'][0]:.1f}" for values in truths.values()],
+        }
+        | {f"`{name}`": mse.loc[name].map("{:.1f}".format).tolist() for name in _CYCLES_SHOWN if name in mse.index}
+    )
+    return [
+        (f"Mean squared error times 10,000 against Cycles' diffuse light and emission, at {BUDGET}%. The bias is "
+         "that of rays of the octree, the noise that of the render.", errors),
+        (f"Scenes of {len(truths)} in which one strategy leaves less than another, by budget, and the largest ratio "
+         "of both errors.", _ahead(truths).drop(columns="at equal")),
+    ]  # fmt: skip
+
+
+def cycles_errors(scenes: Mapping[str, Any]) -> pd.DataFrame:
+    """All errors against Cycles: a row for each scene, truth, strategy and budget."""
+    parts = [
+        pd.DataFrame(
+            {"scene": scene, "strategy": name, "group": values["group"][name]}
+            | {"rays_per_pixel": values["rays_per_pixel"][name], "truth": truth}
+            | {"budget": values["budgets"], "mse": curve}
+        )
+        for scene, values in scenes.items()
+        for truth, found in values["truths"].items()
+        for name, curve in found["mse"].items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _mse(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
+    """Errors of strategies (rows) in scenes at a budget in percent."""
+    curves = {scene: values["mse"].items() for scene, values in scenes.items()}
+    return pd.DataFrame({scene: {name: curve[at] for name, curve in found} for scene, found in curves.items()})
+
+
+def _ratios(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
+    """Errors of strategies in scenes over those of the variance; NaN where it leaves none."""
+    mse = _mse(scenes, at)
+    return mse / mse.loc[VARIANCE].where(mse.loc[VARIANCE] > 0)
+
+
+def _by_strategy(frame: pd.DataFrame, form: str = "{:.2f}") -> pd.DataFrame:
+    """Numbers as texts, with the names of the rows, which are strategies, before them."""
+    cells = frame.map(lambda value: "" if pd.isna(value) else form.format(value))
+    cells.insert(0, "strategy", [f"`{name}`" for name in frame.index])
+    return cells
+
+
+def _by_row(first: str, found: Mapping[str, Any], columns: Iterable[str], cell: Callable[[Any], str]) -> pd.DataFrame:
+    """Texts of what was found by row and column, for the columns that all rows have."""
+    there = [name for name in columns if all(name in values for values in found.values())]
+    rows = {row: [cell(values[name]) for name in there] for row, values in found.items()}
+    quoted = [name if first == "trained on" else f"`{name}`" for name in there]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=quoted).rename_axis(first).reset_index()
+
+
+def error_ratios(scenes: Mapping[str, Any], strategy: str, rival: str, price: str | None) -> np.ndarray:
+    """Error that a strategy leaves over that of a rival, (scenes, budgets) at BUDGETS.
+
+    price: of a refined pixel's samples, "own" rays or "cycles"; the rival then refines what it can in the same total
+    time (`total_ms`). None: both refine the same budget. Where neither leaves anything it is 1, and infinite where the
+    rival alone leaves nothing.
+    """
+    ratios = []
+    for values in scenes.values():
+        left, theirs = (np.asarray(values["mse"][name]) for name in (strategy, rival))
+        if price is not None:
+            ms = CYCLES_MS_PER_PIXEL if price == "cycles" else values["reference_ms_per_pixel"]
+            theirs = np.interp(total_ms(values, strategy, ms), total_ms(values, rival, ms), theirs)
+        left, theirs = left[list(BUDGETS)], theirs[list(BUDGETS)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios.append(np.where(left == theirs, 1.0, left / theirs))
+    return np.array(ratios)
+
+
+def _ahead(scenes: Mapping[str, Any]) -> pd.DataFrame:
+    """Scenes in which a strategy is ahead of a rival; in equal time too where times are known."""
+    first = next(iter(scenes.values()))
+    known = first.get("ms_per_frame", first["mse"]).keys()
+    prices = {"budget": None} | ({"time, own rays": "own", "time, Cycles": "cycles"} if "ms_per_frame" in first else {})
+    rows = []
+    for ours, rivals in PAIRS.items():
+        for rival in rivals:
+            for title, price in prices.items() if {ours, rival} <= known else ():
+                ratios = error_ratios(scenes, ours, rival, price)
+                counts = zip((ratios < 1).sum(axis=0), ratios.max(axis=0), strict=True)
+                rows.append([f"`{ours}`", f"`{rival}`", title, *(f"{count} ({most:.3f})" for count, most in counts)])
+    return pd.DataFrame(rows, columns=["strategy", "rival", "at equal", *(f"{at}%" for at in BUDGETS)])
+
+
+def geometric_means(ratios: pd.DataFrame) -> pd.Series:
+    """Geometric mean over scenes (columns) of each row."""
+    return np.exp(np.log(ratios.clip(lower=_LEAST)).mean(axis=1))
+
+
+def _over_all(scenes: Mapping[str, Any], areas: pd.DataFrame) -> pd.DataFrame:
+    """Strategies over all scenes, those of as many rays together, oracles last."""
+    first = next(iter(scenes.values()))
+    means = pd.DataFrame({f"{at}%": geometric_means(_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
+    table = _by_strategy(means.map(lambda mean: f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}"), "{}")
+    ends = zip(areas.min(axis=1), areas.max(axis=1), strict=True)
+    table["excess area"] = [f"{least:.3f} to {most:.3f}" for least, most in ends]
+    oracle = [first["group"][name] == "oracle" for name in areas.index]
+    times = [[values["ms_per_frame"].get(name) for values in scenes.values()] for name in areas.index]
+    table["ms"] = ["" if no or None in each else f"{median(each):.1f}" for no, each in zip(oracle, times, strict=True)]
+    rays = [first["rays_per_pixel"][name] - 1 for name in areas.index]
+    table.insert(0, "further rays", ["oracle" if no else str(each) for no, each in zip(oracle, rays, strict=True)])
+    return table
+
+
+def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "scene": scene,
+            "depth": str(values["depth"]),
+            "nodes": f"{values['nodes']:,}",
+            "frames": str(values["frames"]),
+            "look-ahead": f"{values['lookahead_share']:.1%}",
+            "unrefined": f"{1e4 * values['mse']['random'][0]:.1f}",
+            f"`{VARIANCE}`, {BUDGET}%": f"{1e4 * values['mse'][VARIANCE][BUDGET]:.1f}",
+            "optimal": f"{1e4 * values['mse']['optimal'][BUDGET]:.1f}",
+        }
+        for scene, values in scenes.items()
+    )
+
+
+def _area(values: Mapping[str, Any], name: str) -> float:
+    area = values["excess_area"][name]["value"]
+    return float("nan") if area is None else area
+
+
+def _costs(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
+    ms = pd.DataFrame({scene: values["ms_per_frame"] for scene, values in scenes.items()}).dropna()
+    ms = ms.loc[[name for name in names if name in ms.index]]
+    table = _by_strategy(ms, "{:.1f}")
+    rays = next(iter(scenes.values()))["rays_per_pixel"]
+    table.insert(1, "rays", [str(rays[name]) for name in ms.index])
+    table.insert(2, "median", ms.median(axis=1).map("{:.1f}".format))
+    return table
+
+
+def _half(values: Mapping[str, Any]) -> str:
+    """Ratio to the variance, and its interval."""
+    at = values["budgets"].index(BUDGET / 100)
+    return f"{values['value'][at]:.2f} ({values['low'][at]:.2f} to {values['high'][at]:.2f})"
+
+
+def _from(values: Mapping[str, Any]) -> str:
+    """Budget from which a strategy is lowest, its interval, and the share of budgets."""
+    share = f"{values['share_of_budgets']:.0%}"
+    if values["value"] is None:
+        return f"never for good; {share}"
+    high = "never" if values["high"] is None else f"{values['high']:.0%}"
+    return f"{values['value']:.0%} ({values['low']:.0%} to {high}); {share}"
+
+
+def _learned(cell: Mapping[str, Any]) -> str:
+    """Ratio of a network on a scene, bold where it has learned from it."""
+    text = "none" if cell["value"] is None else f"{cell['value']:.2f}"
+    return f"**{text}**" if cell["seen"] else text
+
+
+def _pictures(scenes: Mapping[str, Any]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"scene": scene}
+        | {
+            name: f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms"
+            for name, picture in (
+                *((f"{side} x {side}", picture) for side, picture in values["uniform"].items()),
+                *((f"`{name}`", picture) for name, picture in values["predicted"].items()),
+            )
+        }
+        for scene, values in scenes.items()
+    )
+
+
+def _predicted(scenes: Mapping[str, Any]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"scene": scene, "picture": f"`{name}`"}
+        | {f"{at}%": _ratio(picture["mse_refined"][at], values["mse"][VARIANCE][at]) for at in (0, *BUDGETS_SHOWN)}
+        for scene, values in scenes.items()
+        for name, picture in values["predicted"].items()
+    )
+
+
+def _ratio(error: float, other: float) -> str:
+    return f"{error / other:.2f}" if other else ""
+
+
+def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Means over scenes of each metric that was run on all of them."""
+    at = found[0]["budgets"].index(BUDGET / 100)
+    means = {
+        metric: pd.DataFrame(
+            [{name: row[at] for name, row in quality["metrics"][metric].items()} for quality in found], dtype=float
+        ).mean(skipna=False)
+        for metric in found[0]["metrics"]
+    }
+    return _by_strategy(pd.DataFrame(means).dropna(axis=1, how="any"), "{:.4f}")
+
+
+def scene_table(values: Mapping[str, Any], budgets: Sequence[int]) -> pd.DataFrame:
+    """Errors of all strategies of a scene times 10,000 at budgets in percent, with costs, by rays and excess area."""
+    names = sorted(values["mse"], key=lambda name: (values["rays_per_pixel"][name], _area(values, name)))
+    return pd.DataFrame(
+        {
+            "strategy": name,
+            "group": values["group"][name],
+            "rays a pixel": values["rays_per_pixel"][name],
+            "ms a frame": f"{values['ms_per_frame'][name]:.1f}" if name in values["ms_per_frame"] else "",
+        }
+        | {f"{at}%": f"{1e4 * values['mse'][name][at]:.2f}" for at in budgets}
+        | {"excess area": _with_interval(values["excess_area"][name])}
+        for name in names
+    )
+
+
+def _with_interval(values: Mapping[str, float | None]) -> str:
+    if values["value"] is None:
+        return ""
+    if values["low"] is None or values["high"] is None:
+        return f"{values['value']:.3f}"
+    return f"{values['value']:.3f} ({values['low']:.3f} to {values['high']:.3f})"
+
+
+def claims_table(claims: Mapping[str, Any]) -> pd.DataFrame:
+    """Claims of `claims_of` by scene and strategy, what was found, and whether each holds."""
+    rows = []
+    for claim, text in (("lowest", "lowest of the paper's references"), ("lowest_of_more", "lowest of all references")):
+        for scene, found in claims[claim].items():
+            for name, values in shipped(found).items():
+                rows.append([scene, name, f"{text} from 13 % on", _start(values), _verdict(found, name)])
+    for scene, found in claims["half"].items():
+        for name, values in shipped(found).items():
+            rows.append([scene, name, f"half of {VARIANCE} at 30 %", _half(values), _verdict(found, name)])
+    return pd.DataFrame(rows, columns=["scene", "strategy", "claim", "found", "holds"])
+
+
+def _start(values: Mapping[str, Any]) -> str:
+    """Sentence on where a strategy is lowest, and which reference is where it is not."""
+    text = "never for good" if values["value"] is None else f"from {values['value']:.0%} on"
+    text += f"; at {values['share_of_budgets']:.0%} of these budgets"
+    better = [f"{name} at {float(budget):.0%}" for budget, name in values["lowest_reference"].items() if name]
+    return f"{text}; lower: {', '.join(better)}" if better else text
+
+
+def _verdict(found: Mapping[str, Any], name: str) -> str:
+    """Yes or no, and where the exact oracle of the same score was asked, whether the network or the score fails."""
+    oracle = found.get(ORACLES.get(name, ""))
+    if found[name]["holds"] or oracle is None:
+        return "yes" if found[name]["holds"] else "no"
+    return "no, " + (
+        "the network: with exact patches it holds" if oracle["holds"] else "the score: exact patches fail as well"
+    )

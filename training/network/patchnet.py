@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""PatchNet as a torch module: what is trained, on the CPU and on GPUs; the engine runs the same network by kernels."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ...patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
+from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE, EncoderKind
+from ...patchnet_addon.network.harmonics import harmonic_terms
+from ...patchnet_addon.network.kinds import SIDE_BY_SIDE
+from ...patchnet_addon.network.weights import MODULATED, Weights
+from ..data.tensor_batch import TensorBatch, TensorNearby
+from ..encoders import ConvolvingKind
+from .convolutions import TorchLayer, convolved_values
+
+_SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
+_FIRST = "encoder.0.weight"
+
+
+class PatchNet(nn.Module):
+    """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15, 11.1).
+
+    A patch is eight blocks of cells, octants x fastest, as a `TensorBatch` has them: the columns of the first matrix
+    are in that order. A luminance mixture sees shape alone: its blocks and its first matrix are without luminance.
+    """
+
+    def __init__(self, weights: Weights) -> None:
+        """Network with a copy of `weights`, which `to_weights` gives back."""
+        super().__init__()
+        self.lookahead, self.kind, self.encoder_kind = weights.lookahead, weights.kind, weights.encoder_kind
+        self.encoder = nn.ModuleList(_encoder_layers(self.encoder_kind, self.lookahead))
+        self.decoder = nn.ModuleList(_linear_layers(self.kind.decoder))
+        arrays = weights.arrays()
+        if not isinstance(self.encoder_kind, ConvolvingKind):
+            columns = self._columns()
+            self.encoder[0] = nn.Linear(len(columns), self.encoder_kind.width)
+            arrays[_FIRST] = arrays[_FIRST][:, columns]
+        self.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
+
+    def to_weights(self, metadata: dict[str, Any] | None = None) -> Weights:
+        """Copy of the parameters as plain arrays."""
+        arrays = {name: value.detach().cpu().numpy().copy() for name, value in self.state_dict().items()}
+        if not isinstance(self.encoder_kind, ConvolvingKind):
+            (rows, _), own = self.encoder_kind.shapes(self.lookahead)[0], arrays[_FIRST]
+            arrays[_FIRST] = np.zeros((rows, self.encoder_kind.sizes(self.lookahead)[0]), np.float32)
+            arrays[_FIRST][:, self._columns()] = own
+        return Weights.from_arrays(arrays, metadata, self.lookahead, self.kind, self.encoder_kind)
+
+    def _columns(self) -> np.ndarray:
+        """Columns of the first matrix, whose patches are in the order z, y, x, channel, in the order of blocks."""
+        side = 1 << self.lookahead
+        columns = np.arange(8 * side**3 * CHANNELS).reshape(2, side, 2, side, 2, side, CHANNELS)
+        blocks = columns.transpose(0, 2, 4, 1, 3, 5, 6)  # octant and cell of z, y, x; channel
+        return (blocks[..., _SHAPE] if self.kind.mixes else blocks).ravel()
+
+    @property
+    def device(self) -> torch.device:
+        """Where its parameters lie."""
+        return self.decoder[0].weight.device  # type: ignore[return-value,union-attr]
+
+    def forward(self, batch: TensorBatch, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Coverage and luminance (V, R, 2), see `decode`; codes and decoder are float32 whatever the encoder's `dtype`.
+
+        The batch lies on the network's device.
+        """
+        patches = batch.blocks.to(dtype)[batch.rows]  # (8 V, 8, B)
+        corner_codes = self.encode(patches, dtype).view(len(batch.ratio), 8, -1)
+        codes = interpolate(corner_codes, batch.entry)
+        if batch.nearby is None:
+            return self.decode(codes, batch.direction, batch.up, batch.ratio)
+        apart = corner_codes[:, None].expand(-1, batch.ratio.shape[1], -1, -1)
+        return self.decode_mixture(codes, apart, batch.nearby, batch.direction, batch.up, batch.ratio)
+
+    def seen_channels(self, blocks: Tensor) -> Tensor:
+        """What the encoder sees of blocks (U, B) of all channels."""
+        return _without_luminance(blocks) if self.kind.mixes else blocks
+
+    def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Codes (C, 10) of patches (C, 8, B), by products in `dtype`, those of the last layer in float32."""
+        with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
+            values = self._hidden(patches)
+        codes: Tensor = self.encoder[-1](values.float())
+        return codes
+
+    def _hidden(self, patches: Tensor) -> Tensor:
+        """Values (C, width) that the encoder's last layer is given."""
+        if isinstance(self.encoder_kind, ConvolvingKind):
+            layers: list[TorchLayer] = [(each.weight, each.bias) for each in self.encoder[:-1]]  # type: ignore[misc]
+            whole = _with_luminance(patches) if self.kind.mixes else patches
+            return convolved_values(self.encoder_kind.stages(self.lookahead), layers, whole)
+        values = patches.flatten(1)
+        for layer in self.encoder[:-1]:
+            values = torch.relu(layer(values))
+        return values
+
+    def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
+        """Coverage and luminance (..., 2) in [-1, 2] for codes (..., 10), unit vectors (..., 3) and ratios (...)."""
+        return _bounded(_run_layers(self.decoder, _ray_inputs(codes, direction, up, ratio)))
+
+    def decode_mixture(
+        self, codes: Tensor, corner_codes: Tensor, near: TensorNearby, direction: Tensor, up: Tensor, ratio: Tensor
+    ) -> Tensor:
+        """Coverage in [-1, 2] and luminance (..., 2), see `decode`, of a luminance mixture (methods 11.1).
+
+        corner_codes: (..., 8, 10), of which the first four numbers are used.
+        """
+        rays, apart = _ray_inputs(codes, direction, up, ratio), corner_codes[..., :SIDE_BY_SIDE].flatten(-2)
+        outputs = _run_layers(self.decoder, torch.cat([rays, apart, near.view, near.covered], dim=-1))
+        covered = torch.cat([near.covered, torch.ones_like(near.covered[..., :1])], dim=-1)
+        logits = outputs[..., 1:].masked_fill(covered <= 0, -torch.inf)
+        shares = covered * torch.exp(logits - logits.amax(dim=-1, keepdim=True))
+        shares = shares / shares.sum(dim=-1, keepdim=True)
+        return torch.stack([_bounded(outputs[..., 0]), (shares * near.luminances).sum(-1)], dim=-1)
+
+
+def interpolate(corner_codes: Tensor, entry: Tensor) -> Tensor:
+    """Trilinear means (V, R, 10) of the codes (V, 8, 10) of corners, x fastest, at points (V, R, 3) in [0, 1]^3."""
+    x, y, z = torch.stack([1 - entry, entry], dim=-1).unbind(2)  # each (V, R, 2)
+    shares = (z[..., :, None, None] * y[..., None, :, None] * x[..., None, None, :]).flatten(2)
+    return torch.bmm(shares, corner_codes)
+
+
+def _ray_inputs(codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
+    """Inputs (..., 42) of code and ray."""
+    x, y, z = direction.unbind(-1)
+    harmonics = torch.stack(harmonic_terms(x, y, z), dim=-1)  # (..., 25)
+    modulated = codes[..., :MODULATED] * harmonics[..., :MODULATED]
+    return torch.cat([modulated, codes[..., MODULATED:], direction, up, ratio[..., None], harmonics], dim=-1)
+
+
+def _bounded(outputs: Tensor) -> Tensor:
+    return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
+
+
+def _without_luminance(blocks: Tensor) -> Tensor:
+    """Inverse of `_with_luminance`."""
+    return blocks.unflatten(-1, (-1, CHANNELS))[..., _SHAPE].flatten(-2)
+
+
+def _with_luminance(blocks: Tensor) -> Tensor:
+    """Blocks (..., 5 n) of cells, with luminances of 0, of blocks (..., 4 n) that have none."""
+    cells = blocks.unflatten(-1, (-1, len(_SHAPE)))
+    result = cells.new_zeros(*cells.shape[:-1], CHANNELS)
+    result[..., _SHAPE] = cells
+    return result.flatten(-2)
+
+
+def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
+    """Layers without values; those of kernels know these alone, strides and padding are the stages' affair."""
+    return [
+        nn.Linear(shape[1], shape[0]) if len(shape) == 2 else nn.Conv3d(shape[1], shape[0], shape[2])
+        for shape in encoder.shapes(lookahead)
+    ]
+
+
+def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:
+    return [nn.Linear(first, second) for first, second in itertools.pairwise(sizes)]
+
+
+def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:
+    for layer in layers[:-1]:
+        values = torch.relu(layer(values))
+    result: Tensor = layers[-1](values)
+    return result

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steps of a run: what each learns from, and threads that gather batches ahead.
+
+What a step learns from depends on the seed and its number alone, whatever device, threads and processes there are.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+from ...patchnet_addon.network.devices import CPU, enough_memory
+from ..data.augmentation import Augmentation
+from ..data.batches import Batch
+from ..data.corpus import Corpus
+from ..data.fresh import FreshCorpus
+from ..data.tensor_batch import TensorBatch
+from ..settings import TrainSettings
+from .processes import Processes
+
+AnyCorpus = Corpus | FreshCorpus
+_MOST_AHEAD = 16  # batches that wait for a GPU
+BATCHES = "batches of this size (--batch)"  # what a GPU may have too little memory for
+ALONE = Processes()
+
+
+@dataclass(frozen=True, eq=False)
+class StepPlan:
+    """Plan of what each step of a run learns from: `voxels` a step, of which this process takes its share."""
+
+    corpus: AnyCorpus
+    settings: TrainSettings
+    voxels: int
+    processes: Processes = ALONE
+
+    @property
+    def share(self) -> float:
+        """Share of a step that is this process's."""
+        own = self.processes.part(self.voxels)
+        return (own.stop - own.start) / self.voxels
+
+    def batch(self, step: int) -> Batch:
+        """Batch of this process's share of a step."""
+        own = self.processes.part(self.voxels)
+        augmentation = augmentation_of_step(self.settings, self.voxels, step).part(own.start, own.stop)
+        if isinstance(self.corpus, FreshCorpus):
+            return self.corpus.batch_of_step(self.settings.seed, step, own, augmentation)
+        return self.corpus.batch(rows_of_step(self.corpus, self.settings, self.voxels, step)[own], augmentation)
+
+
+def batches_ahead(
+    plan: StepPlan, first: int, end: int, device: torch.device, threads: int
+) -> Generator[TensorBatch, None, None]:
+    """Batches of steps `first` to `end`, excluded, on a device; the next ones are gathered meanwhile.
+
+    By one thread beside a CPU that learns, by `threads` for a GPU.
+    """
+    ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
+
+    def gathered(step: int) -> TensorBatch:
+        with enough_memory(BATCHES):
+            return TensorBatch.of(plan.batch(step), device)
+
+    with ThreadPoolExecutor(ahead, "PatchNet batches") as pool:
+        waiting = deque(pool.submit(gathered, step) for step in range(first, min(first + ahead, end)))
+        try:
+            for step in range(first, end):
+                batch = waiting.popleft().result()
+                if step + ahead < end:
+                    waiting.append(pool.submit(gathered, step + ahead))
+                yield batch
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
+    """Augmentation of the voxels of a step, by seed and step alone."""
+    if not settings.augment:
+        return Augmentation.none(voxels)
+    return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
+
+
+def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
+    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
+    count = len(corpus.tree)
+    first = step * voxels
+    parts = []
+    for epoch in range(first // count, (first + voxels - 1) // count + 1):
+        begin = epoch * count
+        parts.append(_order(settings.seed, epoch, count)[max(first - begin, 0) : first + voxels - begin])
+    return np.concatenate(parts)
+
+
+@lru_cache(maxsize=2)
+def _order(seed: int, epoch: int, count: int) -> np.ndarray:
+    return np.random.default_rng([seed, 1, epoch]).permutation(count)
