@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.bake_key import add_surface
-from ..pipeline.lit_octree import Recipe, build_lit_octree, given_cameras
+from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene.read import read_scene
 from ..scene_access.frames import values_of_graph
@@ -90,6 +90,7 @@ def _is_animated(block: bpy.types.ID) -> bool:
     owners = (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None))
     found = [data for owner in owners if (data := getattr(owner, "animation_data", None)) is not None]
     return any(data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0 for data in found)
+
 
 # A bake for every place of the camera would take a frame minutes, and beside a window it cannot be made.
 _GLOSS = (
@@ -256,7 +257,7 @@ def _compute(
     scene = depsgraph.scene.original
     weights = load_network(settings.network)
     recipe = Recipe(
-        cameras=given_cameras(lambda: [camera]),
+        cameras=lambda: [camera],
         depsgraph=depsgraph,
         baking=lambda: _bake_context(scene, depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
