@@ -127,7 +127,7 @@ def _measured(
     from ..operators.scene.hiding import hide_from_renders
     from ..operators.verify_light.octree_light import as_in_octree
     from ..patchnet_addon.octree.file import load_octree
-    from ..patchnet_addon.surface.bisect import AXES
+    from ..patchnet_addon.surface.shading import AXES
     from ..training.evaluation.kept_codes import codes_path, kept_codes
     from ..training.evaluation.octrees import scene_octree
     from ..training.evaluation.second_truth import spread_cameras

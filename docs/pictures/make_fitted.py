@@ -31,8 +31,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import MAX_DEPTH
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.opacity import opacity_shade
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.surface.shading import opacity_shade, two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, MeshSource, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 

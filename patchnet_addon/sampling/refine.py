@@ -7,7 +7,6 @@ import numpy as np
 
 from ..runtime.errors import SettingError
 from .pixel_buffers import PixelBuffers
-from .pixel_hash import pixel_hash
 
 
 def priority(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
@@ -95,3 +94,11 @@ def urgency(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarr
     amount = np.zeros(len(score), np.float32)
     amount[order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
     return np.where(priority(buffers, score) > 0, amount, np.float32(0.0))
+
+
+def pixel_hash(count: int) -> np.ndarray:
+    """(count,) uint64: the finaliser of SplitMix64 applied to the pixels' indices; a permutation, so without ties."""
+    value = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))

@@ -20,7 +20,7 @@ from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.references.registry import EVALUATED
-from patchnet.patchnet_addon.surface.two_lights import DIRECTION
+from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.light_scene import simple

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.sampling.refine import refine
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
 from patchnet.tests.blender.job_scene import box, principled
 

@@ -17,11 +17,9 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refine, refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.part import camera_part
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all, supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]

@@ -21,9 +21,9 @@ from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.reference import first_hits_reference
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.training.benchmarks.single_rays import single_hits, single_means
 
 from .octree_samples import random_octree, with_boxes

@@ -12,11 +12,9 @@ from hypothesis import strategies as st
 
 from patchnet.patchnet_addon import sampling
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.active import active_pixels
 from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
-from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.pixel_hash import pixel_hash
-from patchnet.patchnet_addon.sampling.refine import refine, refined_picture, refinement_order, urgency
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers, active_pixels
+from patchnet.patchnet_addon.sampling.refine import pixel_hash, refine, refined_picture, refinement_order, urgency
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
 
 BUDGETS = np.linspace(0, 1, 101)

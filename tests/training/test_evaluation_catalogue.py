@@ -15,7 +15,7 @@ from patchnet.commands.evaluate import _scenes
 from patchnet.commands.shared.catalogue_scenes import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
-from patchnet.patchnet_addon.surface.bisect import AXES
+from patchnet.patchnet_addon.surface.shading import AXES
 from patchnet.training.evaluation import catalogue, octrees
 from patchnet.training.evaluation.catalogue import SCENES, scene_named
 from patchnet.training.evaluation.octrees import scene_octree

@@ -27,8 +27,7 @@ from ...patchnet_addon.sampling.staged_strategy import StagedStrategy, scores_in
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.pixels import supersample_pixels
-from ...patchnet_addon.tracing.supersample import supersample
+from ...patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from ..benchmarks.timing import take_turns
 from .curves import BUDGETS
 from .predicted import predicted_names

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from .. import patchnet_plus
+from ..patchnet_plus_staged import plan_of
 from ..plus.forms import FORMS
-from ..staged_plans import plan_of
 from ..staged_strategy import in_stages
 from . import plain_plus
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from ....patchnet_addon.sampling.active import active_pixels
+from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from .gbuffer import MASK
 from .map_network import MapBatch, MapNetwork
 from .rendered_frame import SUBPIXELS, RenderedFrame
