@@ -70,10 +70,9 @@ def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
     return min(budget_count(budget, active), refinable(buffers))
 
 
-def refine(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
-    """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
-    order = refinement_order(buffers, score)
-    mask = np.zeros(len(score), bool)
+def refined_mask(buffers: PixelBuffers, order: np.ndarray, budget: float) -> np.ndarray:
+    """(P,) bool: pixels that a budget in [0, 1] refines, of the active ones in their `order` (A,)."""
+    mask = np.zeros(len(buffers.preview), bool)
     mask[order[: refined_count(buffers, budget, len(order))]] = True
     return mask
 
@@ -82,18 +81,6 @@ def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
     """(P,) float32: the reference where `mask` (P,) is set, what is `shown` elsewhere; the view needs its reference."""
     assert buffers.reference is not None
     return np.where(mask, buffers.reference, buffers.shown)
-
-
-def urgency(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
-    """(P,) float32: 1 for the pixel that is refined first, falling to 0 at the budget's end, 0 beyond it.
-
-    Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
-    """
-    order = refinement_order(buffers, score)
-    count = refined_count(buffers, budget, len(order))
-    amount = np.zeros(len(score), np.float32)
-    amount[order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
-    return np.where(priority(buffers, score) > 0, amount, np.float32(0.0))
 
 
 def pixel_hash(count: int) -> np.ndarray:
