@@ -182,7 +182,7 @@ def _without(args: argparse.Namespace) -> list[str]:
 
 def _bisect(args: argparse.Namespace) -> tuple[int, float] | None:
     """Axis and share of --bisect; raises SettingError."""
-    from ..patchnet_addon.surface.bisect import AXES
+    from ..patchnet_addon.surface.shading import AXES
 
     if args.bisect is None:
         return None

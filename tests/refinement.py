@@ -4,12 +4,9 @@
 import numpy as np
 
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.refine import refined_count, refinement_order
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 
 
 def refine(buffers: PixelBuffers, score: np.ndarray, budget: float) -> np.ndarray:
     """(P,) bool: pixels that a budget in [0, 1] refines, chosen by `score` (P,)."""
-    order = refinement_order(buffers, score)
-    mask = np.zeros(len(score), bool)
-    mask[order[: refined_count(buffers, budget, len(order))]] = True
-    return mask
+    return refined_mask(buffers, refinement_order(buffers, score), budget)

@@ -77,7 +77,7 @@ def _laid_out(source: Any, grid: Any, args: argparse.Namespace, lookahead: int) 
 def _cameras(source: Any, grid: Any) -> Any:
     """Cameras in free space; the octree for it is a coarse one in plain light."""
     from ...patchnet_addon.octree.build import build_octree
-    from ...patchnet_addon.surface.two_lights import two_lights_shade
+    from ...patchnet_addon.surface.shading import two_lights_shade
     from ...patchnet_addon.tracing.viewpoints import viewpoints
 
     octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))

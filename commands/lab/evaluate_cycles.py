@@ -126,7 +126,7 @@ def _measured(
     from ...operators.scene.render_geometry import hide_from_renders
     from ...operators.verify_light.octree_light import as_in_octree
     from ...patchnet_addon.octree.file import load_octree
-    from ...patchnet_addon.surface.bisect import AXES
+    from ...patchnet_addon.surface.shading import AXES
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.codes import codes_path, kept_codes
     from ...training.evaluation.cycles_reference import spread_cameras

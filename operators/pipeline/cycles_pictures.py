@@ -11,8 +11,7 @@ import numpy as np
 from ...patchnet_addon.image.background import opaque
 from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
-from ...patchnet_addon.image.heatmap import magnify, with_legend
-from ...patchnet_addon.image.outlines import outlined
+from ...patchnet_addon.image.heatmap import magnify, outlined, with_legend
 from ...patchnet_addon.runtime.quantities import counted, error_text
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
 from .cycles_figures import COMPOSITED, FULL

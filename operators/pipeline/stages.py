@@ -95,7 +95,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     """Leaves as deep as the cameras need them, as far as memory allows."""
     from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, max_leaves
     from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
-    from ...patchnet_addon.surface.opacity import opacity_shade
+    from ...patchnet_addon.surface.shading import opacity_shade
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.compute.memory_bytes or available_memory()
@@ -158,7 +158,7 @@ def baked(
 
 
 def _albedo(source: MeshSource, light: LightSettings) -> ShadingFn:
-    from ...patchnet_addon.surface.albedo import albedo_shade
+    from ...patchnet_addon.surface.shading import albedo_shade
 
     return albedo_shade(source, color=light.color)
 
@@ -169,7 +169,7 @@ def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> S
 
 
 def _two_lights(source: MeshSource, light: LightSettings, rotation: int) -> ShadingFn:
-    from ...patchnet_addon.surface.two_lights import DIRECTION, two_lights_shade
+    from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
     return two_lights_shade(source, (x, y, z), color=light.color)
@@ -195,7 +195,7 @@ def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
 
 def bisected(shade: ShadingFn, source: MeshSource, axis: int, share: float) -> ShadingFn:
     """Shade that leaves out what lies beyond a plane across an axis (0 to 2), at a share of the surface's extent."""
-    from ...patchnet_addon.surface.bisect import bisected_shade
+    from ...patchnet_addon.surface.shading import bisected_shade
 
     return bisected_shade(shade, source.bounds_world, axis, share)
 

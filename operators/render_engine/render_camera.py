@@ -12,8 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.sampling.importance import PixelRect
-from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
-from ...patchnet_addon.tracing.part import camera_part
+from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera, camera_part
 from ..scene.cameras import tracing_camera
 
 MARGIN = 1  # pixels around a render border that are traced too: priorities look as far

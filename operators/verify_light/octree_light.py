@@ -111,7 +111,7 @@ def as_in_octree(
     alone sees through what lies beyond the plane. bisect: axis and share of that plane. Raises SceneError for an octree
     of another surface or light, and as `two_lights` and `cut_for_camera`.
     """
-    from ...patchnet_addon.surface.two_lights import DIRECTION
+    from ...patchnet_addon.surface.shading import DIRECTION
 
     source = read_scene(context.evaluated_depsgraph_get())
     found = octree.provenance.get("light")

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ...patchnet_addon.image.comparison import difference_picture, side_by_side
 from ...patchnet_addon.image.contact_sheet import contact_sheet
-from ...patchnet_addon.image.difference import difference_picture, side_by_side
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind

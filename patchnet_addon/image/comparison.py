@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.errors import SettingError
 from ..sampling.errors import psnr
+from .colormaps import diverging
+from .heatmap import magnify, with_legend
 from .tone import gray
 
 MAX_PSNR_DB = 120.0  # of equal pictures
@@ -159,3 +162,30 @@ def compare(picture: np.ndarray, reference: np.ndarray, guides: Guides) -> dict[
             for name, mask in regions(reference, guides).items()
         },
     }
+
+
+def difference_picture(difference: np.ndarray, maximum: float, title: str, quantity: str) -> np.ndarray:
+    """Blue where `difference` is negative, red where it is positive, pale where it is 0; legend to +-`maximum`."""
+    return with_legend([_signed(difference, maximum)], [title], _ramp, _ticks(maximum), quantity)
+
+
+def side_by_side(
+    reference: np.ndarray, picture: np.ndarray, maximum: float, titles: tuple[str, str, str]
+) -> np.ndarray:
+    """Reference, the picture, and how much brighter the picture is, with the legend of the difference."""
+    views = [magnify(gray(reference)), magnify(gray(picture)), _signed(picture - reference, maximum)]
+    return with_legend(views, list(titles), _ramp, _ticks(maximum), "luminance, octree less Cycles")
+
+
+def _signed(difference: np.ndarray, maximum: float) -> np.ndarray:
+    if not (np.isfinite(maximum) and maximum > 0):
+        raise SettingError(f"The difference's maximum {maximum} must be a positive number")
+    return magnify(diverging(difference / np.float32(maximum)))
+
+
+def _ramp(position: np.ndarray) -> np.ndarray:
+    return diverging(2.0 * position - 1.0)
+
+
+def _ticks(maximum: float) -> list[str]:
+    return [f"{maximum * share:.3g}" for share in (-1.0, -0.5, 0.0, 0.5, 1.0)]

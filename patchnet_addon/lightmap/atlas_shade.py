@@ -7,9 +7,10 @@ import functools
 
 import numpy as np
 
+from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.errors import SettingError
 from ..runtime.quantities import counted
-from ..surface.chroma import BLUE, GREEN, RED
+from ..surface.chroma import BLUE, GREEN, REC709, RED
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_color import color_of_fragments
 from ..surface.texture_lookup import surface_of_fragments
@@ -17,9 +18,15 @@ from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
 from .chart_lookup import lookup, triangle_means
 from .charts import Charts
-from .irradiance import irradiance_of_materials
 from .texel_bases import base_of_texels
-from .texture_detail import detailed, has_detail, hue_detail, texture_detail
+
+_MAX = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
+_LEAST_HUE = 1.0 / 16.0  # of a channel: what it loses is no brightness, and no noise grows
+_MIN_ALBEDO = 1e-3
+_SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
+_MANTISSA_BITS = 24  # of float32
+_LOWEST_EXPONENT = -149
+_EXPONENTS = 128 - _LOWEST_EXPONENT + 1
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -88,3 +95,81 @@ def _triangle_values(charts: Charts, texels: np.ndarray, triangles: np.ndarray) 
     """Means (n, C) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
     distinct, inverse = np.unique(triangles, return_inverse=True)
     return triangle_means(charts, texels, distinct)[inverse.reshape(-1)].astype(np.float32)
+
+
+def has_detail(table: TextureTable) -> np.ndarray:
+    """(M,) bool: materials with a texture that emit nothing."""
+    known = table.materials
+    return np.asarray(((known.chain >= 0) | (known.color_chain >= 0)) & (known.emission <= 0.0))
+
+
+def detailed(table: TextureTable, batch: TriangleBatch, fragments: Fragments, opacity: np.ndarray) -> np.ndarray:
+    """Indices (n,) of fragments with a texture, without gaps, that emit nothing."""
+    return np.flatnonzero(has_detail(table)[batch.materials[fragments.triangle]] & (opacity >= _SOLID))
+
+
+def texture_detail(albedo: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Factor (n,) on baked luminance of fragments with base luminance `albedo` (n,); 1 where texels held none.
+
+    held: (n,), that of the texels around each.
+    """
+    return np.where(held > _MIN_ALBEDO, np.clip(albedo / np.maximum(held, _MIN_ALBEDO), 1.0 / _MAX, _MAX), 1.0)
+
+
+def hue_detail(base: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Hue detail of baked light: factors (n, 3) on red, green and blue; brightness does not count.
+
+    base: (n, 3) base colours of luminance 1. held: (n, 3), of any luminance.
+    """
+    luminance = REC709[0] * held[:, 0] + REC709[1] * held[:, 1] + REC709[2] * held[:, 2]  # the same bits in any order
+    held = np.where(luminance[:, None] > _MIN_ALBEDO, held / np.maximum(luminance, _MIN_ALBEDO)[:, None], base)
+    return np.clip(np.maximum(base, _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO), _LEAST_HUE, _MAX)
+
+
+class ExactSums:
+    """Sums of float32 values per group, exact, and so the same in any order."""
+
+    def __init__(self, groups: int) -> None:
+        self._parts = np.zeros((groups, _EXPONENTS), np.int64)  # mantissas by exponent; 2^39 values fit
+
+    def add(self, groups: np.ndarray, values: np.ndarray) -> None:
+        """Add values (n,), at least 0 and finite, to their groups (n,)."""
+        mantissa, exponent = np.frexp(values.astype(np.float32))
+        whole = (mantissa.astype(np.float64) * 2.0**_MANTISSA_BITS).astype(np.int64)
+        np.add.at(self._parts, (groups, exponent.astype(np.int64) - _LOWEST_EXPONENT), whole)
+
+    def ratio(self, other: ExactSums) -> np.ndarray:
+        """Ratio of this sum to the other's (groups,) float64, rounded once; 0 where the other is 0."""
+        pairs = zip(self._integers(), other._integers(), strict=True)
+        return np.array([mine / its if its else 0.0 for mine, its in pairs])
+
+    def _integers(self) -> list[int]:
+        """Sums in units of the least exponent."""
+        return [sum(int(parts[place]) << int(place) for place in np.flatnonzero(parts)) for parts in self._parts]
+
+
+def irradiance_of_materials(
+    charts: Charts, texels: np.ndarray, table: TextureTable, source: MeshSource, min_opacity: float
+) -> np.ndarray:
+    """Baked luminance per luminance of base colour (M,) float64: means over all triangles that the bake saw.
+
+    texels: (N, 2) float32, luminance weighed by opacity, and opacity. Triangles count by area, but for those with at
+    most `min_opacity`.
+    """
+    light, color = ExactSums(len(source.materials)), ExactSums(len(source.materials))
+    for batch in source.batches():
+        means = triangle_means(charts, texels, np.arange(len(batch)) + batch.first_triangle)  # (T, 2)
+        areas, _ = triangle_areas_and_normals(batch.corners_world)
+        albedo, opacity = surface_of_fragments(table, batch, _whole(batch, areas))
+        seen = (means[:, 1] > min_opacity) & (opacity > 0.0)  # with no opacity, there is no colour to compare with
+        groups = batch.materials[seen]
+        light.add(groups, areas[seen] * np.maximum(means[seen, 0], 0.0))
+        color.add(groups, areas[seen] * means[seen, 1] * albedo[seen])
+    return light.ratio(color)
+
+
+def _whole(batch: TriangleBatch, areas: np.ndarray) -> Fragments:
+    """Whole triangles, each as one fragment."""
+    count = len(batch)
+    centre = np.full((count, 2), 1.0 / 3.0, np.float32)
+    return Fragments(np.zeros(count, np.uint64), np.arange(count, dtype=np.int32), centre, areas)

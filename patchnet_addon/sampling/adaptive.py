@@ -16,8 +16,7 @@ from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Progress, Steps
 from ..runtime.worker import run_in_worker
-from ..tracing.camera import Camera
-from ..tracing.part import camera_part
+from ..tracing.camera import Camera, camera_part
 from .pixel_buffers import PixelBuffers
 from .predicted import PREVIEW
 from .refine import priority, refinement_order
@@ -182,7 +181,7 @@ class AdaptivePicture:
         self.samples[rows] = 1
 
     def _take(self, pixels: np.ndarray, side: int) -> None:
-        from ..tracing.pixels import supersample_pixels
+        from ..tracing.supersample import supersample_pixels
 
         means = supersample_pixels(self.octree, self.camera, pixels, side)
         self.colors[pixels], self.alpha[pixels] = means.colors, means.coverage

@@ -39,13 +39,6 @@ def sum_left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[f
     return left[[refined_count(buffers, budget, len(error)) for budget in budgets]]
 
 
-def pooled_mse(views: Sequence[PixelBuffers], scores: Sequence[np.ndarray], budgets: Sequence[float]) -> np.ndarray:
-    """(B,) float64: the same over the active pixels of all views together, each view with its own budget."""
-    active = np.array([np.count_nonzero(buffers.active) for buffers in views], np.float64)
-    errors = np.stack([mse_at(buffers, score, budgets) for buffers, score in zip(views, scores, strict=True)])
-    return active @ errors / max(active.sum(), 1.0)
-
-
 def psnr(mse: float) -> float:
     """Peak signal-to-noise ratio in dB of a mean squared error, peak 1; infinite without error."""
     return float("inf") if mse <= 0.0 else float(-10.0 * np.log10(mse))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .active import active_pixels
 from .predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 
 if TYPE_CHECKING:
@@ -157,3 +156,10 @@ class PixelBuffers:
     def picture(self, values: np.ndarray) -> np.ndarray:
         """Values (P,) or (P, C) of the pixels as a picture (H, W) or (H, W, C)."""
         return values.reshape(self.height, self.width, *values.shape[1:])
+
+
+def active_pixels(hit: np.ndarray) -> np.ndarray:
+    """(H, W) bool: a pixel of `hit` (H, W) bool is active if it or any of its 8 neighbours is set."""
+    padded = np.pad(hit, 1)
+    rows = padded[:-2] | padded[1:-1] | padded[2:]  # (H, W + 2)
+    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

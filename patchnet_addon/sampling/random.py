@@ -4,7 +4,7 @@
 import numpy as np
 
 from .pixel_buffers import PixelBuffers
-from .pixel_hash import pixel_hash
+from .refine import pixel_hash
 from .strategy import Strategy
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
-from .refine import priority, refined_count, refinement_order
+from .refine import priority, refined_mask, refinement_order
 from .sample_counts import refined_in_order, samples_in_order
 from .staged_looks import KnownLooks
 from .staged_strategy import StagedStrategy
@@ -76,6 +76,5 @@ def rank(strategy: Strategy, buffers: PixelBuffers, budget: float) -> Ranking:
     else:
         score = strategy.scores(buffers)
     order = refinement_order(buffers, score)
-    mask = np.zeros(len(score), bool)
-    mask[order[: refined_count(buffers, budget, len(order))]] = True
+    mask = refined_mask(buffers, order, budget)
     return Ranking(strategy, buffers, budget, score, priority(buffers, score), order, mask)

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..runtime.errors import SettingError
 from .pixel_buffers import PixelBuffers
-from .pixel_hash import pixel_hash
 
 
 def priority(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
@@ -71,7 +70,22 @@ def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
     return min(budget_count(budget, active), refinable(buffers))
 
 
+def refined_mask(buffers: PixelBuffers, order: np.ndarray, budget: float) -> np.ndarray:
+    """(P,) bool: pixels that a budget in [0, 1] refines, of the active ones in their `order` (A,)."""
+    mask = np.zeros(len(buffers.preview), bool)
+    mask[order[: refined_count(buffers, budget, len(order))]] = True
+    return mask
+
+
 def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
     """(P,) float32: the reference where `mask` (P,) is set, what is `shown` elsewhere; the view needs its reference."""
     assert buffers.reference is not None
     return np.where(mask, buffers.reference, buffers.shown)
+
+
+def pixel_hash(count: int) -> np.ndarray:
+    """(count,) uint64: the finaliser of SplitMix64 applied to the pixels' indices; a permutation, so without ties."""
+    value = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))

@@ -75,7 +75,7 @@ def _traced(
     octree: Octree, camera: Camera, ranking: Ranking, samples: np.ndarray, pace: Pace | None, begun: Begun | None
 ) -> Steps[RefinedPicture]:
     """Picture whose pixels have `samples` (P,), which fall in the ranking's order."""
-    from ..tracing.pixels import supersample_pixels
+    from ..tracing.supersample import supersample_pixels
 
     buffers, order = ranking.buffers, ranking.order
     luminance, alpha = buffers.shown.copy(), buffers.shown_alpha.copy()

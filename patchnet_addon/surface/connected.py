@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edges of a mesh whose vertices are welded by their place, and connected components of things."""
+"""Connected pieces of a mesh whose vertices are welded by their place: closed ones, and sheets (methods 7.2f)."""
 
 from __future__ import annotations
 
@@ -69,3 +69,40 @@ def connected(rows, count):  # type: ignore[no-untyped-def]
             root = parent[root]
         parent[member] = root
     return parent
+
+
+def closed_pieces(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(T,) int32: number of the triangle's connected piece if that is closed and consistently oriented, otherwise -1.
+
+    vertices: (V, 3), those at the same place count as one. triangles: (T, 3) int32.
+    A piece is closed if every edge in it belongs to two triangles that run along it in opposite directions.
+    Triangles of zero area are left out, they are never closed. Numbers are below T.
+    """
+    edges = welded_edges(vertices, triangles)
+    root = connected(edges.corners, edges.place_count)[edges.corners[:, 0]]
+    open_pieces = np.zeros(edges.place_count, bool)
+    open_pieces[root[~edges.matched.all(axis=1)]] = True
+    _, number = np.unique(root, return_inverse=True)
+    result = np.full(len(triangles), -1, np.int32)
+    result[edges.distinct] = np.where(open_pieces[root], -1, number.reshape(-1))
+    return result
+
+
+def sheets_of(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) int32, number of the sheet of each triangle, and (S,) bool, whether that is open: it has a boundary.
+
+    vertices: (V, 3), those at the same place count as one: seams of UV maps divide no sheet. triangles: (T, 3) int32.
+    Two triangles are of one sheet if an edge is theirs alone and they run along it in opposite directions; an edge of
+    three, or one that two run along the same way, is a boundary. So normals of a sheet are flipped together or not at
+    all. Triangles of zero area are of none, -1.
+    """
+    edges = welded_edges(vertices, triangles)
+    inner = np.flatnonzero(edges.matched.ravel())
+    inner = inner[np.argsort(edges.edge.ravel()[inner], kind="stable")]
+    root = connected((inner // 3).reshape(-1, 2), len(edges.corners))  # both triangles of each edge
+    roots, number = np.unique(root, return_inverse=True)
+    result = np.full(len(triangles), -1, np.int32)
+    result[edges.distinct] = number.reshape(-1)
+    is_open = np.zeros(len(roots), bool)
+    is_open[number.reshape(-1)[~edges.matched.all(axis=1)]] = True
+    return result, is_open

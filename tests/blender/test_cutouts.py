@@ -15,7 +15,7 @@ from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
+from patchnet.patchnet_addon.surface.shading import albedo_shade
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 

@@ -11,7 +11,7 @@ import pytest
 
 from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
 from patchnet.operators.demo_scene.geometry import Shape, projected_uv
-from patchnet.patchnet_addon.surface.sheets import sheets_of
+from patchnet.patchnet_addon.surface.connected import sheets_of
 
 
 @dataclass

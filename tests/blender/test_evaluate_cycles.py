@@ -18,7 +18,7 @@ from patchnet.operators.verify_light.octree_light import as_in_octree, two_light
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.two_lights import DIRECTION
+from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.light_scene import simple

@@ -18,8 +18,8 @@ from patchnet.operators.session.result_images import image_name
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.tests.blender.job_scene import SMALL
-from patchnet.tests.refinement import refine
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -52,7 +52,7 @@ def test_image(weights: Path, scale: int) -> None:
     np.testing.assert_array_equal(masked.priority[:, left][:, :-1], plain.priority[:, left][:, :-1])
     assert not masked.priority[:, ~left][:, 1:].any()
     buffers = masked.buffers
-    order = refine(buffers, plain.priority.ravel(), 0.3).reshape(HEIGHT, WIDTH)
+    order = refined_mask(buffers, refinement_order(buffers, plain.priority.ravel()), 0.3).reshape(HEIGHT, WIDTH)
     assert order[:, left].any() and not order[:, ~left][:, 1:].any()
     counted = masked.report["refinable_pixels"]
     assert 0 < counted < masked.report["active_pixels"] == plain.report["active_pixels"]

@@ -22,13 +22,13 @@ from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
 from patchnet.tests.blender.job_scene import box, principled
-from patchnet.tests.refinement import refine
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +59,7 @@ def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     assert set(found) == {item.name for item in PASSES}
     buffers = expected(scene)
     score = STRATEGIES[scene.patchnet.strategy].scores(buffers)
-    mask = refine(buffers, score, scene.patchnet.budget)
+    mask = refined_mask(buffers, refinement_order(buffers, score), scene.patchnet.budget)
     assert 0.2 < mask.sum() / buffers.active.sum() < 0.4
 
     def picture(values: np.ndarray) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     scene.patchnet.strategy, scene.patchnet.budget = "ss-variance", 0.5
     found = rendered(scene)
     buffers = expected(scene)
-    mask = refine(buffers, STRATEGIES["ss-variance"].scores(buffers), 0.5)
+    mask = refined_mask(buffers, refinement_order(buffers, STRATEGIES["ss-variance"].scores(buffers)), 0.5)
     combined = found["Combined"].reshape(-1, 4)
     exposure = kept(scene).octree.exposure
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]

@@ -28,7 +28,7 @@ from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import QUICK, SMALL, build

@@ -18,8 +18,8 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
 BRIGHTEST = 8.0

@@ -14,16 +14,13 @@ from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.refine import refined_picture
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.part import camera_part
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all, supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.refinement import refine
 
 CHOSEN = STRATEGIES["ss-variance"]
 
@@ -96,7 +93,7 @@ def test_a_refined_picture_is_that_of_the_budget() -> None:
     drain(picture.trace())
     drain(picture.refine(0.4, pace=Pace(batch_rays=3000)))
     buffers = drain(trace_view(octree, eye, [CHOSEN]))
-    mask = refine(buffers, CHOSEN.scores(buffers), 0.4)
+    mask = refined_mask(buffers, refinement_order(buffers, CHOSEN.scores(buffers)), 0.4)
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
     np.testing.assert_allclose(picture.colors[:, 0], refined_picture(buffers, mask), rtol=1e-6)
 
@@ -127,7 +124,7 @@ def test_importance_ranks_and_leaves_out(budget: float) -> None:
     buffers = drain(trace_view(octree, eye, [CHOSEN]))
     score = CHOSEN.scores(buffers)
     buffers = replace(buffers, importance=drain(halves(buffers)))
-    mask = refine(buffers, score, budget)
+    mask = refined_mask(buffers, refinement_order(buffers, score), budget)
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
     np.testing.assert_array_equal(picture.priority, score * buffers.importance)
     assert 0 < mask.sum() < buffers.active.sum() and not mask[buffers.importance == 0].any()

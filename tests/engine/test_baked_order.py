@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
+from patchnet.patchnet_addon.lightmap.atlas_shade import ExactSums, atlas_shade, irradiance_of_materials
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
-from patchnet.patchnet_addon.lightmap.irradiance import ExactSums, irradiance_of_materials
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafSums
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -8,9 +8,8 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.bisect import bisected_shade
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
 from patchnet.training.benchmarks.shells import shell_triangles
 
 DEPTH = 6

@@ -13,12 +13,13 @@ from patchnet.patchnet_addon.image.comparison import (
     REGIONS,
     Guides,
     compare,
+    difference_picture,
     flip,
     mean_ratio,
     picture_psnr,
     regions,
+    side_by_side,
 )
-from patchnet.patchnet_addon.image.difference import difference_picture, side_by_side
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, SettingError
 

@@ -9,9 +9,8 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.surface.opacity import opacity_shade
+from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.footprint import bilinear_reference, footprint_reference

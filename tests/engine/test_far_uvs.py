@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.shading import albedo_shade
 
 from .leaf_samples import leaves_of
 

@@ -11,9 +11,8 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.surface.opacity import opacity_shade
+from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.references.first_hits import needed_levels_reference

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from patchnet.patchnet_addon.sampling.errors import mse_at, squared_error
 from patchnet.patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.refine import priority, refinable, refinement_order
+from patchnet.patchnet_addon.sampling.refine import priority, refinable, refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.engine.test_sampling import random_buffers
-from patchnet.tests.refinement import refine
 
 
 def test_bilinear_between_pixel_centres() -> None:
@@ -69,8 +68,9 @@ def test_ones_change_nothing() -> None:
     buffers = random_buffers()
     same = replace(buffers, importance=np.ones(len(buffers.preview), np.float32))
     score = np.random.default_rng(1).random(len(buffers.preview)).astype(np.float32)
-    np.testing.assert_array_equal(refinement_order(buffers, score), refinement_order(same, score))
-    np.testing.assert_array_equal(refine(buffers, score, 0.3), refine(same, score, 0.3))
+    order = refinement_order(buffers, score)
+    np.testing.assert_array_equal(order, refinement_order(same, score))
+    np.testing.assert_array_equal(refined_mask(buffers, order, 0.3), refined_mask(same, order, 0.3))
     np.testing.assert_array_equal(mse_at(buffers, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
 
 
@@ -81,7 +81,7 @@ def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
     weights = np.where(rng.random(len(buffers.preview)) < 0.4, 0.0, rng.random(len(buffers.preview))).astype(np.float32)
     buffers = replace(buffers, importance=weights)
     score = rng.random(len(buffers.preview)).astype(np.float32)
-    mask = refine(buffers, score, budget)
+    mask = refined_mask(buffers, refinement_order(buffers, score), budget)
     paid = min(round(budget * np.count_nonzero(buffers.active)), refinable(buffers))
     assert mask.sum() == paid and not mask[weights == 0].any() and not mask[~buffers.active].any()
     left_out = buffers.active & ~mask & (weights > 0)
@@ -99,7 +99,7 @@ def test_scores_of_zero_come_before_what_does_not_matter() -> None:
     weights = np.zeros(len(buffers.preview), np.float32)
     weights[np.flatnonzero(buffers.active)[:5]] = 1.0
     buffers = replace(buffers, importance=weights)
-    mask = refine(buffers, np.zeros(len(weights), np.float32), 1.0)
+    mask = refined_mask(buffers, refinement_order(buffers, np.zeros(len(weights), np.float32)), 1.0)
     np.testing.assert_array_equal(np.flatnonzero(mask), np.flatnonzero(buffers.active)[:5])
 
 

@@ -20,8 +20,8 @@ from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.first_hits import first_hits_reference
 from patchnet.tests.references.single_rays import single_hits, single_means

@@ -14,12 +14,12 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.errors import mse_at
+from patchnet.patchnet_addon.sampling.patchnet_behind import neighbour_difference, remaining_error
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.remaining import neighbour_difference, remaining_error
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.sampling.uniform import uniform_error, uniform_report
 from patchnet.patchnet_addon.surface.chroma import REC709

@@ -24,8 +24,8 @@ from patchnet.patchnet_addon.sampling.sample_counts import (
     sample_counts,
 )
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing import pixels as tracing_pixels
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
+from patchnet.patchnet_addon.tracing import supersample as supersampling
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.engine.test_adaptive import camera, colored, halves
 from patchnet.tests.engine.test_sampling import random_buffers
@@ -218,7 +218,7 @@ def test_every_chosen_pixel_is_traced_once_and_no_other(monkeypatch: pytest.Monk
         calls.append((side, pixels))
         return supersample_pixels(octree, camera, pixels, side)
 
-    monkeypatch.setattr(tracing_pixels, "supersample_pixels", counted)
+    monkeypatch.setattr(supersampling, "supersample_pixels", counted)
     picture, ranking, _ = view()
     reports = []
     drain(picture.refine(0.0, pace=Pace(batch_rays=500), spp=9.0), reports.append)

@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 
 from patchnet.patchnet_addon import sampling
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.active import active_pixels
-from patchnet.patchnet_addon.sampling.errors import mse_at, pooled_mse, psnr
-from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.pixel_hash import pixel_hash
+from patchnet.patchnet_addon.sampling.errors import mse_at, psnr
+from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers, active_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
-from patchnet.patchnet_addon.sampling.refine import refined_picture, refinement_order
+from patchnet.patchnet_addon.sampling.refine import pixel_hash, refined_mask, refined_picture, refinement_order
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES, strategy
 from patchnet.tests.refinement import refine
 
@@ -95,7 +93,7 @@ def test_mse_is_that_of_the_refined_picture(name: str) -> None:
     buffers = random_buffers(3)
     score = STRATEGIES[name].scores(buffers)
     assert score.dtype == np.float32 and score.shape == (17 * 23,)
-    mask = refine(buffers, score, 0.3)
+    mask = refined_mask(buffers, refinement_order(buffers, score), 0.3)
     assert mask.sum() == round(0.3 * buffers.active.sum())
     assert not (mask & ~buffers.active).any()
     error = (refined_picture(buffers, mask).astype(float) - buffers.reference)[buffers.active] ** 2
@@ -174,13 +172,6 @@ def test_urgency_follows_the_order() -> None:
     assert np.all(np.diff(amount[ranking.order]) <= 0)
 
 
-def test_pooled_is_over_all_pixels() -> None:
-    views = [random_buffers(1, 8, 8), random_buffers(2, 20, 30)]
-    scores = [STRATEGIES["ss-variance"].scores(buffers) for buffers in views]
-    total = sum(mse_at(f, s, [0.2])[0] * f.active.sum() for f, s in zip(views, scores, strict=True))
-    assert pooled_mse(views, scores, [0.2])[0] == pytest.approx(total / sum(f.active.sum() for f in views))
-
-
 def test_psnr() -> None:
     assert psnr(0.01) == pytest.approx(20.0)
     assert psnr(0.0) == np.inf
@@ -190,7 +181,7 @@ def test_psnr() -> None:
 def test_budget_outside_its_range(budget: float) -> None:
     buffers = random_buffers()
     with pytest.raises(SettingError, match="0 to 1"):
-        refine(buffers, np.ones(17 * 23), budget)
+        refined_mask(buffers, refinement_order(buffers, np.ones(17 * 23)), budget)
 
 
 def test_missing_part_is_named() -> None:

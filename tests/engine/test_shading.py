@@ -10,11 +10,10 @@ from patchnet.patchnet_addon.octree.exposure import quantile_exposure
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
-from patchnet.patchnet_addon.surface.closed import closed_pieces
+from patchnet.patchnet_addon.surface.connected import closed_pieces
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable, cut_coverage
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 
 WHITE = (1.0, 1.0, 1.0)
 REC709 = np.array([0.2126, 0.7152, 0.0722])

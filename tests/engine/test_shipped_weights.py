@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.errors import pooled_mse
+from patchnet.patchnet_addon.sampling.errors import mse_at
 from patchnet.patchnet_addon.sampling.patchnet_plus import estimated_error
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
@@ -66,6 +66,13 @@ def seen_pixels(views: list[PixelBuffers]) -> dict[str, np.ndarray]:
 
 def mean_error(guess: np.ndarray | float, exact: np.ndarray) -> float:
     return float(np.abs(guess - exact).mean())
+
+
+def pooled_mse(views: list[PixelBuffers], scores: list[np.ndarray], budgets: list[float]) -> np.ndarray:
+    """(B,): mean squared error over the active pixels of all views together, each view with its own budget."""
+    active = np.array([np.count_nonzero(buffers.active) for buffers in views], np.float64)
+    errors = np.stack([mse_at(buffers, score, budgets) for buffers, score in zip(views, scores, strict=True)])
+    return active @ errors / active.sum()
 
 
 def ratios(views: list[PixelBuffers]) -> dict[str, float]:

@@ -19,6 +19,7 @@ from patchnet.patchnet_addon.sampling.plus.forms import FORMS
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
 from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
@@ -28,7 +29,6 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.refinement import refine
 from patchnet.training.strategies.registry import EVALUATED, STAGED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
@@ -96,7 +96,7 @@ def test_the_last_stage_decides_who_is_refined(budget, around, buffers, estimato
             value[pool] = looks.estimate(stage.form, pool, estimators)
     expected = np.zeros(len(scores), bool)
     expected[[*sure, *pool[np.argsort(-value[pool], kind="stable")][: count - len(sure)]]] = True
-    refined = refine(buffers, scores, budget)
+    refined = refined_mask(buffers, refinement_order(buffers, scores), budget)
     assert refined.sum() == count == expected.sum()
     assert (refined == expected).mean() > 0.995  # but for equal scores
 
@@ -143,7 +143,7 @@ def test_importance_decides_too(buffers, estimators):
     importance[: len(importance) // 2] = 0.0
     seen = replace(buffers, importance=importance)
     scores = staged_scores(seen, KnownLooks(seen), Plan((Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
-    refined = refine(seen, scores, 0.2)
+    refined = refined_mask(seen, refinement_order(seen, scores), 0.2)
     assert refined.any() and not refined[importance == 0].any()
 
 

@@ -8,11 +8,10 @@ import pytest
 
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
-from patchnet.patchnet_addon.surface.albedo import albedo_shade
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_color import color_of_fragments
 from patchnet.patchnet_addon.surface.textures import REC709, TextureTable
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
 from patchnet.tests.references.texture_color import colors_reference
 
 WHITE = (1.0, 1.0, 1.0)

@@ -8,8 +8,8 @@ import pytest
 
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.pixels import supersample_pixels
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, visits_per_ray
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.single_rays import single_hits, single_means
 from patchnet.training.benchmarks.shells import octree_of_shells

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.surface.closed import closed_pieces
+from patchnet.patchnet_addon.surface.connected import closed_pieces
 from patchnet.patchnet_addon.surface.tubes import sphere_triangles, spheres, tube_triangles, tubes
 
 

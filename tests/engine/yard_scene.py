@@ -10,7 +10,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 
 DEPTH = 9

@@ -16,7 +16,7 @@ from patchnet.commands.lab.catalogue_scenes import scenes_named
 from patchnet.commands.lab.evaluate import _scenes
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
-from patchnet.patchnet_addon.surface.bisect import AXES
+from patchnet.patchnet_addon.surface.shading import AXES
 from patchnet.training.evaluation import catalogue
 from patchnet.training.evaluation.catalogue import (
     CYCLES,

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.refine import refined_picture
-from patchnet.tests.refinement import refine
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
 from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, scores_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,
@@ -27,7 +26,8 @@ def composed_errors(name: str, budget: float) -> list[np.ndarray]:
     """Squared errors of the active pixels of each frame's composed picture."""
     found = []
     for buffers in FRAMES:
-        picture = refined_picture(buffers, refine(buffers, scores_of(buffers)[name], budget))
+        order = refinement_order(buffers, scores_of(buffers)[name])
+        picture = refined_picture(buffers, refined_mask(buffers, order, budget))
         found.append((picture.astype(np.float64) - buffers.reference)[buffers.active] ** 2)
     return found
 

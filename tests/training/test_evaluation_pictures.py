@@ -9,8 +9,7 @@ import pytest
 
 from patchnet.patchnet_addon.image.comparison import flip
 from patchnet.patchnet_addon.image.tone import srgb_encode
-from patchnet.patchnet_addon.sampling.refine import refined_picture
-from patchnet.tests.refinement import refine
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
 from patchnet.tests.training.frame_samples import random_frame, scores_of
 from patchnet.training.evaluation.curves import frame_orders
 from patchnet.training.evaluation.picture_metrics import (
@@ -95,7 +94,8 @@ def test_composed_pictures_are_refined_ones() -> None:
     for name, order in frame_orders(buffers, scores).items():
         pictures = composed_pictures(buffers, order, [0.0, 0.3, 1.0])
         assert pictures.shape == (3, 34, 40) and pictures.dtype == np.float32
-        expected = refined_picture(buffers, refine(buffers, scores[name], 0.3)).reshape(34, 40)
+        mask = refined_mask(buffers, refinement_order(buffers, scores[name]), 0.3)
+        expected = refined_picture(buffers, mask).reshape(34, 40)
         np.testing.assert_array_equal(pictures[1], expected)
         np.testing.assert_array_equal(pictures[0].ravel(), buffers.preview)
         np.testing.assert_array_equal(pictures[2].ravel()[buffers.active], buffers.reference[buffers.active])

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.patchnet_addon.surface.two_lights import two_lights_shade
+from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN, catmull_rom

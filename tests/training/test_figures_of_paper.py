@@ -15,8 +15,8 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.tests.refinement import refine
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.catalogue import octree_path
 from patchnet.training.evaluation.codes import coded_octree
@@ -145,7 +145,8 @@ def test_views_of_a_table(table):
         assert np.array_equal(view.region, view.buffers.hit), "there is nothing but the table"
         found = {name: each["found"] for name, each in values["region"]["strategies"].items()}
         assert found["optimal"] == max(found.values()) <= 1
-        mask = view.buffers.active & ~refine(view.buffers, view.scores[LOOKS[1]], 0.3)
+        order = refinement_order(view.buffers, view.scores[LOOKS[1]])
+        mask = view.buffers.active & ~refined_mask(view.buffers, order, 0.3)
         left = view.error.ravel()[mask].astype(np.float64) ** 2
         expected = left.sum() / view.buffers.active.sum()
         assert values["picture"]["strategies"][LOOKS[1]]["mse"] == pytest.approx(expected, rel=1e-5)

@@ -13,7 +13,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import NODES
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.surface.mesh import TriangleMesh
-from ...patchnet_addon.surface.two_lights import two_lights_shade
+from ...patchnet_addon.surface.shading import two_lights_shade
 
 MIN_SHELL_DEPTH = 7
 _STEP = 0.06  # each shell is smaller by this share of the outermost radius

@@ -20,8 +20,8 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.tracing.camera import PERSPECTIVE, Camera, camera_in_unit_cube
-from ...patchnet_addon.tracing.pixels import supersample_pixels
 from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
+from ...patchnet_addon.tracing.supersample import supersample_pixels
 from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
 from .timing import Comparison, take_turns

@@ -30,8 +30,7 @@ from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.pixels import supersample_pixels
-from ...patchnet_addon.tracing.supersample import supersample
+from ...patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from ..benchmarks.timing import take_turns
 from .codes import SceneCodes
 from .curves import BUDGETS

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from ...patchnet_addon.sampling import patchnet_plus
+from ...patchnet_addon.sampling.patchnet_plus_staged import plan_of
 from ...patchnet_addon.sampling.plus.forms import FORMS
-from ...patchnet_addon.sampling.staged_plans import plan_of
 from ...patchnet_addon.sampling.staged_strategy import in_stages
 from . import plain_plus
 

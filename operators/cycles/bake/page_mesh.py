@@ -25,7 +25,7 @@ class ClosedPieces:
 
     def of(self, run: Run) -> np.ndarray:
         """(N,) int64 for the triangles of a run: the number of the closed piece, different in each place; -1: open."""
-        from ....patchnet_addon.surface.closed import closed_pieces
+        from ....patchnet_addon.surface.connected import closed_pieces
 
         places, mesh = run.instances, run.instances.mesh
         if id(mesh) not in self._known:

@@ -22,7 +22,7 @@ from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.sampling.active import active_pixels
+from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.run_files import CHECKPOINT, LOG
 from ...run.run_log import Log
 from ...run.trainer import load_checkpoint, write_checkpoint

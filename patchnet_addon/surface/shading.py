@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shading without a bake: base colours, the paper's two lights (methods 7.3), opacity alone, or a part of it all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.errors import SettingError
+from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
+from .texture_color import color_of_fragments
+from .texture_lookup import surface_of_fragments
+from .textures import TextureTable
+
+# A unit vector along no axis, so that the faces of a box differ.
+DIRECTION = (0.36, -0.48, 0.8)
+AXES = ("x", "y", "z")
+
+
+def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:
+    """ShadingFn whose luminance is that of base colour plus emission, and whose opacity is the material's."""
+    table = TextureTable.from_materials(source.materials, color=color)
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        albedo, opacity = surface_of_fragments(table, batch, fragments)
+        luminance = albedo + emission_of_fragments(table, batch, fragments)
+        if not color:
+            return luminance, opacity
+        base = color_of_fragments(table, batch, fragments, albedo)
+        return luminance, opacity, base + glow_of_fragments(table, batch, fragments)
+
+    return shade
+
+
+def emission_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
+    """Emitted luminance (F,) float32."""
+    return table.materials.emission[batch.materials[fragments.triangle]]
+
+
+def glow_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
+    """Emitted colour (F, 3) float32."""
+    return table.materials.glow[batch.materials[fragments.triangle]]
+
+
+def two_lights_shade(
+    source: MeshSource, direction: tuple[float, float, float] = DIRECTION, *, color: bool = False
+) -> ShadingFn:
+    """ShadingFn with luminance albedo * |normal . direction| + emission; both sides of a surface are lit alike.
+
+    Raises SettingError if the direction is zero or not finite.
+    """
+    towards = np.asarray(direction, np.float64)
+    length = float(np.linalg.norm(towards))
+    if not (np.isfinite(length) and length > 0.0):
+        raise SettingError(f"Light direction {tuple(direction)} is no direction: give a vector that is not zero")
+    towards /= length
+    table = TextureTable.from_materials(source.materials, color=color)
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        albedo, opacity = surface_of_fragments(table, batch, fragments)
+        cosine = _cosines(batch, fragments, towards)
+        luminance = albedo * cosine + emission_of_fragments(table, batch, fragments)
+        if not color:
+            return luminance, opacity
+        base = color_of_fragments(table, batch, fragments, albedo * cosine)
+        return luminance, opacity, base + glow_of_fragments(table, batch, fragments)
+
+    return shade
+
+
+def _cosines(batch: TriangleBatch, fragments: Fragments, towards: np.ndarray) -> np.ndarray:
+    """|n . d| (F,) float32; fragments name triangles in ascending order, so only those between are computed."""
+    if not len(fragments):
+        return np.empty(0, np.float32)
+    first, last = int(fragments.triangle.min()), int(fragments.triangle.max()) + 1
+    corners = batch.corners_world[first:last]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    # Column by column: a product of matrices rounds differently with its size, and so with the order of triangles.
+    cosine = np.abs(sum(normals[:, axis] * towards[axis] for axis in range(3))) / length
+    return cosine.astype(np.float32)[fragments.triangle - first]
+
+
+def opacity_shade(source: MeshSource) -> ShadingFn:
+    """Shading without luminance, by the very opacity of the lit surface; only cut-outs are looked up (methods 7.2a)."""
+    table = TextureTable.from_materials(source.materials)
+    cut_out = ~np.append(table.chains.solid.astype(bool), True)[table.materials.chain]  # the last: no texture
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+        materials = batch.materials[fragments.triangle]
+        opacity = table.materials.opacity[materials].astype(np.float32)
+        chosen = np.flatnonzero(cut_out[materials])
+        if len(chosen):
+            part = _only(fragments, chosen)
+            opacity[chosen] = surface_of_fragments(table, batch, part)[1]
+        return np.zeros(len(fragments), np.float32), opacity
+
+    return shade
+
+
+def _only(fragments: Fragments, chosen: np.ndarray) -> Fragments:
+    """Fragments at indices (n,)."""
+    return Fragments(
+        fragments.keys[chosen],
+        fragments.triangle[chosen],
+        fragments.barycentric[chosen],
+        fragments.area_world[chosen],
+        None if fragments.cut_keys is None else fragments.cut_keys[chosen],
+        fragments.corners_voxel,
+    )
+
+
+def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share: float) -> ShadingFn:
+    """ShadingFn like `shade` that has no opacity where centroids of fragments lie beyond a plane: they leave no voxel.
+
+    bounds_world: (2, 3) box of the surface. axis: 0, 1 or 2. share: where the plane lies between the box's lowest and
+    highest corner, 0 to 1. The cut is as even as the leaves are small, whatever the size of triangles.
+    """
+    low, high = bounds_world[:, axis]
+    plane_world = low + share * (high - low)
+
+    def bisected(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        luminance, opacity, *color = shade(batch, fragments)
+        beyond = _centroids(batch, fragments, axis) > plane_world
+        return (luminance, np.where(beyond, np.float32(0.0), opacity), *color)
+
+    return bisected
+
+
+def _centroids(batch: TriangleBatch, fragments: Fragments, axis: int) -> np.ndarray:
+    """Coordinate (F,) float64 of the fragments' centroids along an axis."""
+    first, second, third = batch.corners_world[fragments.triangle, :, axis].T
+    u, v = fragments.barycentric.T
+    return np.asarray(first + u * (second - first) + v * (third - first))
