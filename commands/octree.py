@@ -132,14 +132,13 @@ def _settings(args: argparse.Namespace) -> JobSettings:
 
 def _recipe(args: argparse.Namespace) -> Recipe:
     """Recipe beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
-    from ..operators.pipeline.lit_octree import Recipe, given_cameras
+    from ..operators.pipeline.lit_octree import Recipe
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
     bisect = _bisect(args)
     if bisect is not None:
         notes["bisect"] = args.bisect
-    cameras = given_cameras(lambda: view_cameras(args))
-    return Recipe(cameras=cameras, rotation=args.rotate, bisect=bisect, provenance=notes)
+    return Recipe(cameras=lambda: view_cameras(args), rotation=args.rotate, bisect=bisect, provenance=notes)
 
 
 def check_out(args: argparse.Namespace) -> None:

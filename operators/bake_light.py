@@ -7,7 +7,6 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
-from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
 from .jobs.tell import tell_notes
 from .properties import LightProperties
@@ -25,15 +24,22 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, in light."""
         from ..patchnet_addon.lightmap.page_cache import BakePageCache
-        from .pipeline.lit_octree import Recipe, build_lit_octree
+        from .pipeline.job_work import JobPlan
+        from .pipeline.lit_octree import Recipe, choose_leaves, light_octree, read_surface
         from .pipeline.stages import GridChoice
 
         before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
-        settings, clock = settings.changed(scope=before.scope), StageClock()
+        settings = settings.changed(scope=before.scope)
+        plan, choice = JobPlan(settings), GridChoice(before.octree.grid, before.layout, leaves=before.octree.leaf_count)
         chosen = None if before.state is None else before.state.chosen  # whatever is selected now, such as a lamp
-        recipe = Recipe(grid=GridChoice(before.octree.grid, before.layout), chosen=chosen)
+        clock = plan.clock
         with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, settings, clock, kept, recipe)
+            surface = yield from read_surface(context, settings, clock, Recipe(grid=choice, chosen=chosen))
+            leaves = yield from choose_leaves(context, surface, clock)
+            yield from plan.make(surface.source, leaves.choice, (), "light", "denoise", "voxelize")
+            made = yield from plan.timed(light_octree(context, surface, leaves, clock, kept))
+            plan.resumed = bool(kept.found)
+        plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "denoise", "voxelize"))
         result = SceneResult(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..patchnet_addon.runtime.job_time import JobTime, with_time
-from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.eta import JobEta
+from ..patchnet_addon.runtime.progress import Steps, changed
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.polls import CodesJob
@@ -48,11 +48,12 @@ class PATCHNET_OT_refine_with_cycles(
         check_light(results.codes_of(context.scene).octree)
         width, height = camera_size_px(context.scene, settings.view.size)
         work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
-        time, seconds = JobTime(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
-        time.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
-        seen = yield from with_time(look(context, settings, compare=settings.view.reference), time, lambda: "views")
+        eta, seconds = JobEta(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
+        eta.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
+        looking = look(context, settings, compare=settings.view.reference)
+        seen = yield from changed(looking, lambda report: eta.see("views", report))
         refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
-        view = yield from with_time(refining, time, lambda: "cycles")
+        view = yield from changed(refining, lambda report: eta.see("cycles", report))
         overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))
         result = results.voxels_of(context.scene)
         notes = view.warnings + ((_ALL,) if _leaves_out(context.scene, result) else ())

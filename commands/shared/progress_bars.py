@@ -12,10 +12,10 @@ import time
 from types import TracebackType
 from typing import Any
 
+from ...patchnet_addon.runtime.eta import Eta, left_text
 from ...patchnet_addon.runtime.log import is_json
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
-from ...patchnet_addon.runtime.remaining import Remaining, left_text
 
 _FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
 _WHOLE = "the whole job"
@@ -53,16 +53,16 @@ class _Lines:
     def __init__(self, pause_s: float) -> None:
         self._label, self._pause_s = "", pause_s
         self._said = 0.0
-        self._remaining = Remaining()
+        self._eta = Eta()
 
     def show(self, progress: Progress) -> None:
-        self._remaining.see(progress)
+        self._eta.see(progress)
         now = time.monotonic()
         if progress.label == self._label and now - self._said < self._pause_s:
             return
         text = progress.label
         if progress.label == self._label:
-            left = self._remaining.text()
+            left = self._eta.text()
             text += f": {progress.fraction:.0%}{', ' if left else ''}{left}"
         self._label, self._said = progress.label, now
         print(text, file=sys.stderr, flush=True)
@@ -74,7 +74,7 @@ class _Bars:
     def __init__(self) -> None:
         self._bar: Any = None
         self._label = self._step = ""
-        self._remaining = Remaining()
+        self._eta = Eta()
 
     def show(self, progress: Progress) -> None:
         from tqdm import tqdm
@@ -87,8 +87,8 @@ class _Bars:
             self.close(finished=True)
             self._label = progress.label
             self._bar = tqdm(total=100.0, desc=f"{progress.label:<36}", bar_format=_FORMAT)
-        self._remaining.see(progress)
-        self._bar.set_postfix_str(self._remaining.text(), refresh=False)
+        self._eta.see(progress)
+        self._bar.set_postfix_str(self._eta.text(), refresh=False)
         self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
 
     def _show_whole(self, progress: Progress) -> None:

@@ -17,11 +17,11 @@ import numpy as np
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.eta import FramesEta
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
 from ...patchnet_addon.runtime.frames import errors_of_frame
-from ...patchnet_addon.runtime.frames_time import FramesTime
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.progress import Progress, Result, Steps, labelled
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed, labelled
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ..cycles.daylight import has_light
@@ -75,6 +75,7 @@ def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMak
 def _corner(values: np.ndarray) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in values)
     return x, y, z
+
 
 @dataclass(frozen=True)
 class FramePlan:
@@ -136,14 +137,7 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
 
 def _before_all(steps: Steps[Result]) -> Steps[Result]:
     """Pass on steps before the first frame: nothing of the whole is done meanwhile."""
-    try:
-        while True:
-            yield replace(next(steps), whole=0.0)
-    except StopIteration as stop:
-        result: Result = stop.value
-        return result
-    finally:
-        steps.close()
+    return changed(steps, lambda report: replace(report, whole=0.0))
 
 
 def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
@@ -165,7 +159,7 @@ class _Animation:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
-        self._time = FramesTime(self._to_make())
+        self._time = FramesEta(self._to_make())
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
@@ -217,15 +211,12 @@ class _Animation:
 
     def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str) -> Steps[dict[str, Any]]:
         """Pass on the steps with the frame's number, with the share of all frames that is done, and the time left."""
-        try:
-            while True:
-                report = next(steps)
-                label, step = f"{number}: {report.label}", report.step or report.label
-                yield self._time.see(replace(report, label=label, frame=frame, step=step))
-        except StopIteration as stop:
-            return stop.value
-        finally:
-            steps.close()
+
+        def counted(report: Progress) -> Progress:
+            label, step = f"{number}: {report.label}", report.step or report.label
+            return self._time.see(replace(report, label=label, frame=frame, step=step))
+
+        return changed(steps, counted)
 
     def _at(self, frame: int, number: str, step: str) -> Progress:
         return self._time.skip(Progress(1, 1, f"{number}: {step}", frame=frame, step=step))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
-from ...patchnet_addon.runtime.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
@@ -27,6 +27,7 @@ from ..settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
     from ...patchnet_addon.network.weights import Weights
+
 
 @dataclass(frozen=True)
 class SharedSettings:
@@ -155,6 +156,7 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
     errors = {"mse_unrefined": view["mse_unrefined"], "mse": view["mse"][strategy], "predicted": predicted}
     return found | errors
 
+
 class OctreeMaker(FrameMaker):
     """Makes lit octrees alone, by settings and a recipe; `wanted` is all that the recipe depends on, as text."""
 
@@ -192,7 +194,7 @@ class OctreeMaker(FrameMaker):
 
         if made.layout is None or self._recipe.cameras is None:
             return []
-        return why_unseen_by(made.octree, drain(self._recipe.cameras(made.source)))
+        return why_unseen_by(made.octree, self._recipe.cameras())
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

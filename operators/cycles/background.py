@@ -37,6 +37,7 @@ def world_color(world: bpy.types.World | None) -> np.ndarray | None:
     color = np.array(node.inputs["Color"].default_value[:3], np.float32)
     return color * np.float32(node.inputs["Strength"].default_value)
 
+
 _UNSEEN = "Black is shown behind objects: {}"
 DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # sky of ours, where the scene has no light
 

@@ -35,6 +35,7 @@ def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> S
     yield Progress(2, 2, "Cycles")
     return first, second
 
+
 _PASSES = {
     "use_pass_combined": True,
     "use_pass_z": True,

@@ -51,6 +51,7 @@ def _replaced(material: bpy.types.Material, change: Callable[[bpy.types.Material
         finally:
             put_back()
 
+
 Plane = tuple[int, float]  # axis, and coordinate in world units beyond which nothing is
 
 

@@ -23,6 +23,7 @@ from .painted import Importance
 if TYPE_CHECKING:
     from .vertex_group import PaintedSurface
 
+
 def painted_image(name: str) -> np.ndarray:
     """(h, w) float32 of an image of the open file, row 0 at the bottom; raises SettingError."""
     image = bpy.data.images.get(name)
@@ -57,6 +58,7 @@ def _values(image: bpy.types.Image) -> np.ndarray:
     pixels = pixels.reshape(height, width, channels)
     gray = pixels[..., :3] @ REC709 if channels >= 3 else pixels[..., 0]
     return gray * pixels[..., -1] if channels in (2, 4) else gray
+
 
 @dataclass(frozen=True, eq=False)
 class Strokes:

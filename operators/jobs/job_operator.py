@@ -27,8 +27,7 @@ from ..scene_access.window_job import in_window, others_job_is_running
 from ..session.memory import give_back
 from ..settings.job_settings import JobSettings
 from ..state import watch as job_watch
-from .display import JobDisplay
-from .events import passes
+from .job_window import JobDisplay, passes
 from .tell import tell, tell_start
 
 if TYPE_CHECKING:

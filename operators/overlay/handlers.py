@@ -116,6 +116,7 @@ def unregister() -> None:
         bpy.app.timers.unregister(_end_after_error)
     remove()
 
+
 NO_VIEW = "There are no pictures yet: run Render Preview first"
 
 

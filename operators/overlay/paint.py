@@ -53,6 +53,7 @@ def uploaded(picture: np.ndarray) -> Any:
     data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
     return gpu.types.GPUTexture((width, height), format="RGBA8", data=data)
 
+
 Color = tuple[float, float, float, float]
 INK: Color = (0.92, 0.92, 0.92, 1.0)
 WARNING: Color = (1.0, 0.72, 0.25, 1.0)

@@ -81,6 +81,7 @@ def _show(
                     open_pictures.fit_editor(context, area)
                 area.tag_redraw()
 
+
 _INSET = 0.4  # of the viewport's sides, at most
 _GAP_PX = 8
 

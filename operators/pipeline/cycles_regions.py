@@ -10,13 +10,11 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.worker import computed
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
@@ -105,6 +103,7 @@ def _is_in(box: np.ndarray, camera: Camera) -> bool:
     share = np.linalg.lstsq(edges.T, camera.position_world - box[0], rcond=None)[0]
     return bool(((share >= 0.0) & (share <= 1.0)).all())
 
+
 _LEFT = (
     "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
     "Pixels or Max Regions of Refine with Cycles"
@@ -139,25 +138,18 @@ class CyclesView:
     warnings: tuple[str, ...] = ()
 
 
-def cycles_view(
-    context: bpy.types.Context,
-    octree: Octree,
-    camera: Camera,
-    buffers: PixelBuffers,
-    score: np.ndarray,
-    settings: CyclesSettings,
-    *,
-    refined: np.ndarray | None = None,
-    background: np.ndarray | None = BLACK,
-    sun: bool | None = None,
+def refine_view(
+    context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
-    """Render the worst regions by `score` (P,) with Cycles; the scene is as before afterwards, also when closed.
+    """Render a view's worst regions with Cycles; the scene is as before afterwards, also when closed.
 
-    refined: (P,) luminance of the refined octree picture, which is measured too. background: see `View`. sun: whether
-    the octree was lit by a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
+    The refined octree picture, that of the view's budget, is measured too. sun: whether the octree was lit by a sun and
+    a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
+    octree, camera, buffers = view.octree, view.camera, view.buffers
     check_light(octree)
-    priority = buffers.picture(np.where(buffers.active, np.nan_to_num(np.maximum(score, 0.0)), np.float32(0.0)))
+    score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
+    priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
     choosing = Progress(0, 1, f"{camera.name}: choosing regions")
     depsgraph = context.evaluated_depsgraph_get()
     surface = wanted_surface(depsgraph)
@@ -167,34 +159,13 @@ def cycles_view(
     gloss = bool(wanted.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
     renders = yield from _rendered(context, camera, regions, (settings, light), added)
-    exposure = octree.exposure
-    view = (
-        yield from computed(
-            lambda: _composited(exposure, camera, buffers, priority, regions, renders, settings, refined, background),
-            Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
-        )
+    refined = yield from computed(
+        lambda: _composited(view, priority, regions, renders, settings),
+        Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
     )
-    left = float((wanted & ~view.mask).mean())
-    view.report["wanted"] = {"pixels_share": float(wanted.mean()), "left_share": left}
-    return replace(view, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
-
-
-def refine_view(
-    context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
-) -> Steps[CyclesView]:
-    """Refine a view as `cycles_view` does, with its `sun`; the refined octree picture is that of the view's budget."""
-    steps = cycles_view(
-        context,
-        view.octree,
-        view.camera,
-        view.buffers,
-        view.ranking.priority,
-        settings,
-        refined=view.refined.luminance,
-        background=view.background,
-        sun=sun,
-    )
-    return (yield from steps)
+    left = float((wanted & ~refined.mask).mean())
+    refined.report["wanted"] = {"pixels_share": float(wanted.mean()), "left_share": left}
+    return replace(refined, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
 
 
 def check_light(octree: Octree) -> None:
@@ -243,21 +214,14 @@ def _rendered(
 
 
 def _composited(
-    exposure: float,
-    camera: Camera,
-    buffers: PixelBuffers,
-    priority: np.ndarray,
-    regions: Sequence[Region],
-    renders: Renders,
-    settings: CyclesSettings,
-    refined: np.ndarray | None,
-    background: np.ndarray | None,
+    view: View, priority: np.ndarray, regions: Sequence[Region], renders: Renders, settings: CyclesSettings
 ) -> CyclesView:
+    buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
     mask = region_mask(list(regions), camera.height_px, camera.width_px)
     report = cycles_report(priority, regions, renders, settings) | {"unrefined": buffers.unrefined}
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
-        squared = squared_errors(buffers, mask, renders, exposure, refined)
+        squared = squared_errors(buffers, mask, renders, exposure, view.refined.luminance)
         active = buffers.picture(buffers.active)
         report["mse"] = {
             name: float(values[active].mean()) if active.any() else 0.0 for name, values in squared.items()
@@ -273,5 +237,5 @@ def _composited(
     alphas = {"preview": below, "composited": np.where(mask, renders.regions[..., 3], below)}
     if renders.full is not None:
         alphas["full"] = renders.full[..., 3]
-    ground = Ground(camera, background, exposure)
+    ground = Ground(camera, view.background, exposure)
     return CyclesView(camera, regions, priority, mask, preview, composited, full, errors, report, alphas, ground)

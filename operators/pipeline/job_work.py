@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
-from ...patchnet_addon.runtime.job_time import duration_text
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.eta import JobEta, duration_text
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed
+from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.scene_mesh import SceneMesh
@@ -91,6 +92,10 @@ class Rates:
         """Return whether a job was done here."""
         return bool(self._sums)
 
+    def know(self, work: dict[str, float]) -> bool:
+        """Return whether all stages that have work were measured here."""
+        return all(name in self._sums for name, units in work.items() if units > 0.0)
+
     def seconds(self, work: dict[str, float]) -> dict[str, float]:
         """Expected seconds of each stage."""
         return {name: units * self._rate(name) for name, units in work.items()}
@@ -122,7 +127,34 @@ def time_line(seconds: dict[str, float], rates: Rates, *, at_most: bool = False)
     return text if rates.measured else f"{text} (measured elsewhere)"
 
 
-def planned_work(
+class JobPlan:
+    """Time of a job: what it should take by what this machine took for others, and what it takes.
+
+    resumed: whether pages of its bake were there already, so that its seconds tell nothing.
+    """
+
+    def __init__(self, settings: JobSettings) -> None:
+        self.clock, self.resumed = StageClock(), False
+        self._eta, self._settings, self._rates = JobEta(AGAIN), settings, Rates()
+        self._work: dict[str, float] = {}
+
+    def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> Steps[None]:
+        """Plan the job, now that surface and grid are known. stages: those that it has; all if none are named."""
+        work = yield from _planned_work(source, choice, cameras, self._settings)
+        self._work = {name: units for name, units in work.items() if not stages or name in stages}
+        self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
+
+    def timed(self, steps: Steps[Result]) -> Steps[Result]:
+        """Pass on the steps of the job with how far all of it is."""
+        return changed(steps, lambda report: self._eta.see(self.clock.present, report))
+
+    def learn(self) -> None:
+        """Keep what the stages took, for estimates; not of those that compiled kernels or found their work done."""
+        unlike = self._eta.compiled | ({"light"} if self.resumed else set())
+        self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
+
+
+def _planned_work(
     source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], settings: JobSettings
 ) -> Steps[dict[str, float]]:
     """Work of a job whose surface and grid are known."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pipeline from a scene to its lit octree: read the surface, choose the grid, light it, build the octree.
+"""Pipeline from a scene to its lit octree: read the surface, choose its leaves for cameras, light it, build the octree.
 
-Operators, the render engine, animations, `verify-light` and the command line all go this way.
+Operators, the render engine, animations, `verify-light` and the command line all go this way: at once by
+`build_lit_octree`, or step by step where something is done between two.
 """
 
 from __future__ import annotations
@@ -28,38 +29,57 @@ from ..scene.scene_mesh import SceneMesh
 from ..schema.table import SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
-from .stages import UNLIT, GridChoice, bisected, build, choose_grid, lit, turned, unlit
+from .stages import UNLIT, GridChoice, baked, bisected, build, choose_grid, turned, two_lights, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..state.scene_state import SceneState
 
-FitCameras = Callable[[SceneMesh], Steps[Sequence[Camera]]]  # the cameras that the octree's depth is chosen for
-
-
 @dataclass(frozen=True, eq=False)
 class Recipe:
     """Recipe of an octree where it is not what the settings and the context's present scene say.
 
     unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
-    still be; None chooses them. cameras: those that the depth is chosen for; None takes those of the settings.
-    depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a random rotation
-    of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut open, None for
-    none; not with a rotation. chosen: session_uids of objects that count as the selected ones. after_grid: what is done
-    once surface and grid are known. provenance: entries of the octree's file beside its own.
+    still be; None chooses them. cameras: those that the depth is chosen for, at the present frame; None takes those of
+    the settings. depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a
+    random rotation of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut
+    open, None for none; not with a rotation. chosen: session_uids of objects that count as the selected ones.
+    provenance: entries of the octree's file beside its own.
     """
 
     unlit: bool = False
     grid: GridChoice | None = None
-    cameras: FitCameras | None = None
+    cameras: Callable[[], Sequence[Camera]] | None = None
     depsgraph: bpy.types.Depsgraph | None = None
     baking: Callable[[], AbstractContextManager[None]] = nullcontext
     rotation: int = 0
     bisect: tuple[int, float] | None = None
     chosen: frozenset[int] | None = None
-    after_grid: Callable[[SceneMesh, GridChoice], Steps[None]] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadSurface:
+    """Surface as it was read by settings and a recipe. state: of the scene then."""
+
+    settings: JobSettings
+    recipe: Recipe
+    source: SceneMesh
+    state: SceneState
+
+    @property
+    def is_baked(self) -> bool:
+        """Return whether Cycles bakes its light."""
+        return self.settings.light.is_baked and not self.recipe.unlit
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenLeaves:
+    """Grid and levels of the leaves, and the cameras that look: those they were chosen for, if there were any."""
+
+    choice: GridChoice
+    cameras: Sequence[Camera]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +111,15 @@ def build_lit_octree(
     clock: takes the stages "read", "depth", "light", "denoise" and "voxelize". kept: finds pages of a stopped bake,
     and keeps its own.
     """
-    recipe = recipe or Recipe()
+    surface = yield from read_surface(context, settings, clock, recipe or Recipe())
+    leaves = yield from choose_leaves(context, surface, clock)
+    return (yield from light_octree(context, surface, leaves, clock, kept))
+
+
+def read_surface(
+    context: bpy.types.Context, settings: JobSettings, clock: StageClock, recipe: Recipe
+) -> Steps[ReadSurface]:
+    """Read the surface of the scene. Raises SceneError."""
     if settings.light.is_baked and not recipe.unlit:
         settings = replace(settings, light=with_view(context, settings.light, settings.view.cameras))
     with clock.stage("read"):
@@ -100,54 +128,62 @@ def build_lit_octree(
         source = read_scene(depsgraph, settings.surface.scope, recipe.chosen)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
-        state = _state(context, source, settings, recipe)
+        return ReadSurface(settings, recipe, source, _state(context, source, settings, recipe))
+
+
+def choose_leaves(
+    context: bpy.types.Context, surface: ReadSurface, clock: StageClock, cameras: Sequence[Camera] | None = None
+) -> Steps[ChosenLeaves]:
+    """Choose grid and levels for cameras; None takes those of the recipe, or of the settings. Raises PatchNetError."""
+    recipe, source, settings = surface.recipe, surface.source, surface.settings
     with clock.stage("depth"):
-        choice, cameras = yield from _choice(context, source, settings, recipe)
-        if settings.light.is_baked and not recipe.unlit and not cameras:
-            cameras = yield from _lookers(context, settings, source, recipe)
-    if recipe.after_grid is not None:
-        yield from recipe.after_grid(source, choice)
-    with recipe.baking():
-        assumed: tuple[str, ...] = ()
-        notes: dict[str, Any] = {}
-        if recipe.unlit:
-            with clock.stage("light"):
-                shade = yield from unlit(source, settings.light)
+        if recipe.grid is not None:
+            _check_inside(source.bounds_world, recipe.grid.grid)
+            choice, cameras = recipe.grid, ()
         else:
-            shade, assumed, notes = yield from lit(
-                context,
-                source,
-                choice,
-                settings.light,
-                settings.compute,
-                clock,
-                kept=kept,
-                depsgraph=recipe.depsgraph,
-                rotation=recipe.rotation,
-                cameras=cameras,
+            if cameras is None and recipe.cameras is not None:
+                cameras = recipe.cameras()
+            elif cameras is None:
+                cameras = yield from fit_cameras(context, settings, source)
+            choice = yield from choose_grid(source, cameras, settings)
+        if surface.is_baked and not cameras:
+            cameras = yield from _lookers(context, surface)
+    return ChosenLeaves(choice, cameras)
+
+
+def light_octree(
+    context: bpy.types.Context,
+    surface: ReadSurface,
+    leaves: ChosenLeaves,
+    clock: StageClock,
+    kept: BakePageCache | None = None,
+) -> Steps[LitOctree]:
+    """Light the surface and build its octree. Raises PatchNetError."""
+    recipe, source, settings, choice = surface.recipe, surface.source, surface.settings, leaves.choice
+    assumed: tuple[str, ...] = ()
+    notes: dict[str, Any] = {}
+    with recipe.baking():
+        if surface.is_baked:
+            baking = baked(
+                context, source, choice, settings, clock, kept=kept, depsgraph=recipe.depsgraph, cameras=leaves.cameras
             )
+            shade, assumed, notes = yield from baking
+        else:
+            with clock.stage("light"):
+                light = settings.light
+                own = unlit(source, light) if recipe.unlit else two_lights(source, light, recipe.rotation)
+                shade = yield from own
         with clock.stage("voxelize"):
             if recipe.bisect is not None:
                 shade = bisected(shade, source, *recipe.bisect)
-            light = UNLIT if recipe.unlit else settings.light.kind
-            surface, grid = turned(source, choice.grid, recipe.rotation)
-            octree = yield from build(
-                surface, replace(choice, grid=grid), shade, settings, light, _provenance(recipe, state) | notes
-            )
-    thin = thin_warnings(source, choice.grid, cameras)
-    own_color = recipe.unlit or not settings.light.is_baked
-    warnings = (*source.warnings, *(source.color_warnings if own_color else ()), *choice.warnings, *thin, *assumed)
-    return LitOctree(octree, choice.layout, light, source, state, warnings)
-
-
-def given_cameras(cameras: Callable[[], Sequence[Camera]]) -> FitCameras:
-    """Cameras of a recipe that are known without the surface."""
-
-    def steps(_source: SceneMesh) -> Steps[Sequence[Camera]]:
-        yield from ()
-        return cameras()
-
-    return steps
+            kind = UNLIT if recipe.unlit else settings.light.kind
+            turned_source, grid = turned(source, choice.grid, recipe.rotation)
+            provenance = _provenance(recipe, surface.state) | notes
+            octree = yield from build(turned_source, replace(choice, grid=grid), shade, settings, kind, provenance)
+    thin = thin_warnings(source, choice.grid, leaves.cameras)
+    own_color = () if surface.is_baked else source.color_warnings
+    warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)
+    return LitOctree(octree, choice.layout, kind, source, surface.state, warnings)
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:
@@ -190,26 +226,12 @@ def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
     return known | recipe.provenance
 
 
-def _choice(
-    context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe
-) -> Steps[tuple[GridChoice, Sequence[Camera]]]:
-    """Grid and levels, and the cameras that they were chosen for."""
-    if recipe.grid is not None:
-        _check_inside(source.bounds_world, recipe.grid.grid)
-        return recipe.grid, ()
-    choose = fit_cameras(context, settings, source) if recipe.cameras is None else recipe.cameras(source)
-    cameras = yield from choose
-    return (yield from choose_grid(source, cameras, settings)), cameras
-
-
-def _lookers(
-    context: bpy.types.Context, settings: JobSettings, source: SceneMesh, recipe: Recipe
-) -> Steps[Sequence[Camera]]:
+def _lookers(context: bpy.types.Context, surface: ReadSurface) -> Steps[Sequence[Camera]]:
     """Cameras that look where none are needed for the depth; none if the scene has none."""
-    depsgraph, wanted = recipe.depsgraph or context.evaluated_depsgraph_get(), settings.view
+    depsgraph, settings = surface.recipe.depsgraph or context.evaluated_depsgraph_get(), surface.settings
+    wanted, bounds_world = settings.view, settings.surface.bounds_world(surface.source)
     try:
-        bounds_world = settings.surface.bounds_world(source)
-        return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source))
+        return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, surface.source))
     except SceneError:
         return ()
 

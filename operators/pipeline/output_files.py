@@ -82,6 +82,7 @@ def _folded(folder: str) -> str:
 def _shortened(folder: str) -> str:
     return folder.encode(errors="surrogatepass")[:_MAX_BYTES].decode(errors="ignore")
 
+
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 
 
@@ -121,6 +122,7 @@ def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> Non
     files = {REPORT_NAME: REPORT} if frames else job_files((), settings.view.cycles)
     inputs = [*job_inputs(settings), *([] if scene is None else [scene])]
     check_outputs({settings.out / name: kind for name, kind in files.items()}, inputs, folder=settings.out)
+
 
 @contextmanager
 def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[Path] = ()) -> Iterator[Path]:

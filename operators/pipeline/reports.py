@@ -44,6 +44,7 @@ def _installed(name: str) -> str | None:
         return str(sys.modules[name].__version__)
     return installed_version(name)
 
+
 REPORT_NAME = "report.json"
 _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 

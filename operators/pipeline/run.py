@@ -17,7 +17,6 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.job_time import JobTime, with_time
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
@@ -25,7 +24,6 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
-from ..scene.scene_mesh import SceneMesh
 from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
@@ -33,9 +31,9 @@ from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_regions import CyclesView, refine_view
 from .encoder import check_encoder
-from .job_work import AGAIN, Rates, planned_work
+from .job_work import JobPlan
 from .kernels_beside import compiling_beside
-from .lit_octree import LitOctree, Recipe, build_lit_octree, fit_cameras
+from .lit_octree import LitOctree, Recipe, choose_leaves, fit_cameras, light_octree, read_surface
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
 from .stages import GridChoice, encode, load_network
@@ -84,6 +82,13 @@ class Before:
     encoder: str = ""
     warnings: tuple[str, ...] = ()
 
+    @property
+    def recipe(self) -> Recipe:
+        """Recipe of an octree on the same grid, of the same objects."""
+        chosen = None if self.state is None else self.state.chosen
+        grid = GridChoice(self.octree.grid, self.layout, leaves=self.octree.leaf_count)
+        return Recipe(grid=grid, chosen=chosen)
+
 
 def run_job(
     context: bpy.types.Context,
@@ -106,9 +111,8 @@ def run_job(
     # Pages stay until the files are there.
     with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
-        plan = _Plan(settings)
-        making = _compute(context, settings, weights, plan, kept, meanwhile, before)
-        result = yield from with_time(making, plan.time, lambda: plan.clock.present)
+        plan = JobPlan(settings)
+        result = yield from plan.timed(_compute(context, settings, weights, plan, kept, meanwhile, before))
         plan.learn()
         for item in result.views:
             item.report["folder"] = folders[item.camera.name]
@@ -118,64 +122,18 @@ def run_job(
     return result
 
 
-class _Plan:
-    """Time of a job: what it should take by what this machine took for others, and what it takes.
-
-    resumed: whether pages of its bake were there already, so that its seconds tell nothing.
-    """
-
-    def __init__(self, settings: JobSettings) -> None:
-        self.clock, self.time, self.resumed = StageClock(), JobTime(AGAIN), False
-        self._settings, self._rates = settings, Rates()
-        self._work: dict[str, float] = {}
-
-    def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera]) -> Steps[None]:
-        """Plan the job, now that surface and grid are known."""
-        self._work = yield from planned_work(source, choice, cameras, self._settings)
-        self.time.expect(self._rates.seconds(self._work))
-
-    def learn(self) -> None:
-        """Keep what the stages took, for estimates; not of those that compiled kernels or found their work done."""
-        unlike = self.time.compiled | ({"light"} if self.resumed else set())
-        self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
-
-
 def _compute(
     context: bpy.types.Context,
     settings: JobSettings,
     weights: Weights,
-    plan: _Plan,
+    plan: JobPlan,
     kept: BakePageCache,
     meanwhile: Meanwhile | None,
     before: Before | None,
 ) -> Steps[JobResult]:
     check_encoder(settings.compute)  # before anything is baked
-    clock = plan.clock
-    cameras: list[Camera] = []
-    surface, wanted = settings.surface, settings.view
-
-    def fit_to(source: SceneMesh) -> Steps[list[Camera]]:
-        depsgraph, bounds_world = context.evaluated_depsgraph_get(), surface.bounds_world(source)
-        cameras[:] = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
-        return (yield from fit_cameras(context, settings, source)) if surface.track else cameras
-
-    def after_grid(source: SceneMesh, choice: GridChoice) -> Steps[None]:
-        with clock.stage("depth"):
-            yield from plan.make(source, choice, cameras)
-        if meanwhile is not None and settings.light.is_baked:
-            with clock.stage("first look"):
-                yield from stand_in_look(source, choice, settings, cameras[0], meanwhile)
-
-    grid = None if before is None else GridChoice(before.octree.grid, before.layout)
-    if before is not None:
-        cameras[:] = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
-    made: LitOctree | Before
-    if before is not None and before.lit:
-        made = before
-    else:
-        chosen = before.state.chosen if before is not None and before.state is not None else None
-        recipe = Recipe(cameras=fit_to, after_grid=after_grid, grid=grid, chosen=chosen)
-        made = yield from build_lit_octree(context, settings, clock, kept, recipe)
+    clock, wanted = plan.clock, settings.view
+    made, cameras = yield from _lit(context, settings, plan, kept, meanwhile, before)
     plan.resumed = bool(kept.found)
     with clock.stage("views"):
         behind = yield from view_background(context, made.octree, cameras[0], settings)
@@ -186,11 +144,10 @@ def _compute(
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
-        if camera is not cameras[0]:
-            with clock.stage("views"):
-                behind = yield from view_background(context, made.octree, camera, settings)
         with clock.stage("views"):
-            looking = view(coded, camera, wanted, surface.scope, background=behind, meanwhile=meanwhile)
+            if camera is not cameras[0]:
+                behind = yield from view_background(context, made.octree, camera, settings)
+            looking = view(coded, camera, wanted, settings.surface.scope, background=behind, meanwhile=meanwhile)
             views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):
@@ -201,6 +158,39 @@ def _compute(
     notes = {"octree": made.warnings, "codes": coding_warnings, "view": (*focus, *unseen)}
     report = job_report(coded, views, wanted, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
+
+
+def _lit(
+    context: bpy.types.Context,
+    settings: JobSettings,
+    plan: JobPlan,
+    kept: BakePageCache,
+    meanwhile: Meanwhile | None,
+    before: Before | None,
+) -> Steps[tuple[LitOctree | Before, list[Camera]]]:
+    """Lit octree of a job, and the cameras that look at it; plans the job and shows a first look between the steps."""
+    clock, wanted, recipe = plan.clock, settings.view, Recipe()
+    cameras: list[Camera] = []
+    if before is not None:
+        cameras = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
+        if before.lit:
+            return before, cameras
+        recipe = before.recipe
+    surface = yield from read_surface(context, settings, clock, recipe)
+    fit: Sequence[Camera] = ()
+    if before is None:
+        source, depsgraph = surface.source, context.evaluated_depsgraph_get()
+        bounds_world = settings.surface.bounds_world(source)
+        with clock.stage("depth"):
+            cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
+            fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
+    leaves = yield from choose_leaves(context, surface, clock, fit)
+    with clock.stage("depth"):
+        yield from plan.make(surface.source, leaves.choice, cameras)
+    if meanwhile is not None and settings.light.is_baked:
+        with clock.stage("first look"):
+            yield from stand_in_look(surface.source, leaves.choice, settings, cameras[0], meanwhile)
+    return (yield from light_octree(context, surface, leaves, clock, kept)), cameras
 
 
 def _codes(

@@ -117,41 +117,38 @@ def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
     return computed(lambda: _albedo(source, light), Progress(0, 1, _TEXTURES))
 
 
-def lit(
+def baked(
     context: bpy.types.Context,
     source: SceneMesh,
     choice: GridChoice,
-    light: LightSettings,
-    compute: ComputeSettings,
+    settings: JobSettings,
     clock: StageClock,
     *,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
-    rotation: int = 0,
     cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, tuple[str, ...], dict[str, Any]]]:
-    """Surface in the light of the settings, sentences about what had to be assumed, and notes for reports.
+    """Surface in baked light, sentences about what had to be assumed, and notes for reports.
 
     choice: the leaves that the light is for; texels follow them. clock: takes the stages "light" and "denoise".
     kept: where a bake finds pages of one that was stopped, and leaves its own.
-    depsgraph: what `source` was read from; None takes the context's.
-    rotation: seed of the direction of two lights, 0 for their usual one.
-    cameras: those that look, see `bake_luminance`.
+    depsgraph: what `source` was read from; None takes the context's. cameras: those that look, see `bake_luminance`.
     """
-    if not light.is_baked:
-        with clock.stage("light"):
-            return (yield from two_lights(source, light, rotation)), (), {}
-    from ..cycles.bake import bake_luminance
+    from ..cycles.bake import KeptPages, bake_luminance
 
-    coarse = light_warnings(source, choice.grid)
+    coarse, light, graph = light_warnings(source, choice.grid), settings.light, depsgraph
+    if graph is None:
+        graph = context.evaluated_depsgraph_get()
     if light.daylight is None:
-        light = replace(light, daylight=not has_light(depsgraph or context.evaluated_depsgraph_get()))
+        light = replace(light, daylight=not has_light(graph))
     with clock.stage("light"):
         texel_world = yield from computed(
             lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
         )
+        pages = None if kept is None else KeptPages.of(kept, graph)
+        device = settings.compute.device
         atlas = yield from bake_luminance(
-            context, source, texel_world, light, device=compute.device, kept=kept, depsgraph=depsgraph, cameras=cameras
+            context, source, texel_world, light, device=device, kept=pages, cameras=cameras
         )
     with clock.stage("denoise"):
         if light.denoise:

@@ -42,6 +42,7 @@ def absolute_path(text: str) -> Path | None:
         raise SettingError(f"Path '{text}' is relative to the .blend file: save the file first")
     return Path(bpy.path.abspath(text)).absolute()
 
+
 def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> JobSettings:
     """Settings of a job: the operator's properties where they are set, else the scene's.
 

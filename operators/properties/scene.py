@@ -78,6 +78,7 @@ class DerivedProperties:
     __annotations__ = {name: _side(f"Picture Size {name[-1].upper()}", index) for name, index in _SIDES.items()}
     __annotations__ |= _checkboxes() | {"short_strategy": _short_list()}
 
+
 class PatchNetSettings(
     JobProperties,
     DerivedProperties,

@@ -31,6 +31,7 @@ def camera_candidates(_values: object, context: bpy.types.Context, text: str) ->
     several = [(ALL, "Every camera of the scene")] if len(names) > 1 else []
     return [*cameras, *several, (AUTO, "Three views of the scene, inside where it is a room")]
 
+
 OF_ONE_CALL = {"SKIP_SAVE"}  # an operator forgets the value, so that the scene's counts for its next call
 
 

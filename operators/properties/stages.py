@@ -60,6 +60,7 @@ class JobProperties(
 ):
     """All settings of a job."""
 
+
 class AnimationProperties:
     """Animation: how its frames are baked."""
 
@@ -87,6 +88,7 @@ class FrameProperties:
     frame_start: _frame("Frame Start", "First frame", 1)
     frame_end: _frame("Frame End", "Last frame", 250)
     frame_step: _frame("Frame Step", "Frames from one to the next", 1, FRAME_STEP)
+
 
 class LevelProperties:
     """Level that is shown or exported."""

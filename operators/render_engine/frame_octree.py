@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..pipeline.lit_octree import Recipe, build_lit_octree, given_cameras
+from ..pipeline.lit_octree import Recipe, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene.fingerprint import SceneFingerprint, composed, has_films
 from ..scene_access.frames import values_of_graph
@@ -236,7 +236,7 @@ def _compute(
     scene = depsgraph.scene.original
     weights = load_network(settings.network)
     recipe = Recipe(
-        cameras=given_cameras(lambda: [camera]),
+        cameras=lambda: [camera],
         depsgraph=depsgraph,
         baking=lambda: _bake_context(scene, depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes

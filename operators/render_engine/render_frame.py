@@ -15,10 +15,9 @@ import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import StoppedError
-from ...patchnet_addon.runtime.frames_time import FramesTime
+from ...patchnet_addon.runtime.eta import FramesEta, left_text
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Result, Steps
-from ...patchnet_addon.runtime.remaining import left_text
 from ...patchnet_addon.runtime.worker import attended
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.importance import PixelRect
@@ -37,11 +36,11 @@ from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
 
-_begun: dict[int, tuple[int, FramesTime]] = {}  # by scene: the frame that comes next, and the time of all
+_begun: dict[int, tuple[int, FramesEta]] = {}  # by scene: the frame that comes next, and the time of all
 
 
 @contextmanager
-def rendered_frame(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> Iterator[FramesTime | None]:
+def rendered_frame(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> Iterator[FramesEta | None]:
     """Time of the animation that the frame rendered in the block belongs to; None for one that is rendered alone.
 
     A frame that is not the next of the last one begins another animation.
@@ -53,12 +52,13 @@ def rendered_frame(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> It
     key, frame = original.session_uid, original.frame_current
     expected, frames = _begun.pop(key, (None, None))
     if frames is None or expected != frame:
-        frames = FramesTime(len(range(frame, original.frame_end + 1, original.frame_step)) or 1)
+        frames = FramesEta(len(range(frame, original.frame_end + 1, original.frame_step)) or 1)
     frames.begin()
     yield frames
     frames.end()
     _begun.clear()  # of other scenes, which may be gone
     _begun[key] = frame + original.frame_step, frames
+
 
 _SHOWN_S = 0.7  # between two looks at the unfinished picture
 
@@ -98,7 +98,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
 
 
 def pull(
-    engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float, frames: FramesTime | None = None
+    engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float, frames: FramesEta | None = None
 ) -> Result:
     """Run steps to their end; they are the share of the frame's render from `start` to `end`.
 

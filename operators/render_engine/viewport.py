@@ -162,6 +162,7 @@ def _view(camera: Camera) -> tuple[Any, ...]:
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
 
+
 if TYPE_CHECKING:
     pass
 

@@ -60,6 +60,7 @@ def draw_message(region: bpy.types.Region, text: str) -> None:
     blf.position(font, max((region.width - width) / 2, _MARGIN_PX), region.height / 2, 0)
     blf.draw(font, text)
 
+
 World = np.ndarray | CubeMap | None
 _KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
 

@@ -118,6 +118,7 @@ def _file_of_sequence(image: bpy.types.Image, number: int) -> str:
 def _path(name: str, library: bpy.types.Library | None) -> str:
     return os.path.normpath(bpy.path.abspath(name, library=library))
 
+
 # Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
 _IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
     ".glb": (("import_scene.gltf",), "io_scene_gltf2"),

@@ -61,6 +61,7 @@ class NodeValues:
         r, g, b = (float(one * other) for one, other in zip(term.factor, mean, strict=True))
         return r, g, b
 
+
 def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
     values.notes.append("vertex colors are left out")
     return NumberTerm(1.0)

@@ -35,6 +35,7 @@ def _hider(texts: Sequence[str]) -> Callable[..., None]:
 
     return hide
 
+
 _OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modifiers
 
 

@@ -57,6 +57,7 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
     spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
     return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
 
+
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
 # Called with a scene and its result after a step that is worth keeping.

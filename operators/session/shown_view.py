@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
+
 def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
     """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
     made = replace(
@@ -50,6 +51,7 @@ def comparison_of(view: View) -> Comparison:
         pictures=(("Preview", report["mse_unrefined"]), ("Predicted", report["predicted"]["mse_unrefined"])),
         rows=tuple(sorted(rows, key=lambda row: row.error)),
     )
+
 
 PREVIEW, PREDICTED, HEATMAP, REFINED, REFERENCE = "PREVIEW", "PREDICTED", "HEATMAP", "REFINED", "REFERENCE"
 CYCLES_PICTURE = "CYCLES"  # Refine with Cycles adds it

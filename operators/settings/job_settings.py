@@ -53,6 +53,7 @@ def changed(values: bpy.types.PropertyGroup, before: dict[str, Any], *steps: str
             return str(values.bl_rna.properties[name].name)
     return ""
 
+
 @dataclass(frozen=True)
 class JobSettings:
     """Settings of a job on a scene.

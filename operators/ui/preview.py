@@ -97,6 +97,7 @@ class PATCHNET_PT_importance(Tab, bpy.types.Panel):
         if context.scene.patchnet.importance != "NONE":
             draw_sentence(layout, context, "Black or weight 0 is never refined", "INFO")
 
+
 _NAMES = 0.5  # of the table's width
 
 

@@ -48,6 +48,7 @@ def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
             button = layout.operator(f"wm.context_set_{'enum' if row.kind is Kind.CHOICE else 'boolean'}", text=words)
             button.data_path, button.value = f"scene.patchnet.{row.name}", value
 
+
 if TYPE_CHECKING:
     from bpy.types import Panel as _Panel
 else:

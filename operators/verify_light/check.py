@@ -27,6 +27,7 @@ from ..settings.job_settings import JobSettings
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
+
 @dataclass(frozen=True)
 class CheckSettings:
     """Settings of a light check.
@@ -56,6 +57,7 @@ class CheckSettings:
         bounds.RENDER_SAMPLES.check(self.render_samples)
         bounds.RAYS.check(self.rays)
         bounds.DIFFERENCE.check(self.difference)
+
 
 _COVERAGE_RAYS = 8
 

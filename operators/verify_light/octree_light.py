@@ -100,6 +100,7 @@ def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.ty
     else:
         target.default_value = source.default_value
 
+
 @contextmanager
 def as_in_octree(
     context: bpy.types.Context, octree: Octree, light: str, bisect: tuple[int, float] | None = None

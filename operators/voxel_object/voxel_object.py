@@ -50,6 +50,7 @@ def _new_material() -> bpy.types.Material:
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
     return material
 
+
 NAME = "PatchNet Voxels"
 CUBES = "CUBES"
 POINTS = "POINTS"

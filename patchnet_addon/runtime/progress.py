@@ -63,13 +63,17 @@ def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None =
         steps.close()
 
 
-def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
-    """Relabel steps; `{}` in `text` stands for their own label."""
+def changed(steps: Steps[Result], change: Callable[[Progress], Progress]) -> Steps[Result]:
+    """Pass on steps, each report as `change` makes it."""
     try:
         while True:
-            report = next(steps)
-            yield replace(report, label=text.format(report.label))
+            yield change(next(steps))
     except StopIteration as stop:
         return stop.value
     finally:
         steps.close()
+
+
+def labelled(steps: Steps[Result], text: str) -> Steps[Result]:
+    """Relabel steps; `{}` in `text` stands for their own label."""
+    return changed(steps, lambda report: replace(report, label=text.format(report.label)))

@@ -6,9 +6,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from .eta import Eta
 from .log import event
 from .progress import Progress
-from .remaining import Remaining
 
 _PAUSE_S = 1.0
 
@@ -23,16 +23,16 @@ class ProgressLog:
         self._title, self._clock = title, clock
         self._label = ""
         self._said = 0.0
-        self._remaining = Remaining(clock)
+        self._eta = Eta(clock)
 
     def see(self, progress: Progress) -> None:
         """Take a report."""
-        self._remaining.see(progress)
+        self._eta.see(progress)
         now, begins = self._clock(), progress.label != self._label
         if not begins and now - self._said < _PAUSE_S:
             return
         self._label, self._said = progress.label, now
-        left = self._remaining.seconds()
+        left = self._eta.seconds()
         event(
             "stage" if begins else "progress",
             f"{self._title}: {progress.label}" if self._title else progress.label,

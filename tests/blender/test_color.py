@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
@@ -163,7 +163,9 @@ def test_a_stopped_bake_in_colour_goes_on_and_is_not_taken_for_a_gray_one(tmp_pa
     source = read_scene(bpy.context.evaluated_depsgraph_get())
 
     def bake(color: bool, kept: BakePageCache) -> np.ndarray:
-        return drain(bake_luminance(bpy.context, source, 0.05, LightSettings(samples=1, color=color), kept=kept)).texels
+        pages = KeptPages.of(kept, bpy.context.evaluated_depsgraph_get())
+        light = LightSettings(samples=1, color=color)
+        return drain(bake_luminance(bpy.context, source, 0.05, light, kept=pages)).texels
 
     with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         first = bake(True, kept)

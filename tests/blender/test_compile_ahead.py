@@ -11,8 +11,8 @@ from typing import IO
 import pytest
 
 import patchnet
-from patchnet.operators.jobs.compile_ahead import ahead, small_jobs_path
-from patchnet.operators.jobs.compile_ahead.ahead import compiled_ahead
+from patchnet.operators.jobs import compile_ahead as ahead
+from patchnet.operators.jobs.compile_ahead import compiled_ahead, small_jobs_path
 from patchnet.operators.pipeline import kernels_beside
 from patchnet.patchnet_addon.runtime import kernels
 from patchnet.patchnet_addon.runtime.errors import SceneError

@@ -13,7 +13,7 @@ import pytest
 from patchnet import commands
 from patchnet.operators.cycles import region_renders as renders
 from patchnet.operators.cycles import render_call
-from patchnet.operators.pipeline.cycles_regions import CyclesView, cycles_view, wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.cycles_regions import CyclesView, refine_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
@@ -116,11 +116,11 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     assert all((alpha > 0.9).sum() > 1 for alpha in alone.values()), {name: item.max() for name, item in alone.items()}
     assert wanted[seen > 0.9].all() and not wanted[seen == 0.0].any()
     result = drain(run_job(bpy.context, job(weights, None, gloss="off")))
-    traced, octree = result.views[0], result.coded.octree
+    traced = result.views[0]
 
     def refined(budget: float) -> CyclesView:
         settings = CyclesSettings(budget=budget, samples=2, tile=2)
-        return drain(cycles_view(bpy.context, octree, camera, traced.buffers, traced.priority.ravel(), settings))
+        return drain(refine_view(bpy.context, traced, settings, sun=None))
 
     view = refined(0.15)
     assert view.mask[wanted].all() and view.warnings == () and view.report["wanted"]["left_share"] == 0.0
@@ -243,11 +243,11 @@ def test_stopped_anywhere_the_scene_is_as_before(
 ) -> None:
     build_full(tmp_path, "EDIT")
     result = drain(run_job(bpy.context, job(weights, None)))
-    view, octree = result.views[0], result.coded.octree
+    view = result.views[0]
     before = scene_snapshot()
 
     def steps() -> Steps[CyclesView]:
-        return cycles_view(bpy.context, octree, view.camera, view.buffers, view.priority.ravel(), CYCLES)
+        return refine_view(bpy.context, view, CYCLES, sun=None)
 
     count = len(list(steps()))
     assert_unchanged(before)

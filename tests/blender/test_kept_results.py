@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.cache import cache_size, clear_cache
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.session import kept_results, results
-from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 

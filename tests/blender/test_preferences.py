@@ -11,12 +11,12 @@ import numba
 import numpy as np
 import pytest
 
+from patchnet.operators.cache import cache_size, clear_cache
 from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.pipeline.encoder import chosen_encoder
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
-from patchnet.operators.session.cache_size import cache_size, clear_cache
 from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache

@@ -17,7 +17,7 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.runtime.errors import StoppedError
-from patchnet.patchnet_addon.runtime.frames_time import FramesTime
+from patchnet.patchnet_addon.runtime.eta import FramesEta
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
@@ -231,8 +231,8 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
 ) -> None:
     made: list[int] = []
     said: list[str] = []
-    see = FramesTime.see
-    monkeypatch.setattr(FramesTime, "see", lambda time, report: said.append(time.text) or see(time, report))
+    see = FramesEta.see
+    monkeypatch.setattr(FramesEta, "see", lambda time, report: said.append(time.text) or see(time, report))
     build_octree = frame_octree.build_lit_octree
 
     def counted(context: bpy.types.Context, *rest: object) -> object:

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.cycles.bake import baker as baking
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.bake.bake_key import bake_key
@@ -55,8 +55,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
     """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    steps = bake_luminance(bpy.context, source, 0.1, LightSettings(samples=4), kept=kept)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    pages = None if kept is None else KeptPages.of(kept, depsgraph)
+    steps = bake_luminance(bpy.context, read_scene(depsgraph), 0.1, LightSettings(samples=4), kept=pages)
     reports: list[Progress] = []
     try:
         while True:

@@ -20,7 +20,7 @@ NO_FOLDERS_FOR_BLENDER = (
     "commands/lab/",
 )
 # Both start Blender's own program or Python, to compile kernels.
-STARTERS = {"operators/jobs/compile_ahead/ahead.py", "operators/pipeline/kernels_beside.py"}
+STARTERS = {"operators/jobs/compile_ahead.py", "operators/pipeline/kernels_beside.py"}
 # In a Blender that has the extension of the platform's zip.
 TRIED = """
 import os

@@ -99,7 +99,7 @@ def kernels() -> None:
     folder = Path(os.environ.get("PATCHNET_CACHE", "")) / "kernels"
     (mark,) = folder.rglob("all-*")
     later = [path.stat().st_mtime_ns > mark.stat().st_mtime_ns for path in folder.rglob("*.nbc")]
-    about = module("jobs.compile_ahead.ahead").ABOUT
+    about = module("jobs.compile_ahead").ABOUT
     seen["kernels"] = {"about": about, "ahead": later.count(False), "later": later.count(True)}
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -51,6 +51,18 @@ _PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
 _SIDES = tuple(str(1 << log_side) for log_side in range(13))
 
 
+class KeptPages(NamedTuple):
+    """Where finished pages of a bake are kept, and the key of the scene that they are of."""
+
+    pages: BakePageCache
+    scene: str
+
+    @classmethod
+    def of(cls, pages: BakePageCache, depsgraph: bpy.types.Depsgraph) -> KeptPages:
+        """Pages of the scene that a surface was read from."""
+        return cls(pages, SceneFingerprint(depsgraph).scene())
+
+
 def bake_luminance(
     context: bpy.types.Context,
     source: SceneMesh,
@@ -59,8 +71,7 @@ def bake_luminance(
     *,
     seed: int = 0,
     device: str = AUTO,
-    kept: BakePageCache | None = None,
-    depsgraph: bpy.types.Depsgraph | None = None,
+    kept: KeptPages | None = None,
     cameras: Sequence[Camera] = (),
 ) -> Steps[Atlas]:
     """Diffuse light with global illumination, and emission, on all triangles of `source`.
@@ -72,13 +83,10 @@ def bake_luminance(
     `daylight` sun and sky of ours shine in place of the scene's world.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
-    depsgraph: what `source` was read from, for the pages' key; None takes the context's.
     cameras: those that look at the surface: what they see says which side of a sheet is shown (methods 7.2f).
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
     side = page_side(source.triangle_count)
-    graph = depsgraph or context.evaluated_depsgraph_get()
-    scene = "" if kept is None else SceneFingerprint(graph).scene()
     charts = yield from run_in_worker(
         lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
     )
@@ -88,8 +96,8 @@ def bake_luminance(
     switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
     baker = Baker(context, source, charts, light, seed=seed, device=device, turned=sides.turned)
     switches += (np.packbits(sides.turned).tobytes(),) if sides.turned.any() else ()
-    key = "" if kept is None else bake_key(scene, source, charts, light.samples, seed, switches)
-    texels = yield from _pages(baker, charts, kept, key)
+    key = "" if kept is None else bake_key(kept.scene, source, charts, light.samples, seed, switches)
+    texels = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
     warnings = (*baker.warnings, *_coarse(charts), *sides.warnings)
     notes: dict[str, Any] = dict(sides.notes)
     atlas = _atlas(charts, texels, light, sides.turned, warnings, notes)

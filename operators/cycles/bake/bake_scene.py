@@ -50,6 +50,7 @@ def _with_member(
             copy.collection_objects[-1].light_linking.link_state = its_state
         yield copy
 
+
 _NAME = "PatchNet Bake"
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
 # over a whole page takes a processor many seconds: too long for a window. Small tiles take up to a fifth longer, so

@@ -41,6 +41,7 @@ def _is_surface(node: bpy.types.Node) -> bool:
     """Return whether a node is a shader of its own, neither a mix of shaders nor a group."""
     return node.type.startswith(("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND"))
 
+
 def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
     """(M,) bool: opaque materials, unless both sides are wanted, and all that cull backfaces."""
     culling = {item.name_full for item in bpy.data.materials if item.use_backface_culling}

@@ -37,6 +37,7 @@ class ClosedPieces:
         first = self._first[id(places)][1] + np.arange(run.lo, run.hi, dtype=np.int64)[:, None] * len(mesh)
         return np.where(pieces < 0, -1, pieces + first).reshape(-1)
 
+
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
 

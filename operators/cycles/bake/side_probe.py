@@ -105,6 +105,7 @@ def _black_material(
         why = "; give it a color"
     return f"the material '{source.material_names[number]}' of '{owner}' is black{why}"
 
+
 SAMPLES = 64  # a texel
 _BLOCK = 4  # texels of a side of a point's block
 # Rows and columns of it whose centres its triangle covers.

@@ -20,11 +20,11 @@ from typing import IO
 
 import bpy
 
-from ....patchnet_addon.runtime.cache_folder import user_cache_folder
-from ....patchnet_addon.runtime.compiling import NOTE
-from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.worker import computed
-from ...properties.preferences import ROOT_PACKAGE
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
+from ...patchnet_addon.runtime.compiling import NOTE
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ..properties.preferences import ROOT_PACKAGE
 
 ABOUT = 271  # kernels that the small jobs call, for the progress alone
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
@@ -83,7 +83,7 @@ def small_jobs_path() -> Path:
 
 def _mark() -> Path:
     """File that says that all kernels are compiled for this Blender."""
-    from ....patchnet_addon.runtime.kernels import compiled_mark
+    from ...patchnet_addon.runtime.kernels import compiled_mark
 
     return compiled_mark("all", bpy.app.version_string)
 
@@ -91,7 +91,7 @@ def _mark() -> Path:
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
-    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[3]), *sys.path]
+    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
     # The kernels' folder lies in the cache folder that this process uses, however it was named.
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows

@@ -13,7 +13,11 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ...patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES
+import bpy
+
+from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES
+from .jobs.polls import no_job_runs
+from .properties.preferences import apply_preferences, kept
 
 _HASH = re.compile(r"[0-9a-f]{16}")
 _KEY = re.compile(r"[0-9a-f]{32}")
@@ -115,3 +119,53 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except OSError:
         return 0
+
+
+class PATCHNET_OT_measure_cache(bpy.types.Operator):
+    """Look how much compiled kernels, light of bakes and finished octrees take in the cache folder"""
+
+    bl_idname = "patchnet.measure_cache"
+    bl_label = "Measure Cache"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Measure, and keep the text."""
+        from ..patchnet_addon.runtime.cache_folder import user_cache_folder
+
+        apply_preferences(context)
+        kept.cache = cache_size(user_cache_folder()).text()
+        self.report({"INFO"}, f"Cache: {kept.cache}")
+        return {"FINISHED"}
+
+
+class PATCHNET_OT_clear_cache(bpy.types.Operator):
+    """Delete compiled kernels, light of bakes and finished octrees from the cache folder, and nothing else.
+    Kernels are compiled again when needed, bakes begin anew, and files that are opened have no
+    voxels"""
+
+    bl_idname = "patchnet.clear_cache"
+    bl_label = "Clear Cache"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        """Require that no job runs, which may use the cache."""
+        return no_job_runs(cls)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask first."""
+        return context.window_manager.invoke_confirm(self, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Delete, and say what is left."""
+        from ..patchnet_addon.runtime.cache_folder import user_cache_folder
+
+        apply_preferences(context)
+        root = user_cache_folder()
+        freed = clear_cache(root)
+        kept.cache = cache_size(root).text()
+        self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
+        return {"FINISHED"}
+
+
+CLASSES = (PATCHNET_OT_measure_cache, PATCHNET_OT_clear_cache)
