@@ -341,6 +341,11 @@ def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
     assert values["mse"].keys() == EVALUATED.keys() | names == values["group"].keys() == values["rays_per_pixel"].keys()
     assert all(values["group"][name] == "screen-space" and values["rays_per_pixel"][name] == 1 for name in names)
     assert all(values["ms_per_frame"][name] > 0 for name in names)
+    for curves in ("intervals", "excess_area", "mean_frame_mse"):
+        assert values[curves].keys() == values["mse"].keys()
+    tables = (tmp_path / "out" / "tables.md").read_text(encoding="utf-8")
+    figure = (tmp_path / "out" / "figures" / "shells-budget.svg").read_text(encoding="utf-8")
+    assert all(f"| `{name}` |" in tables and f"<!-- {name} -->" in figure for name in names)
     report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert results["maps"].keys() == names and all(text in report for text in results["maps"].values())
     rows = csv.DictReader((tmp_path / "out" / "results.csv").read_text(encoding="utf-8").splitlines())
