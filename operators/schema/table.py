@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Table of all settings of a job, each declared once.
 
-Properties of scenes and operators (`ui/properties`), arguments of commands (`commands/shared/job_arguments.py`), checks
-of numbers (`settings/groups.py`), what makes a step stale (`step_settings.py`) and keys of caches are derived from it.
+Properties of scenes and operators (`properties/`), arguments of commands (`commands/shared/job_arguments.py`), checks
+of numbers (`settings/groups.py`), what makes a step stale (`settings/job_settings.py`) and keys of caches are derived from it.
 The group of each row is that of the field that holds it: `GROUP_OF` of `settings/job_settings.py` (this module cannot
 import the groups, whose defaults and bounds it holds).
 """
