@@ -22,7 +22,8 @@ from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene_access.window_job import check_no_job, window_is_alive
-from ..settings.cycles_settings import COMBINED, DIFFUSE, WITH_GLOSS
+from ..schema.table import COMBINED, DIFFUSE
+from ..settings.cycles_settings import WITH_GLOSS
 from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
 from .daylight import daylight
 from .render_call import rendered

@@ -25,8 +25,8 @@ from ..scene.read import LEFT_OUT, read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene.surface_instances import shown_instances, shows_itself
 from ..scene_access.blender_version import tree_in_use
-from ..schema.table import CYCLES, GLOSS_OFF, VISIBLE
-from ..settings.cycles_settings import DIFFUSE, REFERENCE_FACTOR, WITH_GLOSS, CyclesSettings
+from ..schema.table import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
+from ..settings.cycles_settings import REFERENCE_FACTOR, WITH_GLOSS, CyclesSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View

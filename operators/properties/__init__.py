@@ -4,13 +4,13 @@
 A class for each group of settings, to be mixed into operators and into the group of the scene.
 """
 
-from .cycles_refine import CyclesRefineProperties, cycles_settings
-from .job import absolute_path, is_given, job_settings, scene_settings, setting
+from .job import absolute_path, cycles_settings, is_given, job_settings, scene_settings, setting
 from .scene import PatchNetSettings, register, unregister
 from .stages import (
     AnimationProperties,
     CameraProperties,
     CodesProperties,
+    CyclesRefineProperties,
     DisplayProperties,
     FrameProperties,
     JobProperties,

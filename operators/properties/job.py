@@ -15,6 +15,7 @@ from ..importance.painted import Importance
 from ..scene_access.unread_file import check_opened
 from ..schema.setting import Kind, Setting
 from ..schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
+from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .preferences import Preferences, preferences
 
@@ -65,6 +66,22 @@ def scene_settings(scene: bpy.types.Scene) -> JobSettings:
     """
     values = scene.patchnet
     return _job_settings(lambda name: getattr(values, name), values.resolution, VISIBLE, Preferences().colormap)
+
+
+def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> CyclesSettings:
+    """Settings of a refinement by Cycles, from the operator where they are set, else from the scene."""
+
+    def value(name: str) -> Any:
+        return setting(context, operator, f"cycles_{name}")
+
+    return CyclesSettings(
+        budget=value("budget"),
+        samples=value("samples"),
+        tile=value("tile"),
+        most=value("regions"),
+        light=value("light"),
+        compare=value("compare"),
+    )
 
 
 # Settings whose values mean what they mean beside others; all else is taken as it stands.

@@ -16,9 +16,8 @@ from ...patchnet_addon.runtime.bounds import SIZE_PX
 from ...patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from ..schema.setting import Kind
 from ..schema.table import TABLE
-from .cycles_refine import CyclesRefineProperties
 from .shapes import number
-from .stages import AnimationProperties, DisplayProperties, JobProperties
+from .stages import AnimationProperties, CyclesRefineProperties, DisplayProperties, JobProperties
 
 _SIDES = {"size_x": 0, "size_y": 1}
 _OTHER = "other"

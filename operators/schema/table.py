@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Table of all settings of a job, each declared once.
+"""Table of all settings of a job and of its refinement with Cycles, each declared once.
 
-Properties of scenes and operators (`ui/properties`), arguments of commands (`commands/shared/job_arguments.py`), checks
-of numbers (`settings/groups.py`), what makes a step stale (`step_settings.py`) and keys of caches are derived from it.
+Properties of scenes and operators (`properties/`), arguments of commands (`commands/shared/job_arguments.py`), checks
+of numbers (`settings/groups.py`), what makes a step stale (`settings/job_settings.py`) and keys of caches are derived.
 The group of each row is that of the field that holds it: `GROUP_OF` of `settings/job_settings.py` (this module cannot
 import the groups, whose defaults and bounds it holds).
 """
@@ -14,6 +14,7 @@ from typing import Any
 from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
+from ...patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .setting import Effect, Kind, Setting
 
@@ -24,10 +25,11 @@ CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
 WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
 GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
+DIFFUSE, COMBINED = "diffuse", "combined"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
-OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT = (
-    "octree", "light", "codes", "cameras", "view", "importance", "output",
+OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT, REFINEMENT = (
+    "octree", "light", "codes", "cameras", "view", "importance", "output", "refinement",
 )  # fmt: skip
 
 
@@ -264,12 +266,47 @@ _VIEWS = (
     ),
 )  # fmt: skip
 
+_REFINEMENT = (
+    Setting(
+        "cycles_budget", "Pixels",
+        "Share of the picture's pixels that Cycles renders, in rectangles where priority is highest",
+        REFINEMENT, Kind.SHARE, 0.2, bounds.CYCLES_BUDGET,
+    ),
+    Setting(
+        "cycles_samples", "Cycles Samples", "Cycles samples of each of these pixels",
+        REFINEMENT, Kind.NUMBER, 64, bounds.CYCLES_SAMPLES,
+    ),
+    Setting(
+        "cycles_light", "Passes", "What Cycles' pixels show", REFINEMENT, Kind.CHOICE, DIFFUSE,
+        choices=(
+            (DIFFUSE, "Diffuse", "Diffuse light and emission, as the voxels around them do"),
+            (COMBINED, "Combined", "All light, gloss and glass too; regions with gloss then stand out"),
+        ),
+    ),
+    Setting(
+        "cycles_tile", "Tile",
+        "Side in pixels of the tiles that regions are made of: smaller ones follow the heatmap closer",
+        REFINEMENT, Kind.NUMBER, DEFAULT_TILE, bounds.CYCLES_TILE, widget={"soft_min": 4, "subtype": "PIXEL"},
+    ),
+    Setting(
+        "cycles_regions", "Max Regions", "Regions at most",
+        REFINEMENT, Kind.NUMBER, DEFAULT_MOST, bounds.CYCLES_REGIONS, widget={"soft_max": 32},
+    ),
+    Setting(
+        "cycles_compare", "Compare to Full",
+        "Compare with a full render: also render the whole picture with as many samples, and a reference with four "
+        "times as many, and measure time and errors of both: takes far longer",
+        REFINEMENT, Kind.SWITCH, False,
+    ),
+)  # fmt: skip
+
 TABLE: dict[str, Setting] = {row.name: row for row in (*_SURFACE, *_LIGHT, *_NETWORK, *_VIEWS)}
+CYCLES_TABLE: dict[str, Setting] = {row.name: row for row in _REFINEMENT}  # of `CyclesSettings`
 
 
 def rows(*stages: str) -> list[Setting]:
     """Settings of some stages, in the order of the table."""
-    return [row for row in TABLE.values() if row.stage in stages]
+    return [row for row in (*TABLE.values(), *_REFINEMENT) if row.stage in stages]
 
 
 def result_fields(*stages: str) -> list[str]:

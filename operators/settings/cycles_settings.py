@@ -5,11 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
+from ..schema.table import COMBINED, CYCLES_TABLE, DIFFUSE
 
-DIFFUSE, COMBINED = "diffuse", "combined"
 WITH_GLOSS = "with-gloss"  # what DIFFUSE renders beside voxels with gloss
 REFERENCE_FACTOR = 4  # samples of the reference over those of what is judged
 
@@ -24,18 +22,19 @@ class CyclesSettings:
     more samples with another seed, and measure.
     """
 
-    budget: float = 0.2
-    samples: int = 64
-    tile: int = DEFAULT_TILE
-    most: int = DEFAULT_MOST
-    light: str = DIFFUSE
-    compare: bool = False
+    budget: float = CYCLES_TABLE["cycles_budget"].default
+    samples: int = CYCLES_TABLE["cycles_samples"].default
+    tile: int = CYCLES_TABLE["cycles_tile"].default
+    most: int = CYCLES_TABLE["cycles_regions"].default
+    light: str = CYCLES_TABLE["cycles_light"].default
+    compare: bool = CYCLES_TABLE["cycles_compare"].default
     seed: int = 0
 
     def __post_init__(self) -> None:
-        bounds.CYCLES_BUDGET.check(self.budget)
-        bounds.CYCLES_SAMPLES.check(self.samples)
-        bounds.CYCLES_TILE.check(self.tile)
-        bounds.CYCLES_REGIONS.check(self.most)
+        values = {"cycles_budget": self.budget, "cycles_samples": self.samples, "cycles_tile": self.tile}
+        for name, value in (values | {"cycles_regions": self.most}).items():
+            row = CYCLES_TABLE[name]
+            assert row.bounds is not None
+            row.bounds.check(value)
         if self.light not in (DIFFUSE, COMBINED):
             raise SettingError(f"Cycles renders {DIFFUSE} or {COMBINED} light, not {self.light!r}: choose one of them")

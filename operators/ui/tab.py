@@ -13,11 +13,10 @@ from ...patchnet_addon.runtime.quantities import counted
 from ..jobs.job_operator import JobOperator
 from ..schema.named import named_settings
 from ..schema.setting import Kind
-from ..schema.table import TABLE
+from ..schema.table import COMBINED, TABLE
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.staleness import look_soon
-from ..settings.cycles_settings import COMBINED
 from ..settings.job_settings import changed, step_settings
 
 _MOST = 5

@@ -16,8 +16,9 @@ from patchnet.operators.cycles import render_call
 from patchnet.operators.pipeline.cycles_regions import CyclesView, refine_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.session import results
-from patchnet.operators.settings.cycles_settings import COMBINED, CyclesSettings
+from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
