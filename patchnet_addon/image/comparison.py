@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..runtime.errors import SettingError
+from ..sampling import errors
 from .colormaps import diverging
 from .heatmap import magnify, with_legend
 from .tone import gray
@@ -55,7 +56,7 @@ def psnr(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None =
     """Peak signal-to-noise ratio in dB for the peak 1, over all pixels or the `chosen` ones."""
     squared = (clamped(picture) - clamped(reference)) ** 2
     mse = float(np.mean(squared if chosen is None else squared[chosen])) if squared.size else 0.0
-    return min(-10.0 * float(np.log10(mse)), MAX_PSNR_DB) if mse > 0 else MAX_PSNR_DB
+    return min(errors.psnr(mse), MAX_PSNR_DB)
 
 
 def mean_ratio(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | None = None) -> float | None:
