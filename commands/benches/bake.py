@@ -66,7 +66,7 @@ def measure(args: argparse.Namespace) -> Comparison:
 def _laid_out(source: Any, grid: Any, args: argparse.Namespace, lookahead: int) -> Any:
     from ...operators.cycles.bake.bake import page_side
     from ...patchnet_addon.lightmap.charts import layout_charts
-    from ...patchnet_addon.lightmap.path_counts import path_counts
+    from ...training.benchmarks.path_counts import path_counts
 
     texel = grid.voxel_size_world * args.texel_voxels
     side = page_side(source.triangle_count)
@@ -88,7 +88,7 @@ def _compared(scene: str, args: argparse.Namespace, source: Any, charts: Any, co
     import numpy as np
 
     from ...operators.verify_light.rates import rate
-    from ...patchnet_addon.lightmap.path_counts import own_texels
+    from ...training.benchmarks.path_counts import own_texels
     from ...training.benchmarks.timing import Comparison
 
     own, samples = own_texels(charts), charts.page_samples[charts.page]

@@ -121,7 +121,7 @@ def _keys(size: tuple[int, int]) -> list[Any]:
     from ...operators.settings.job_settings import JobSettings
     from ...patchnet_addon.runtime.progress import drain
     from ...patchnet_addon.runtime.stage_clock import StageClock
-    from ...patchnet_addon.tracing.walk_path import walk_keys
+    from ...training.benchmarks.walk_path import walk_keys
 
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if sum(item.type == "CAMERA" for item in bpy.context.scene.objects) < 2:

@@ -15,11 +15,6 @@ def to_bytes(encoded: np.ndarray) -> np.ndarray:
     return np.round(np.clip(encoded, 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
-def shown(linear: np.ndarray) -> np.ndarray:
-    """Linear luminance (H, W) or colours (H, W, 3) as an sRGB picture (H, W, 3) float32 in [0, 1]."""
-    return srgb_encode(linear) if linear.ndim == 3 else gray(linear)
-
-
 def gray(luminance: np.ndarray) -> np.ndarray:
     """Linear luminance (H, W) as an sRGB picture (H, W, 3) float32 in [0, 1]."""
     return np.repeat(srgb_encode(luminance)[..., None], 3, axis=-1)

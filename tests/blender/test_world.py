@@ -33,6 +33,7 @@ from patchnet.operators.session.shown_view import REFINED, view_to_show
 from patchnet.operators.session.world_maps import keep_map
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.comparison import psnr
 from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.image.tone import srgb_encode
@@ -119,10 +120,6 @@ def seen_by(camera: Camera) -> np.ndarray:
     found = drain(background(bpy.context.evaluated_depsgraph_get(), camera, "world", baked=False))
     assert found.light is not None and found.warnings == ()
     return np.broadcast_to(found.light, (camera.pixel_count, 3))
-
-
-def psnr(picture: np.ndarray, reference: np.ndarray) -> float:
-    return float(-10.0 * np.log10(np.mean((np.clip(picture, 0, 1) - np.clip(reference, 0, 1)) ** 2)))
 
 
 @pytest.mark.parametrize(("world", "least"), [(gradient, 60.0), (sky, 40.0), (photograph, 35.0), (backdrop, 50.0)])

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..octree.grid import Grid
-from ..octree.leaf_levels import LeafLevels
-from ..octree.voxelize import LeafSums, triangle_areas_and_normals, voxelize
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.progress import Steps
-from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from .chart_lookup import texel_owners
-from .charts import Charts
+from ...patchnet_addon.lightmap.chart_lookup import texel_owners
+from ...patchnet_addon.lightmap.charts import Charts
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.leaf_levels import LeafLevels
+from ...patchnet_addon.octree.voxelize import LeafSums, triangle_areas_and_normals, voxelize
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 
 
 @dataclass(frozen=True, eq=False)

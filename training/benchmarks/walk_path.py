@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..octree.octree import Octree
-from ..runtime.progress import Steps
-from .camera import Camera
-from .render import first_hits
-from .viewpoints import FOV, grown, occupied_cells, viewpoints
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.render import first_hits
+from ...patchnet_addon.tracing.viewpoints import FOV, grown, occupied_cells, viewpoints
 
 _VIEWS = 16  # whose sights are tried
 _SKY = 0.02  # of what is above, from which on a place is under the sky and not in a hollow wall

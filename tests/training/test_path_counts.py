@@ -4,10 +4,10 @@
 import numpy as np
 
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
-from patchnet.patchnet_addon.lightmap.path_counts import own_texels, path_counts
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.training.benchmarks.path_counts import own_texels, path_counts
 
 
 def test_every_path_is_counted_once() -> None:
