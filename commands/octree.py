@@ -22,7 +22,7 @@ from .shared.scene_argument import add_scene, scene_path
 from .shared.views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
-    from ..operators.pipeline.lit_octree import Recipe
+    from ..operators.pipeline.lit_octree import OctreeOverrides
     from ..operators.settings.job_settings import JobSettings
 
 FIT = "fit"
@@ -82,18 +82,18 @@ def run(args: argparse.Namespace) -> int:
     with clock.stage("open"):
         open_or_build(None if args.scene is None else str(args.scene))
     check_out(args)
-    settings, recipe = _settings(args), _recipe(args)
+    settings, overrides = _settings(args), _overrides(args)
     for text in hide_from_renders(_without(args)):
         say_note(f"--without {text}: no object, and nothing above one, has a name with it")
     if args.frames is not None:
-        return _run_frames(args, settings, recipe)
+        return _run_frames(args, settings, overrides)
     make_parent(args.out)
     import bpy
 
     with BakePageCache() as kept:
         # Who voxelizes for the first time will look at pictures next.
         with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
-            made = drain(build_lit_octree(bpy.context, settings, clock, kept, recipe), bars.show)
+            made = drain(build_lit_octree(bpy.context, settings, clock, kept, overrides), bars.show)
         with clock.stage("save"):
             save_octree(made.octree, args.out)
     for warning in made.warnings:
@@ -109,12 +109,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _run_frames(args: argparse.Namespace, settings: JobSettings, recipe: Recipe) -> int:
+def _run_frames(args: argparse.Namespace, settings: JobSettings, overrides: OctreeOverrides) -> int:
     from ..operators.animation.frame_maker import OctreeMaker
     from ..operators.scene.render_geometry import keep_hidden
 
     keep_hidden(_without(args))
-    maker = OctreeMaker(settings, recipe, repr((args.rotate, args.without, args.bisect, args.view, args.size)))
+    maker = OctreeMaker(settings, overrides, repr((args.rotate, args.without, args.bisect, args.view, args.size)))
     print_frames(bake_with_bars(args, maker, args.out), args.out)
     return 0
 
@@ -130,15 +130,15 @@ def _settings(args: argparse.Namespace) -> JobSettings:
     return JobSettings.of(**given, depth=depth, fit=args.depth == FIT)
 
 
-def _recipe(args: argparse.Namespace) -> Recipe:
-    """Recipe beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
-    from ..operators.pipeline.lit_octree import Recipe
+def _overrides(args: argparse.Namespace) -> OctreeOverrides:
+    """Overrides beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
+    from ..operators.pipeline.lit_octree import OctreeOverrides
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
     bisect = _bisect(args)
     if bisect is not None:
         notes["bisect"] = args.bisect
-    return Recipe(cameras=lambda: view_cameras(args), rotation=args.rotate, bisect=bisect, provenance=notes)
+    return OctreeOverrides(cameras=lambda: view_cameras(args), rotation=args.rotate, bisect=bisect, provenance=notes)
 
 
 def check_out(args: argparse.Namespace) -> None:

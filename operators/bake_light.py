@@ -25,7 +25,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         """Build the octree on the same grid again, in light."""
         from ..patchnet_addon.lightmap.page_cache import BakePageCache
         from .pipeline.job_work import JobPlan
-        from .pipeline.lit_octree import Recipe, choose_leaves, light_octree, read_surface
+        from .pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
         from .pipeline.stages import GridChoice
 
         before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
@@ -34,7 +34,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         chosen = None if before.state is None else before.state.chosen  # whatever is selected now, such as a lamp
         clock = plan.clock
         with BakePageCache() as kept:
-            surface = yield from read_surface(context, settings, clock, Recipe(grid=choice, chosen=chosen))
+            surface = yield from read_surface(context, settings, clock, OctreeOverrides(grid=choice, chosen=chosen))
             leaves = yield from choose_leaves(context, surface, clock)
             yield from plan.make(surface.source, leaves.choice, (), "light", "denoise", "voxelize")
             made = yield from plan.timed(light_octree(context, surface, leaves, clock, kept))

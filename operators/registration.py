@@ -34,7 +34,7 @@ from . import (
 from .jobs import job_operator
 from .properties import preferences
 from .scene_access import bake_operator, overrides, temporary, unread_file
-from .session import kept_results, scene_session, staleness, world_maps
+from .session import octree_cache, scene_session, staleness, world_maps
 from .ui import presets_menu
 
 if OTHER_PYTHON:
@@ -55,7 +55,7 @@ _BEFORE = (
     bake_operator,
     job_operator,
     unread_file,
-    kept_results,
+    octree_cache,
     world_maps,
     presets_menu,
     load_octree,

@@ -16,7 +16,7 @@ from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
 from .properties import CameraProperties, ViewProperties
 from .session import results
-from .session.shown_view import seen
+from .session.shown_view import attach_view_stats
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
     before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
-    results.keep(context.scene, seen(before, result, compared=compare), "view")
+    results.keep(context.scene, attach_view_stats(before, result, compared=compare), "view")
     overlay.show(context, [result], settings.view)
     return result
 

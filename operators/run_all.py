@@ -14,9 +14,9 @@ from .jobs.job_operator import JobOperator
 from .jobs.tell import tell_notes
 from .properties import JobProperties
 from .schema.table import SELECTED
-from .session import kept_results, results
+from .session import octree_cache, results
 from .session.scene_result import SceneResult
-from .session.shown_view import seen
+from .session.shown_view import attach_view_stats
 from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 
@@ -59,7 +59,7 @@ class PATCHNET_OT_run_all(
                 made_by={"cameras": cameras_key(context, settings)},
                 state=result.state,
             )
-        made = seen(made, first, compared=settings.view.reference)
+        made = attach_view_stats(made, first, compared=settings.view.reference)
         made.seconds = made.seconds | result.report["timings_s"]
         made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
         results.keep(scene, made, *steps, settings=settings)
@@ -101,7 +101,7 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     scene = context.scene
     result = _checked(results.result_of(scene), scene)
     if result is None or result.stale:  # the scene may be as it was once before
-        result = _checked(kept_results.found_on_disk(scene), scene) or result
+        result = _checked(octree_cache.found_on_disk(scene), scene) or result
     if result is None:
         return None
     others = settings.surface.scope == SELECTED and _other_objects(context, result)

@@ -24,10 +24,10 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree in the surface's own colour, and keep it."""
-        from .pipeline.lit_octree import Recipe, build_lit_octree, cameras_key
+        from .pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_key
 
         clock = StageClock()
-        made = yield from build_lit_octree(context, settings, clock, recipe=Recipe(unlit=True))
+        made = yield from build_lit_octree(context, settings, clock, overrides=OctreeOverrides(unlit=True))
         seconds = {name: clock.seconds[name] for name in ("depth", "voxelize")}
         octree = made.octree
         result = SceneResult(octree, settings.surface.scope, made.layout, seconds=seconds, state=made.state)

@@ -50,7 +50,7 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
 
 def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
     """Say of each camera why it sees nothing, or only black, if that is so."""
-    from ...patchnet_addon.tracing.unseen import why_unseen_by
+    from ...patchnet_addon.tracing.empty_view import why_unseen_by
 
     for text in why_unseen_by(octree, cameras):
         say_note(text)

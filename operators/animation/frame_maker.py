@@ -16,7 +16,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import LitOctree, Recipe, build_lit_octree
+from ..pipeline.lit_octree import LitOctree, OctreeOverrides, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
@@ -158,10 +158,10 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
 
 
 class OctreeMaker(FrameMaker):
-    """Makes lit octrees alone, by settings and a recipe; `wanted` is all that the recipe depends on, as text."""
+    """Makes lit octrees alone, by settings and a overrides; `wanted` is all that the overrides depends on, as text."""
 
-    def __init__(self, settings: JobSettings, recipe: Recipe, wanted: str) -> None:
-        self._settings, self._recipe, self._wanted = settings, recipe, wanted
+    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
+        self._settings, self._overrides, self._wanted = settings, overrides, wanted
         self.scope, light = settings.surface.scope, settings.light
         self.exposure, self.bakes = light.exposure, light.is_baked
 
@@ -180,7 +180,7 @@ class OctreeMaker(FrameMaker):
 
         clock = StageClock()
         with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._recipe)
+            made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._overrides)
             save_octree(made.octree, folder / OCTREE_NAME)
         octree = made.octree
         figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
@@ -190,11 +190,11 @@ class OctreeMaker(FrameMaker):
 
     def _unseen(self, made: LitOctree) -> list[str]:
         """Reasons why cameras that the octree is fitted to see nothing, or only black."""
-        from ...patchnet_addon.tracing.unseen import why_unseen_by
+        from ...patchnet_addon.tracing.empty_view import why_unseen_by
 
-        if made.layout is None or self._recipe.cameras is None:
+        if made.layout is None or self._overrides.cameras is None:
             return []
-        return why_unseen_by(made.octree, self._recipe.cameras())
+        return why_unseen_by(made.octree, self._overrides.cameras())
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

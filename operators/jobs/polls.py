@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..session import results
-from ..session.kept_results import result_or_kept
+from ..session.octree_cache import result_or_kept
 from .job_operator import JobOperator
 
 

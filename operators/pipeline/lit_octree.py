@@ -37,8 +37,8 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ..state.scene_state import SceneState
 
 @dataclass(frozen=True, eq=False)
-class Recipe:
-    """Recipe of an octree where it is not what the settings and the context's present scene say.
+class OctreeOverrides:
+    """What an octree is made of where it is not what the settings and the context's present scene say.
 
     unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
     still be; None chooses them. cameras: those that the depth is chosen for, at the present frame; None takes those of
@@ -61,17 +61,17 @@ class Recipe:
 
 @dataclass(frozen=True, eq=False)
 class ReadSurface:
-    """Surface as it was read by settings and a recipe. state: of the scene then."""
+    """Surface as it was read by settings and a overrides. state: of the scene then."""
 
     settings: JobSettings
-    recipe: Recipe
+    overrides: OctreeOverrides
     source: SceneMesh
     state: SceneState
 
     @property
     def is_baked(self) -> bool:
         """Return whether Cycles bakes its light."""
-        return self.settings.light.is_baked and not self.recipe.unlit
+        return self.settings.light.is_baked and not self.overrides.unlit
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,45 +104,45 @@ def build_lit_octree(
     settings: JobSettings,
     clock: StageClock,
     kept: BakePageCache | None = None,
-    recipe: Recipe | None = None,
+    overrides: OctreeOverrides | None = None,
 ) -> Steps[LitOctree]:
     """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
 
     clock: takes the stages "read", "depth", "light", "denoise" and "voxelize". kept: finds pages of a stopped bake,
     and keeps its own.
     """
-    surface = yield from read_surface(context, settings, clock, recipe or Recipe())
+    surface = yield from read_surface(context, settings, clock, overrides or OctreeOverrides())
     leaves = yield from choose_leaves(context, surface, clock)
     return (yield from light_octree(context, surface, leaves, clock, kept))
 
 
 def read_surface(
-    context: bpy.types.Context, settings: JobSettings, clock: StageClock, recipe: Recipe
+    context: bpy.types.Context, settings: JobSettings, clock: StageClock, overrides: OctreeOverrides
 ) -> Steps[ReadSurface]:
     """Read the surface of the scene. Raises SceneError."""
-    if settings.light.is_baked and not recipe.unlit:
+    if settings.light.is_baked and not overrides.unlit:
         settings = replace(settings, light=with_view(context, settings.light, settings.view.cameras))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
-        depsgraph = recipe.depsgraph or context.evaluated_depsgraph_get()
-        source = read_scene(depsgraph, settings.surface.scope, recipe.chosen)
+        depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
+        source = read_scene(depsgraph, settings.surface.scope, overrides.chosen)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
-        return ReadSurface(settings, recipe, source, _state(context, source, settings, recipe))
+        return ReadSurface(settings, overrides, source, _state(context, source, settings, overrides))
 
 
 def choose_leaves(
     context: bpy.types.Context, surface: ReadSurface, clock: StageClock, cameras: Sequence[Camera] | None = None
 ) -> Steps[ChosenLeaves]:
-    """Choose grid and levels for cameras; None takes those of the recipe, or of the settings. Raises PatchNetError."""
-    recipe, source, settings = surface.recipe, surface.source, surface.settings
+    """Choose grid and levels for cameras; None takes the overrides' or the settings'. Raises PatchNetError."""
+    overrides, source, settings = surface.overrides, surface.source, surface.settings
     with clock.stage("depth"):
-        if recipe.grid is not None:
-            _check_inside(source.bounds_world, recipe.grid.grid)
-            choice, cameras = recipe.grid, ()
+        if overrides.grid is not None:
+            _check_inside(source.bounds_world, overrides.grid.grid)
+            choice, cameras = overrides.grid, ()
         else:
-            if cameras is None and recipe.cameras is not None:
-                cameras = recipe.cameras()
+            if cameras is None and overrides.cameras is not None:
+                cameras = overrides.cameras()
             elif cameras is None:
                 cameras = yield from fit_cameras(context, settings, source)
             choice = yield from choose_grid(source, cameras, settings)
@@ -159,26 +159,33 @@ def light_octree(
     kept: BakePageCache | None = None,
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
-    recipe, source, settings, choice = surface.recipe, surface.source, surface.settings, leaves.choice
+    overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
-    with recipe.baking():
+    with overrides.baking():
         if surface.is_baked:
             baking = baked(
-                context, source, choice, settings, clock, kept=kept, depsgraph=recipe.depsgraph, cameras=leaves.cameras
+                context,
+                source,
+                choice,
+                settings,
+                clock,
+                kept=kept,
+                depsgraph=overrides.depsgraph,
+                cameras=leaves.cameras,
             )
             shade, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
                 light = settings.light
-                own = unlit(source, light) if recipe.unlit else two_lights(source, light, recipe.rotation)
+                own = unlit(source, light) if overrides.unlit else two_lights(source, light, overrides.rotation)
                 shade = yield from own
         with clock.stage("voxelize"):
-            if recipe.bisect is not None:
-                shade = bisected(shade, source, *recipe.bisect)
-            kind = UNLIT if recipe.unlit else settings.light.kind
-            turned_source, grid = turned(source, choice.grid, recipe.rotation)
-            provenance = _provenance(recipe, surface.state) | notes
+            if overrides.bisect is not None:
+                shade = bisected(shade, source, *overrides.bisect)
+            kind = UNLIT if overrides.unlit else settings.light.kind
+            turned_source, grid = turned(source, choice.grid, overrides.rotation)
+            provenance = _provenance(overrides, surface.state) | notes
             octree = yield from build(turned_source, replace(choice, grid=grid), shade, settings, kind, provenance)
     thin = thin_warnings(source, choice.grid, leaves.cameras)
     own_color = () if surface.is_baked else source.color_warnings
@@ -208,27 +215,29 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
     return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])
 
 
-def _state(context: bpy.types.Context, source: SceneMesh, settings: JobSettings, recipe: Recipe) -> SceneState:
+def _state(
+    context: bpy.types.Context, source: SceneMesh, settings: JobSettings, overrides: OctreeOverrides
+) -> SceneState:
     """State of the scene, with the place of its camera if something is baked as that sees it."""
-    light, depsgraph = settings.light, recipe.depsgraph
-    seen = light.is_baked and not recipe.unlit and bool(light.from_camera)
+    light, depsgraph = settings.light, overrides.depsgraph
+    seen = light.is_baked and not overrides.unlit and bool(light.from_camera)
     seen = seen and bool(baked_with_gloss(source, light.gloss).any())
     scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
     selected = settings.surface.scope == SELECTED
-    return read_state(scene, layer, selected=selected, chosen=recipe.chosen, gloss_from_camera=seen)
+    return read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
 
 
-def _provenance(recipe: Recipe, state: SceneState) -> dict[str, Any]:
+def _provenance(overrides: OctreeOverrides, state: SceneState) -> dict[str, Any]:
     """Entries of the octree's file; the scene's state stands there unless the surface is turned or cut open."""
-    known = {} if recipe.rotation or recipe.bisect else {"scene_state": state.identity()}
+    known = {} if overrides.rotation or overrides.bisect else {"scene_state": state.identity()}
     if known and state.gloss_from:
         known["gloss_from"] = state.gloss_from
-    return known | recipe.provenance
+    return known | overrides.provenance
 
 
 def _lookers(context: bpy.types.Context, surface: ReadSurface) -> Steps[Sequence[Camera]]:
     """Cameras that look where none are needed for the depth; none if the scene has none."""
-    depsgraph, settings = surface.recipe.depsgraph or context.evaluated_depsgraph_get(), surface.settings
+    depsgraph, settings = surface.overrides.depsgraph or context.evaluated_depsgraph_get(), surface.settings
     wanted, bounds_world = settings.view, settings.surface.bounds_world(surface.source)
     try:
         return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, surface.source))

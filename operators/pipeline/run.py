@@ -33,7 +33,7 @@ from .cycles_regions import CyclesView, refine_view
 from .encoder import check_encoder
 from .job_work import JobPlan
 from .kernels_beside import compiling_beside
-from .lit_octree import LitOctree, Recipe, choose_leaves, fit_cameras, light_octree, read_surface
+from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
 from .stages import GridChoice, encode, load_network
@@ -83,11 +83,11 @@ class Before:
     warnings: tuple[str, ...] = ()
 
     @property
-    def recipe(self) -> Recipe:
-        """Recipe of an octree on the same grid, of the same objects."""
+    def overrides(self) -> OctreeOverrides:
+        """Overrides for an octree on the same grid, of the same objects."""
         chosen = None if self.state is None else self.state.chosen
         grid = GridChoice(self.octree.grid, self.layout, leaves=self.octree.leaf_count)
-        return Recipe(grid=grid, chosen=chosen)
+        return OctreeOverrides(grid=grid, chosen=chosen)
 
 
 def run_job(
@@ -169,14 +169,14 @@ def _lit(
     before: Before | None,
 ) -> Steps[tuple[LitOctree | Before, list[Camera]]]:
     """Lit octree of a job, and the cameras that look at it; plans the job and shows a first look between the steps."""
-    clock, wanted, recipe = plan.clock, settings.view, Recipe()
+    clock, wanted, overrides = plan.clock, settings.view, OctreeOverrides()
     cameras: list[Camera] = []
     if before is not None:
         cameras = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
         if before.lit:
             return before, cameras
-        recipe = before.recipe
-    surface = yield from read_surface(context, settings, clock, recipe)
+        overrides = before.overrides
+    surface = yield from read_surface(context, settings, clock, overrides)
     fit: Sequence[Camera] = ()
     if before is None:
         source, depsgraph = surface.source, context.evaluated_depsgraph_get()

@@ -22,7 +22,7 @@ from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.unseen import BLACK_SURFACE
+from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..cycles.daylight import has_light
 from ..scene.precision import light_warnings, place_warnings
 from ..scene.scene_mesh import SceneMesh

@@ -210,7 +210,7 @@ def _measured(
     background: np.ndarray | None,
 ) -> View:
     """Figures and pictures of a refined view; errors of the preview are reported whatever unrefined pixels show."""
-    from ...patchnet_addon.tracing.unseen import why_unseen
+    from ...patchnet_addon.tracing.empty_view import why_unseen
 
     chosen = rankings[settings.unrefined][settings.strategy]
     buffers = chosen.buffers

@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene.fingerprint import SceneFingerprint, composed, has_films
 from ..scene_access.frames import values_of_graph
@@ -27,7 +27,7 @@ from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
 from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, VISIBLE, result_fields
 from ..session import results
-from ..session.kept_results import found_on_disk, result_or_kept
+from ..session.octree_cache import found_on_disk, result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import KeyedResult, session_of
 from ..session.staleness import look_again
@@ -235,14 +235,14 @@ def _compute(
         raise SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")
     scene = depsgraph.scene.original
     weights = load_network(settings.network)
-    recipe = Recipe(
+    overrides = OctreeOverrides(
         cameras=lambda: [camera],
         depsgraph=depsgraph,
         baking=lambda: _bake_context(scene, depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
     )
     with BakePageCache() as kept:
-        made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, recipe)
+        made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, overrides)
     coded, _ = yield from encode(made.octree, weights, settings.compute)
     for warning in made.warnings:
         warn(warning)

@@ -186,7 +186,7 @@ def _world(
 
 def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
     """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
-    from ...patchnet_addon.tracing.unseen import why_unseen
+    from ...patchnet_addon.tracing.empty_view import why_unseen
 
     assert picture.buffers is not None
     warning = why_unseen(picture.octree, picture.camera, picture.buffers.hits, float(picture.buffers.preview.max()))

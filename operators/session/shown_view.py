@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..pipeline.views import View
 
 
-def seen(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
+def attach_view_stats(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
     """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
     made = replace(
         result,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class JobWatch:
+class SceneChangeMonitor:
     """State that a job has read its scene in, None before that; steps that do not fit any more, and why."""
 
     scene: int  # its session_uid
@@ -31,12 +31,12 @@ class JobWatch:
     changes: list[tuple[str, str, Hashable]] = field(default_factory=list)
 
 
-_current: ContextVar[JobWatch | None] = ContextVar("_current", default=None)
-_watches: list[JobWatch] = []  # of jobs that work now, for handlers, which run outside of them
+_current: ContextVar[SceneChangeMonitor | None] = ContextVar("_current", default=None)
+_watches: list[SceneChangeMonitor] = []  # of jobs that work now, for handlers, which run outside of them
 
 
 @contextmanager
-def watching(watch: JobWatch) -> Iterator[None]:
+def watching(watch: SceneChangeMonitor) -> Iterator[None]:
     """Steps that are pulled within the block belong to the watched job."""
     token = _current.set(watch)
     try:
@@ -45,20 +45,20 @@ def watching(watch: JobWatch) -> Iterator[None]:
         _current.reset(token)
 
 
-def begin(scene: bpy.types.Scene) -> JobWatch:
+def begin(scene: bpy.types.Scene) -> SceneChangeMonitor:
     """Watch a scene for a job that works beside a window, until `end`."""
-    watch = JobWatch(scene.session_uid)
+    watch = SceneChangeMonitor(scene.session_uid)
     _watches.append(watch)
     return watch
 
 
-def end(watch: JobWatch) -> None:
+def end(watch: SceneChangeMonitor) -> None:
     """End the watch with its job."""
     if watch in _watches:
         _watches.remove(watch)
 
 
-def watches_of(scene: bpy.types.Scene) -> list[JobWatch]:
+def watches_of(scene: bpy.types.Scene) -> list[SceneChangeMonitor]:
     """Watches of jobs that have read this scene."""
     return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
 

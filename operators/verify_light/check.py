@@ -112,8 +112,8 @@ def _compared(context: bpy.types.Context, settings: CheckSettings, kept: BakePag
 
 
 def _why_unseen(octree: Octree, check: CameraCheck) -> str | None:
+    from ...patchnet_addon.tracing.empty_view import why_unseen
     from ...patchnet_addon.tracing.render import first_hits
-    from ...patchnet_addon.tracing.unseen import why_unseen
 
     return why_unseen(octree, check.camera, first_hits(octree, check.camera), float(check.octree.max()))
 

@@ -23,7 +23,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.camera_render import combined_light
-from ..pipeline.lit_octree import Recipe, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.stages import encode, load_network
 from ..scene_access.overrides import changed
 from ..scene_access.temporary import scene_copy, temporary
@@ -105,7 +105,7 @@ def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found
     """Make the voxels that the engine renders from, and keep them for the scene."""
     clock = StageClock()
     cameras = [*plan.cameras[::_FIT_EVERY], plan.cameras[-1]]
-    made = yield from build_lit_octree(context, settings, clock, None, Recipe(cameras=lambda: cameras))
+    made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: cameras))
     with clock.stage("codes"):
         coded, _ = yield from encode(made.octree, load_network(settings.network), settings.compute)
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count

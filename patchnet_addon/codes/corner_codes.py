@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.kinds import CODE_SIZE
-from ..network.lanes import HALF_SCALE, add_product, load_halves
+from ..network.simd import HALF_SCALE, add_product, load_halves
 from ..runtime.kernels import device
 from ..runtime.vectors import splat, store
 from .coded_octree import CodedOctree

@@ -19,8 +19,8 @@ import numpy as np
 from ..network.compiled_encode import PackedLayers
 from ..network.encoders import CHANNELS, LUMINANCE
 from ..network.kinds import CODE_SIZE
-from ..network.lanes import LANES, load, zeros
 from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
+from ..network.simd import LANES, load, zeros
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bits import lowest_one

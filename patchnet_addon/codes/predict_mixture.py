@@ -8,8 +8,8 @@ import numpy as np
 from ..network.compiled_layers import TILE
 from ..network.compiled_mixture import decode_mixture_tile, empty_luminances, empty_mixture_tile
 from ..network.kinds import CODE_SIZE, CORNERS, COVERING, RAY_INPUTS, SIDE_BY_SIDE
-from ..network.lanes import HALF_SCALE, load_halves
 from ..network.mixture_decode import COVERED, VIEWS
+from ..network.simd import HALF_SCALE, load_halves
 from ..octree.octree import LUMINANCE_SCALE
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.vectors import store

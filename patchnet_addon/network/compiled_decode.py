@@ -7,7 +7,7 @@ from ..runtime.kernels import device
 from ..runtime.vectors import store
 from .compiled_layers import OUTPUTS, TILE, apply_layer, clipped_sigmoid, empty_values, fill_harmonics
 from .kinds import PAPER
-from .lanes import WIDE_LANES, add_product, load_wide, spread_wide
+from .simd import WIDE_LANES, add_product, load_wide, spread_wide
 
 _INPUTS, _HIDDEN = PAPER.decoder[:2]
 _LAYERS = len(PAPER.decoder) - 2  # with ReLU

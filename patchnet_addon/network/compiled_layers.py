@@ -17,8 +17,8 @@ from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
 from .decode import OUTPUT_LOW, OUTPUT_RANGE
 from .kinds import CODE_SIZE, WIDTH_STEP
-from .lane_harmonics import store_harmonics
-from .lanes import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
+from .simd import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
+from .simd_harmonics import store_harmonics
 from .weights import MODULATED, Weights
 
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere

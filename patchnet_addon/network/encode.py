@@ -15,8 +15,8 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import larger, store
-from .lanes import LANES, load, zeros
 from .octants import octant_matrices
+from .simd import LANES, load, zeros
 from .weights import Weights
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import larger, store
-from .lanes import LANES, add_product, load, spread
+from .simd import LANES, add_product, load, spread
 
 WIDTH = 2 * LANES  # columns of a panel
 ROWS = 4  # eight vectors of sums: with five or six rows the compiler runs out of registers, at half the speed

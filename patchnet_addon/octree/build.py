@@ -12,9 +12,9 @@ import numpy as np
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.mesh import MeshSource, ShadingFn
-from .above_white import light_above_white
 from .emitters import Emitters, exposure_without_emitters
 from .grid import Grid
+from .hdr_highlights import light_hdr_highlights
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
 from .octree import Octree
@@ -88,7 +88,7 @@ def _joined(
     hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
     leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
     parts.clear()
-    bright, above = light_above_white(masks, areas, light, hues if colored else [], exposure)
+    bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     child_mask = np.concatenate(masks)
     return Octree(

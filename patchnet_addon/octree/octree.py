@@ -15,8 +15,8 @@ import numpy as np
 from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
-from .above_white import NOTHING_ABOVE, AboveWhite, colors_at, with_bits
 from .grid import Grid
+from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights, colors_at, with_bits
 from .nodes import BoxedNodes, Nodes, without_boxes
 
 LUMINANCE_SCALE = 65535.0
@@ -104,10 +104,10 @@ class Octree:
         return sum(array.nbytes for array in (*arrays, *some) if array is not None)
 
     @cached_property
-    def above_white(self) -> AboveWhite:
+    def hdr_highlights(self) -> HdrHighlights:
         """Light above white, for kernels."""
         if self.bright_nodes is None or self.bright_colors is None:
-            return NOTHING_ABOVE
+            return NO_HIGHLIGHTS
         return with_bits(self.bright_nodes, self.bright_colors, self.node_count)
 
     def free_keys(self) -> None:
@@ -178,7 +178,7 @@ class Octree:
 
     def color_above_white(self, nodes: np.ndarray) -> np.ndarray:
         """Linear colours (N, 3) float32 that the clamp took from nodes (N,); 0 for misses (-1)."""
-        return colors_at(self.above_white, nodes)
+        return colors_at(self.hdr_highlights, nodes)
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Mean normals (N, 3) float32, length at most 1."""

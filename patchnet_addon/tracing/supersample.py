@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..octree.above_white import NOTHING_ABOVE, AboveWhite
+from ..octree.hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
 from ..octree.nodes import BoxedNodes
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.bits import lowest_one
@@ -86,7 +86,7 @@ def _supersampled(
         means = np.empty((len(pixels), MEANS), np.float32)
         mean_of_rays(
             octree.boxed_nodes,
-            (octree.luminance, chroma, NOTHING_ABOVE),  # errors are of what is clamped
+            (octree.luminance, chroma, NO_HIGHLIGHTS),  # errors are of what is clamped
             unit,
             pixels,
             (side, float(background), octree.depth),
@@ -111,7 +111,7 @@ def block_order(pixels: np.ndarray, width_px: int, side: int) -> np.ndarray:
 
 def mean_of_rays(
     nodes: BoxedNodes,
-    light: tuple[np.ndarray, np.ndarray, AboveWhite],
+    light: tuple[np.ndarray, np.ndarray, HdrHighlights],
     camera: CameraUnit,
     pixels: np.ndarray,
     sampling: tuple[int, float, int],
@@ -255,7 +255,7 @@ def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side:
     pixels = np.asarray(pixels, np.int64)
     order = block_order(pixels, camera.width_px, side)
     found = np.empty((len(pixels), MEANS), np.float32)
-    light = octree.luminance, chroma, octree.above_white
+    light = octree.luminance, chroma, octree.hdr_highlights
     mean_of_rays(octree.boxed_nodes, light, unit, pixels[order], (side, 0.0, octree.depth), found)
     means = np.empty_like(found)
     means[order] = found

@@ -11,7 +11,7 @@ from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
 from patchnet.operators.properties import PatchNetSettings
 from patchnet.operators.properties.preferences import KEPT_GIB, PatchNetPreferences
 from patchnet.operators.registration import _CLASSES
-from patchnet.operators.session.kept_results import VARIABLE, limit_bytes
+from patchnet.operators.session.octree_cache import VARIABLE, limit_bytes
 from patchnet.patchnet_addon.runtime import bounds
 
 ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]

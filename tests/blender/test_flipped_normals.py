@@ -11,8 +11,8 @@ import pytest
 from mathutils import Vector
 
 from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.cycles.bake.sheet_survey import _sentences
 from patchnet.operators.cycles.bake.side_probe import light_of_sides
+from patchnet.operators.cycles.bake.two_sided_surfaces import _sentences
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.render_engine import render_frame
-from patchnet.operators.session import kept_results, results
+from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.gloss_view import GLOSS_MOVED, place_of_gloss
@@ -180,7 +180,7 @@ def test_files_know_from_where_gloss_was_seen(tmp_path: Path, cache: Path, monke
             shift()
         path = saved(tmp_path / f"scene-{moved}.blend")
         bpy.ops.wm.open_mainfile(filepath=str(path))
-        found = kept_results.result_or_kept(bpy.context.scene)
+        found = octree_cache.result_or_kept(bpy.context.scene)
         assert found is not None and found.stale == ({"light"} if moved else set())
         assert bpy.ops.patchnet.load_octree(filepath=octree) == {"FINISHED"}
         assert result().stale == ({"light"} if moved else set())

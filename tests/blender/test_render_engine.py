@@ -49,7 +49,7 @@ def expected(scene: bpy.types.Scene) -> PixelBuffers:
     return drain(trace_view(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
 
 
-def above_white(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
+def hdr_highlights(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
     """(P,): what the clamp has taken from the voxels that the preview shows."""
     return kept(scene).octree.color_above_white(buffers.hits.node)[:, 0]
 
@@ -74,7 +74,7 @@ def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     length = np.linalg.norm(found["Normal"], axis=-1).ravel()
     assert np.allclose(length[hits.hit], 1.0, atol=1e-5) and not length[~hits.hit].any()
     combined = found["Combined"].reshape(-1, 4)
-    light = (buffers.preview + above_white(scene, buffers))[~mask] / kept(scene).octree.exposure
+    light = (buffers.preview + hdr_highlights(scene, buffers))[~mask] / kept(scene).octree.exposure
     world = np.where(hits.hit[~mask], 0.0, 1.0)[:, None] * np.array(WORLD) * 0.5
     assert np.allclose(combined[~mask, :3], light[:, None] + world, atol=1e-6)
     assert (combined[:, 3] == 1.0).all()

@@ -7,9 +7,9 @@ computes the light that arrives on it. So instances stay instances, and memory i
 pages the scene is exactly as before, and so is a file that is saved meanwhile.
 
 Opaque surfaces are baked on the side that their normals show; a sheet is baked on the other one, as a whole, where
-light and cameras say so (`sheet_survey`). Both sides count of cut-outs and of what is translucent, and of all sheets if
-asked for; not of closed surfaces, whose inner side is never seen. A side that gets next to no light beside the other
-does not count: it is enclosed, although the surface has a gap.
+light and cameras say so (`two_sided_surfaces`). Both sides count of cut-outs and of what is translucent, and of all
+sheets if asked for; not of closed surfaces, whose inner side is never seen. A side that gets next to no light beside
+the other does not count: it is enclosed, although the surface has a gap.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
-from ....patchnet_addon.tracing.unseen import BLACK_VIEWS
+from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from ...scene.fingerprint import SceneFingerprint
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
@@ -37,8 +37,8 @@ from ...state.watch import check_unchanged
 from .bake_key import bake_key
 from .baker import Baker, lift_world
 from .gloss_passes import place_of_view
-from .sheet_survey import sides_of_sheets
 from .side_probe import black_views
+from .two_sided_surfaces import sides_of_sheets
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas

@@ -49,7 +49,7 @@ class Baker:
     """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
     With `both_sides` of the light, backs of opaque sheets count like fronts; else, and always with materials that cull
-    backfaces, only those of the triangles `turned` (T,) bool, whose fronts do not (`sheet_survey`). With its
+    backfaces, only those of the triangles `turned` (T,) bool, whose fronts do not (`two_sided_surfaces`). With its
     `daylight`, sun and sky of ours shine, not the scene's world.
     channels: of its texels, 2, or 4 with colour, see `Atlas`, and with `denoise` the noise, half of what two halves of
     the paths differ by. warnings: sentences about what cannot be baked.

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...network.compiled_layers import OUTPUTS, TILE, apply_layer, empty_values, exponential
-from ...network.lanes import WIDE_LANES, add_product, load_wide, spread_wide
+from ...network.simd import WIDE_LANES, add_product, load_wide, spread_wide
 from ...runtime.kernels import device, kernel
 from ...runtime.threads import run_parts
 from ...runtime.vectors import store

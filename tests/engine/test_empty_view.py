@@ -13,8 +13,8 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.empty_view import BLACK_SURFACE, BLACK_VIEWS, why_unseen
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.unseen import BLACK_SURFACE, BLACK_VIEWS, why_unseen
 
 SIZE = (24, 16)
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)

@@ -14,7 +14,7 @@ import pytest
 
 from patchnet.operators.cache import cache_size, clear_cache
 from patchnet.operators.cycles.bake import baker
-from patchnet.operators.session import kept_results, results
+from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 
@@ -34,7 +34,7 @@ def file(scene: bpy.types.Scene, cache: Path, tmp_path: Path, monkeypatch: pytes
 def reopen(path: Path) -> SceneResult | None:
     bpy.ops.wm.open_mainfile(filepath=str(path))
     assert results.result_of(bpy.context.scene) is None
-    return kept_results.result_or_kept(bpy.context.scene)
+    return octree_cache.result_or_kept(bpy.context.scene)
 
 
 def refuse(*_: object) -> None:
@@ -146,9 +146,9 @@ def test_an_older_entry_that_waits_is_not_written(monkeypatch: pytest.MonkeyPatc
     """Beside a window, where entries are written in threads: the newest of a key is there in the end."""
     written: list[str] = []
     cache = SimpleNamespace(save=lambda key, entry: written.append(f"{key} {entry}"))
-    monkeypatch.setattr(kept_results, "_newest", {"octree": 2, "other": 1})
+    monkeypatch.setattr(octree_cache, "_newest", {"octree": 2, "other": 1})
     for key, entry, number in (("octree", "old", 0), ("other", "this", 1), ("octree", "new", 2)):
-        kept_results._save(cache, key, entry, number)
+        octree_cache._save(cache, key, entry, number)
     assert written == ["other this", "octree new"]
 
 

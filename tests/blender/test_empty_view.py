@@ -17,7 +17,7 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
-from patchnet.patchnet_addon.tracing.unseen import BLACK_VIEWS
+from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import QUICK, build, principled, saved
 from patchnet.tests.blender.light_scene import SQUARE, grey, lamp, link, material, mesh, shader, shown, simple

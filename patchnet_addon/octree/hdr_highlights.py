@@ -18,7 +18,7 @@ _POPCOUNT = np.array([value.bit_count() for value in range(256)], np.int64)
 _LEAST = 1.0 / 65535.0  # luminance: below it nothing is stored, as of luminance itself
 
 
-class AboveWhite(NamedTuple):
+class HdrHighlights(NamedTuple):
     """Light above white as kernels read it.
 
     bits: (n / 8,) uint8, whether a node has some, or (0,) if none has. nodes: (b,) uint32, ascending. colors: (b, 3)
@@ -30,19 +30,19 @@ class AboveWhite(NamedTuple):
     colors: np.ndarray
 
 
-NOTHING_ABOVE = AboveWhite(np.empty(0, np.uint8), np.empty(0, np.uint32), np.empty((0, 3), np.float32))
+NO_HIGHLIGHTS = HdrHighlights(np.empty(0, np.uint8), np.empty(0, np.uint32), np.empty((0, 3), np.float32))
 
 
-def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> AboveWhite:
+def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> HdrHighlights:
     """Light above white of `nodes` (b,) among `node_count`, with the bits by which most rays see that there is none."""
     if not len(nodes):
-        return NOTHING_ABOVE
+        return NO_HIGHLIGHTS
     bits = np.zeros(-(-node_count // 8), np.uint8)
     np.bitwise_or.at(bits, nodes >> np.uint32(3), (1 << (nodes & np.uint32(7))).astype(np.uint8))
-    return AboveWhite(bits, nodes, colors)
+    return HdrHighlights(bits, nodes, colors)
 
 
-def colors_at(above: AboveWhite, nodes: np.ndarray) -> np.ndarray:
+def colors_at(above: HdrHighlights, nodes: np.ndarray) -> np.ndarray:
     """Light above white (N, 3) float32 of nodes (N,) int64; 0 where there is none, and for misses (-1)."""
     colors = np.zeros((len(nodes), 3), np.float32)
     if not len(above.nodes):
@@ -53,7 +53,7 @@ def colors_at(above: AboveWhite, nodes: np.ndarray) -> np.ndarray:
     return colors
 
 
-def light_above_white(
+def light_hdr_highlights(
     masks: Sequence[np.ndarray],
     areas: Sequence[np.ndarray],
     light: Sequence[np.ndarray],
