@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from .shared.arguments import add_out
-from .shared.cycles import print_cycles
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
-from .shared.job_arguments import add_job_arguments, job_settings, require_blender
+from .shared.job_arguments import add_job_arguments, job_settings, print_cycles, require_blender
 from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
 

@@ -3,24 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.image.comparison import Guides, compare, picture_psnr
+from ...patchnet_addon.image.comparison import Guides, compare, difference_picture, picture_psnr, side_by_side
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.heatmap import magnify
+from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.camera_render import Reference, render_halves
 from ..pipeline.lit_octree import build_lit_octree
-from ..pipeline.reports import machine, versions
+from ..pipeline.reports import REPORT_NAME, machine, versions, write_report
 from ..scene.cameras import camera_size_px, looking_cameras
+from ..scene_access.images import save_png
 from ..schema.table import GLOSS_OFF
 from ..settings.job_settings import JobSettings
 
@@ -234,3 +240,40 @@ def _mean_figures(views: Sequence[tuple[np.ndarray, np.ndarray, dict[str, Any]]]
     cycles = sum(float(view[1].sum(dtype=np.float64)) for view in views)
     mse = [10.0 ** (-figures["psnr_db"] / 10.0) for _, _, figures in views]
     return {"psnr_db": -10.0 * float(np.log10(np.mean(mse))), "mean_ratio": mine / cycles if cycles else None}
+
+
+_PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
+_WHOLE_VOXELS = "whole_voxels.png"
+
+
+def check_files(folders: Iterable[str], whole_voxels: bool = False) -> dict[str, FileKind]:
+    """Kind of each file of a light check by its path in the output folder; `folders` are those of the cameras."""
+    names = (*_PICTURES, _WHOLE_VOXELS) if whole_voxels else _PICTURES
+    return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in names}
+
+
+def save_check(check: LightCheck, folder: Path, maximum: float, folders: Mapping[str, str]) -> None:
+    """Write report.json, and pictures into the folder of each camera; `folders` are those by cameras' names."""
+    for item in check.cameras:
+        item.report["folder"] = folders[item.camera.name]
+        target = folder / folders[item.camera.name]
+        target.mkdir()
+        _save_camera(item, target, maximum)
+    write_report(folder, "light check", check.report)
+
+
+def _save_camera(item: CameraCheck, folder: Path, maximum: float) -> None:
+    ratio = item.report["mean_ratio"]
+    figures = f"{item.report['psnr_db']:.1f} dB, mean ratio {'-' if ratio is None else format(ratio, '.3f')}"
+    cycles, octree, difference, beside = (folder / name for name in _PICTURES)
+    save_png(cycles, magnify(gray(item.cycles)))
+    save_png(octree, magnify(gray(item.octree)))
+    title, quantity = f"{item.camera.name}: {figures}", "luminance, octree less Cycles"
+    save_png(difference, difference_picture(item.octree - item.cycles, maximum, title, quantity))
+    titles = "Cycles", "octree", figures
+    save_png(beside, side_by_side(item.cycles, item.octree, maximum, titles))
+    if item.whole is not None:
+        figures = f"{item.report['whole_voxels']['psnr_db']:.1f} dB, {item.report['psnr_db']:.1f} dB"
+        row = [gray(picture) for picture in (item.cycles, item.whole, item.octree)]
+        name = f"{item.camera.name}: {figures}"
+        save_png(folder / _WHOLE_VOXELS, contact_sheet([row], [name], ["Cycles", "whole voxels", "boxes"]))

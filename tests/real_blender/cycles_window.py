@@ -134,7 +134,7 @@ def by_button() -> clicks.Session:
     """The button of the panel, then the same from a script, which waits for it."""
     area = clicks.area("VIEW_3D")
     keep = {"PATCHNET_PT_main", "PATCHNET_PT_cycles_refine"}
-    classes = [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
+    classes = [item for item in module("ui").CLASSES if hasattr(item, "bl_category")]
     for item in reversed(classes):
         bpy.utils.unregister_class(item)
     for item in [each for each in classes if each.__name__ in keep]:

@@ -165,7 +165,7 @@ def drag():
 
 def unfinished():
     """A job's unfinished picture where no Image Editor is free: in the camera's frame, else in a corner."""
-    place_of = module("overlay.unfinished_viewport").place_of
+    place_of = module("overlay.unfinished").place_of
     Unfinished = module("pipeline.unfinished").Unfinished
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
     item, area, region = Unfinished("Eye", "refining, 40%", picture), clicks.area("VIEW_3D"), clicks.region("WINDOW")
@@ -247,7 +247,7 @@ def automatic():
 
 def end():
     """A moved camera is marked; free memory ends all."""
-    handlers, textures, kept = module("overlay.handlers"), module("overlay.textures"), module("session.views")
+    handlers, textures, kept = module("overlay.handlers"), module("overlay.paint"), module("session.views")
     scene = clicks.window().scene
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")

@@ -28,7 +28,7 @@ def side_box() -> tuple[int, int, int, int]:
 
 def tabs() -> list[type]:
     """The panels of the tab."""
-    return [item for item in module("ui.panels").CLASSES if hasattr(item, "bl_category")]
+    return [item for item in module("ui").CLASSES if hasattr(item, "bl_category")]
 
 
 def open_panels() -> None:
@@ -50,7 +50,7 @@ class Heard:
         self.begun: list[str] = []
         self.labels: list[str] = []
         self.told: list[str] = []
-        display, operators = module("jobs.display").JobDisplay, module("jobs.job_operator")
+        display, operators = module("jobs.job_window").JobDisplay, module("jobs.job_operator")
         begin, see, tell = display.begin, display.see, operators.tell
 
         def heard_begin(shown, context):

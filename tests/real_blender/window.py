@@ -148,7 +148,7 @@ def stopped_job(buttons: dict[str, tuple[int, int]], name: str):
 
 def stopped_world(buttons: dict[str, tuple[int, int]]):
     """Esc while the world behind objects is looked at, which would take minutes: the next picture is not made."""
-    world, name = module("cycles.world.background"), "patchnet.render_preview"
+    world, name = module("cycles.background"), "patchnet.render_preview"
     samples, world.SAMPLES = world.SAMPLES, 1 << 16
     before = len(heard.labels)
     yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
