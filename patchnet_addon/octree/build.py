@@ -13,7 +13,7 @@ from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.mesh import MeshSource, ShadingFn
 from .above_white import light_above_white
-from .emitters import Emitters, exposure_without_emitters
+from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
