@@ -204,7 +204,7 @@ def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Gr
     """Turn the surface by the random rotation of a seed; the grid has the same depth around it. 0 turns nothing."""
     if not rotation:
         return source, grid
-    from ...patchnet_addon.surface.rotated import RotatedSource, random_rotation
+    from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
 
     surface = RotatedSource(source, random_rotation(rotation))
     return surface, Grid.around(surface.bounds_world, grid.depth)

@@ -12,7 +12,7 @@ import numpy as np
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.mesh import MeshSource, ShadingFn
-from .emitters import Emitters, exposure_without_emitters
+from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
 from .hdr_highlights import light_hdr_highlights
 from .leaf_levels import LeafLevels

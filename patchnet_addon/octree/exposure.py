@@ -1,16 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exposure: the luminance that becomes 1 (methods 7.1)."""
+"""Exposure, the factor that brings the scene's white to 1, and the emitters that it leaves out (methods 7.1).
+
+A lamp that is seen is a hundred times as bright as the room that it lights; where its voxels are more than the few that
+may be white, the room would be dark.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from ..surface.chroma import REC709
+from ..surface.mesh import Fragments, MeshSource, TriangleBatch
 
 if TYPE_CHECKING:
     from .octree import Octree
 
 QUANTILE = 0.995
+_OWN_SHARE = 0.5  # of a material's light: what shines less shows mostly the light of others
 
 
 def quantile_exposure(leaf_luminance: np.ndarray) -> float:
@@ -23,3 +33,74 @@ def exposure_text(octree: Octree) -> str:
     """Exposure of an octree in words: the factor, and who chose it."""
     how = {"automatic": " (automatic)", "given": " (given)"}.get(str(octree.provenance.get("exposure")), "")
     return f"Exposure {octree.exposure:.4g}{how}"
+
+
+class Emitters:
+    """Cells in which materials lie that shine; filled while a surface is voxelized, in any thread."""
+
+    def __init__(self, source: MeshSource) -> None:
+        """Know which materials of `source` emit anything."""
+        self._emission = np.array([material.emission for material in source.materials], np.float64).reshape(-1, 3)
+        self._emission = self._emission @ REC709.astype(np.float64)  # (M,)
+        self._cells: list[tuple[int, int, np.ndarray]] = []  # material, level, keys
+        self._light: list[tuple[int, float, float]] = []  # material, area * luminance, area
+
+    @property
+    def anything(self) -> bool:
+        """Return whether any material emits."""
+        return bool((self._emission > 0.0).any())
+
+    def note(self, level: int, batch: TriangleBatch, fragments: Fragments, luminance: np.ndarray) -> None:
+        """Note fragments of cells on a `level`, with the luminance (F,) that they are shaded with."""
+        materials = batch.materials[fragments.triangle]
+        for material in np.unique(materials[self._emission[materials] > 0.0]).tolist():
+            mine = materials == material
+            area = fragments.area_world[mine]
+            self._cells.append((material, level, np.unique(fragments.keys[mine])))
+            self._light.append((material, float(area @ luminance[mine].astype(np.float64)), float(area.sum())))
+
+    def cells(self) -> dict[int, np.ndarray]:
+        """Keys (k,) uint64, ascending, of cells that emitters lie in, by level.
+
+        A material is an emitter if half of its light or more is its own, on the mean over its surface.
+        """
+        shining = {material for material in {each for each, _, _ in self._light} if self._shines(material)}
+        levels = {level for material, level, _ in self._cells if material in shining}
+        return {
+            wanted: np.unique(np.concatenate([k for m, level, k in self._cells if level == wanted and m in shining]))
+            for wanted in levels
+        }
+
+    def _shines(self, material: int) -> bool:
+        light = math.fsum(part for each, part, _ in self._light if each == material)
+        area = math.fsum(part for each, _, part in self._light if each == material)
+        return bool(self._emission[material] * area >= _OWN_SHARE * light)
+
+
+def exposure_without_emitters(
+    masks: Sequence[np.ndarray], light: Sequence[np.ndarray], emitters: Emitters | None
+) -> float:
+    """Automatic exposure of leaves in which no emitter lies; of all leaves where there are no others that are lit.
+
+    masks: (n,) uint8 child masks of a level's nodes; light: (l,) float32 luminance of its leaves; both by level.
+    """
+    cells = emitters.cells() if emitters is not None and emitters.anything else {}
+    if cells:
+        rest = np.concatenate(_others(masks, light, cells))
+        if (rest > 0.0).any():
+            return quantile_exposure(rest)
+    return quantile_exposure(np.concatenate(light))
+
+
+def _others(masks: Sequence[np.ndarray], light: Sequence[np.ndarray], cells: dict[int, np.ndarray]) -> list[np.ndarray]:
+    """Luminance of the leaves in which no emitter lies, by level."""
+    others, keys = [], np.zeros(1, np.uint64)
+    for level, mask in enumerate(masks):
+        values = light[level]
+        if level in cells:
+            values = values[~np.isin(keys[mask == 0], cells[level], assume_unique=True)]
+        others.append(values)
+        if level + 1 < len(masks):
+            parent, octant = np.nonzero(np.unpackbits(mask[:, None], axis=1, bitorder="little"))
+            keys = (keys[parent] << np.uint64(3)) | octant.astype(np.uint64)
+    return others

@@ -86,11 +86,6 @@ def voxelize(
     return kept
 
 
-def all_leaves(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
-    """Keep everything, for `voxelize`."""
-    return leaves
-
-
 class _Share:
     """Share of a pass that one core computes: the leaves of some blocks."""
 

@@ -3,8 +3,13 @@
 
 import numpy as np
 
-from patchnet.patchnet_addon.octree.voxelize import LeafSums, all_leaves, voxelize
+from patchnet.patchnet_addon.octree.voxelize import LeafSums, voxelize
 from patchnet.patchnet_addon.runtime.progress import drain
+
+
+def all_leaves(leaves, _block_level):
+    """Keep everything, for `voxelize`."""
+    return leaves
 
 
 def leaves_of(source, grid, shade, **settings):

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 
-from .leaf_samples import leaves_of
+from .leaf_samples import all_leaves, leaves_of
 from .octree_samples import octree_from_leaves as octree_of_samples
 
 BLOCK_LEVEL = 2
@@ -153,7 +153,7 @@ def test_loads_of_cores_are_similar(mesh, monkeypatch):
 
 def test_stopping_half_way_leaves_no_thread_behind(mesh):
     before = threading.active_count()
-    steps = voxelizer.voxelize(mesh, Grid.around(mesh.bounds_world, 9), shade, voxelizer.all_leaves)
+    steps = voxelizer.voxelize(mesh, Grid.around(mesh.bounds_world, 9), shade, all_leaves)
     next(steps)
     steps.close()
     assert threading.active_count() == before

@@ -4,8 +4,7 @@
 import numpy as np
 
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.patchnet_addon.surface.rotated import RotatedSource, random_rotation
+from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleMesh, random_rotation
 
 
 def test_rotation_is_proper_and_keeps_areas():
