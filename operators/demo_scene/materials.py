@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -12,6 +13,7 @@ from ..scene_access.blender_version import start_nodes
 from . import textures
 
 _LEAVES = "Leaves "  # begins the names of what cuts leaves
+
 
 def linear(colour: textures.Colour) -> np.ndarray:
     """Linear light of an sRGB colour (3,)."""
@@ -27,10 +29,9 @@ def principled(
     roughness: float = 0.9,
     specular: float = 0.15,
     emission: float = 0.0,
-    metallic: float = 0.0,
-    transmission: float = 0.0,
+    inputs: Mapping[str, float] = MappingProxyType({}),
 ) -> bpy.types.Material:
-    """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image."""
+    """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image; inputs: of the shader."""
     material = bpy.data.materials.new(name)
     tree = start_nodes(material)
     nodes, links = tree.nodes, tree.links
@@ -40,8 +41,8 @@ def principled(
     shader.location, output.location = (0, 0), (300, 0)
     shader.inputs["Roughness"].default_value = roughness
     shader.inputs["Specular IOR Level"].default_value = specular
-    shader.inputs["Metallic"].default_value = metallic
-    shader.inputs["Transmission Weight"].default_value = transmission
+    for key, value in inputs.items():
+        shader.inputs[key].default_value = value
     rgba = (*linear(colour if colour is not None else (1, 1, 1)), 1.0)
     shader.inputs["Base Color"].default_value = rgba
     material.diffuse_color = rgba

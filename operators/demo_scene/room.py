@@ -22,10 +22,10 @@ _RED, _GREEN, _WHITE = (0.80, 0.26, 0.22), (0.35, 0.66, 0.30), (0.88, 0.87, 0.85
 def build_glossy_room(scene: bpy.types.Scene, seed: int = 1) -> None:
     """Build the room with metals, a mirror and a pane of glass: what a bake of diffuse light alone shows black."""
     build_room(scene, seed)
-    gold = principled("Gold", (1.0, 0.84, 0.50), roughness=0.3, metallic=1.0)
-    steel = principled("Steel", (0.80, 0.80, 0.82), roughness=0.4, metallic=1.0)
-    mirror = principled("Mirror", (0.98, 0.98, 0.98), roughness=0.0, metallic=1.0)
-    glass = principled("Glass", (1.0, 1.0, 1.0), roughness=0.0, transmission=1.0)
+    gold = principled("Gold", (1.0, 0.84, 0.50), roughness=0.3, inputs={"Metallic": 1.0})
+    steel = principled("Steel", (0.80, 0.80, 0.82), roughness=0.4, inputs={"Metallic": 1.0})
+    mirror = principled("Mirror", (0.98, 0.98, 0.98), roughness=0.0, inputs={"Metallic": 1.0})
+    glass = principled("Glass", (1.0, 1.0, 1.0), roughness=0.0, inputs={"Transmission Weight": 1.0})
     collection = bpy.data.collections["Room"]
     place(collection, "Ball", ball(0.26, 32).moved((0.42, -0.30, 0.81)), gold, smooth=True)
     for item, material in (("Tall box", steel), ("Board", steel)):

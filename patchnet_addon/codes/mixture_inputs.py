@@ -69,12 +69,14 @@ def nearby_order() -> np.ndarray:
 
 
 @lean_device
-def place_pixel(nearby, node, row, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
+def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
     """Write what a pixel shows of a voxel and around it into column `place` of a tile, but for its children.
 
-    row: of the voxel's corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`, whose columns
-    `measure_tile` needs, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
+    voxel: its node, and the row of its corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`,
+    whose columns `measure_tile` needs, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see
+    `measure_tile`.
     """
+    node, row = voxel
     tile, fine, listed = work
     frame, axes = set_ray(ray, tile, view, place)
     order = nearby.order, frame

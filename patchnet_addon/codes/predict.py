@@ -59,7 +59,7 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
     parts = -(-pixels // TILE)
     if coded.weights.kind.mixes:
         nearby, layers = NearbyCells.of(coded), pack_mixture(coded.weights)
-        run_parts(predict_mixture, parts, rays, CornerCodes.of(coded), nearby, layers, *results)
+        run_parts(predict_mixture, parts, rays, CornerCodes.of(coded), nearby, layers, results)
     else:
         run_parts(_predict, parts, rays, CornerCodes.of(coded), DecoderLayers.pack(coded.weights), *results)
     return prediction

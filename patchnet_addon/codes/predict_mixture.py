@@ -24,11 +24,13 @@ _SCALE = np.float32(HALF_SCALE)
 
 
 @kernel
-def predict_mixture(first, last, rays, corner_codes, nearby, layers, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
+def predict_mixture(first, last, rays, corner_codes, nearby, layers, results):  # type: ignore[no-untyped-def]
     """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and which these are.
 
     rays: `PixelRays`. corner_codes: `CornerCodes`. nearby: `NearbyCells`. layers: of `pack_mixture`.
+    results: coverage, luminance, and whether there is look-ahead.
     """
+    coverage, luminance, look_ahead = results
     tile, luminances = (empty_mixture_tile(), empty_mixture_tile()), empty_luminances()
     work = empty_footprint_tile(), empty_fine_list(), empty_outer_list()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
@@ -71,6 +73,6 @@ def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: 
         pixel = pixels[place]
         node = rays.node[pixel]
         ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
-        place_pixel(nearby, node, rows[place], ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
+        place_pixel(nearby, (node, rows[place]), ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
         luminances[COVERING * TILE + place] = np.float32(nearby.luminance[node]) * scale
     measure_tile(work[0], covered, luminances)

@@ -102,7 +102,8 @@ def _nearest(half, u, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lookup(first, last, triangle, barycentric, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
+def _lookup(first, last, places, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
+    triangle, barycentric = places
     channels = texels.shape[1]
     origin, along = corners.origin, corners.along
     for index in range(first, last):
@@ -161,7 +162,7 @@ def lookup(charts: Charts, texels: np.ndarray, triangles: np.ndarray, barycentri
     out = np.empty((len(triangles), texels.shape[1]), np.float32)
     corners = _Corners(charts.origin, charts.along)
     rectangles = _Rectangles.of_charts(charts)
-    run_parts(_lookup, len(triangles), triangles, barycentric, charts.page, rectangles, corners, texels, out)
+    run_parts(_lookup, len(triangles), (triangles, barycentric), charts.page, rectangles, corners, texels, out)
     return out
 
 

@@ -139,7 +139,7 @@ def _filter(first, last, texels, cells, bounds, guide, reach, out):  # type: ign
     for cell in range(first, last):
         for p in range(cells.first[cell], cells.first[cell + 1]):
             count = _find_between(texels, cells, bounds, cell, p, reach, picked, between)
-            _add_around(texels, cells, bounds, cell, p, reach, guide, picked, (between, count), sums)
+            _add_around(texels, cells, bounds, (cell, p), (reach, guide), picked, (between, count), sums)
             if len(guide):
                 out[p, 0] = sums[2] / (sums[0] * sums[0])
             else:
@@ -242,9 +242,11 @@ def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _add_around(texels, cells, bounds, cell, p, reach, guide, picked, found, sums):  # type: ignore[no-untyped-def]
-    """Sum weights, variance and light of the texels around p that agree with it."""
+def _add_around(texels, cells, bounds, place, how, picked, found, sums):  # type: ignore[no-untyped-def]
+    """Sum weights, variance and light of texels that agree with one. place: its cell, itself. how: as of `_filter`."""
     boxes, points = bounds
+    cell, p = place
+    reach, guide = how
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
     px, py, pz = float(texels.points[p, 0]), float(texels.points[p, 1]), float(texels.points[p, 2])

@@ -39,7 +39,7 @@ def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.
     column by column; those beyond the triangle are moved into it.
     """
     out = np.empty((len(own), side * side, 2), np.float32)
-    run_parts(_places, len(own), own.texels, own.triangles, own.corners, own.page_side, side, spread, out)
+    run_parts(_places, len(own), (own.texels, own.triangles, own.corners), own.page_side, (side, spread), out)
     return out
 
 
@@ -85,8 +85,10 @@ def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _places(first, last, texels, triangles, corners, page_side, side, spread, out):  # type: ignore[no-untyped-def]
-    """Write the weights of some texels."""
+def _places(first, last, own, page_side, square, out):  # type: ignore[no-untyped-def]
+    """Write the weights of some texels. square: parts along its side, and how wide it is."""
+    texels, triangles, corners = own
+    side, spread = square
     for index in range(first, last):
         frame = texel_frame(texels[index], corners[triangles[index]], page_side)
         for i in range(side):

@@ -70,7 +70,8 @@ def multiply(
     tiles = np.append(order, np.repeat(order[-1:], -len(order) % ROWS)).reshape(-1, ROWS)  # the last row fills the last
     least = np.array([0 if relu else -np.inf], np.float32)  # in memory, from where it is spread over a vector
     blocks = -(-len(tiles) // _TILES)
-    run_parts(_multiply, blocks, values, values.view(np.int32), tiles, panels.matrix, panels.bias, least, result)
+    rows = values, values.view(np.int32)
+    run_parts(_multiply, blocks, rows, tiles, panels.matrix, panels.bias, least, result)
 
 
 def multiply_reference(
@@ -92,8 +93,9 @@ def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
 
 
 @kernel
-def _multiply(first, last, values, bits, tiles, panels, bias, least, result):
-    """Multiply blocks of rows."""
+def _multiply(first, last, rows, tiles, panels, bias, least, result):
+    """Multiply blocks of rows, which are given as values and as their bits."""
+    values, bits = rows
     for block in range(first, last):
         here = tiles[block * _TILES : (block + 1) * _TILES]
         _multiply_block(values, bits, here, panels, bias, least, result)

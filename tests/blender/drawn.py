@@ -5,6 +5,12 @@ from typing import Any
 
 import bpy
 
+from patchnet.operators import ui
+from patchnet.operators.session import results
+from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.ui import presets_menu
+from patchnet.tests.blender.job_scene import SMALL
+
 
 class Layout:
     """Stands in for Blender's layout; what hangs below it belongs to it."""
@@ -29,3 +35,15 @@ def drawn(panel: type, **values: object) -> list[str]:
     layout = Layout()
     panel.draw(type("Drawn", (), {"layout": layout, **values})(), bpy.context)
     return layout.texts
+
+
+def everything() -> str:
+    """Drawing of all panels: what they show."""
+    classes = [item for item in ui.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
+    return "\n".join(text for item in classes for text in drawn(item))
+
+
+def small_preview(**values: object) -> SceneResult:
+    """Result of a small job by the button."""
+    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", "reference": True, **SMALL, **values}) == {"FINISHED"}
+    return results.voxels_of(bpy.context.scene)

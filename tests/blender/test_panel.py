@@ -18,15 +18,15 @@ from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
 from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.settings.job_settings import recorded
-from patchnet.operators.ui import presets_menu, tab
+from patchnet.operators.ui import tab
 from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview, advice
 from patchnet.operators.ui.stages import PATCHNET_PT_network, PATCHNET_PT_octree
 from patchnet.operators.ui.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
-from patchnet.tests.blender.drawn import Layout, drawn
-from patchnet.tests.blender.job_scene import SMALL, drop_result_images, principled
+from patchnet.tests.blender.drawn import Layout, drawn, everything, small_preview
+from patchnet.tests.blender.job_scene import drop_result_images, principled
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,16 +36,6 @@ OPERATORS = {
     "run_all", "estimate", "voxelize", "bake_light", "bake_animation", "precompute_codes", "render_preview", "compare",
     "show_voxels", "export_octree", "clear_results",
 }  # fmt: skip
-
-
-def everything() -> str:
-    classes = [item for item in ui.CLASSES if item is not presets_menu.PATCHNET_PT_presets]
-    return "\n".join(text for item in classes for text in drawn(item))
-
-
-def small_preview(**values: object) -> SceneResult:
-    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", "reference": True, **SMALL, **values}) == {"FINISHED"}
-    return results.voxels_of(bpy.context.scene)
 
 
 def update() -> None:
@@ -148,56 +138,6 @@ def test_polls_are_sentences() -> None:
             assert said[:1].isupper() and len(said.split()) > 4, f"{name}: {error}"
         else:
             assert name == "voxelize"
-
-
-def test_estimate(scene: bpy.types.Scene) -> None:
-    before = scene_snapshot()
-    assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), samples=4) == {"FINISHED"}
-    assert_unchanged(before)
-    found = results.estimate_of(scene)
-    assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
-    made = small_preview()
-    assert found.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
-    assert found.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
-    assert found.codes_bytes == pytest.approx(made.coded.nbytes, rel=0.6)
-    assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
-    assert found.peak_bytes > found.octree_bytes and found.paths == 4 * found.texels > 0
-    text = drawn(PATCHNET_PT_main)
-    assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
-    for line in found.lines:
-        assert line in text
-
-
-def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
-    from patchnet.operators.scene.read import read_scene
-    from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
-    from patchnet.patchnet_addon.runtime.progress import drain
-    from patchnet.training.benchmarks.path_counts import own_texels
-
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
-    assert drain(texels_wanted(source, 0.05)) == pytest.approx(laid_out, rel=0.1)
-
-
-def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
-    assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
-    assert results.estimate_of(scene).too_large
-    assert "Does not fit into memory" in drawn(PATCHNET_PT_main)
-    assert bpy.ops.patchnet.estimate(resolution="FIT", size=(24, 16)) == {"FINISHED"}
-    assert results.estimate_of(scene).fitted and not results.estimate_of(scene).too_large
-
-
-def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.estimate(size=(24, 16))
-    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
-    scene.patchnet.budget = 0.5  # has no part in it
-    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
-    scene.patchnet.resolution = "FIT"
-    assert "Estimate again: 'Resolution' changed" in drawn(PATCHNET_PT_main)
-    scene.patchnet.resolution = "AUTO"
-    bpy.data.objects["Lath 2"].location.x += 0.1
-    update()
-    assert "Estimate again: 'Lath 2' moved" in drawn(PATCHNET_PT_main)
 
 
 def test_stale_says_why(scene: bpy.types.Scene) -> None:
@@ -432,41 +372,3 @@ def test_device(scene: bpy.types.Scene) -> None:
     assert "Bake on: CPU" in results.estimate_of(scene).lines
     with pytest.raises(RuntimeError, match=r"needs an NVIDIA GPU, and PyTorch .* finds none|needs PyTorch"):
         bpy.ops.patchnet.run_all(light="two-lights", depth=4, size=(16, 16), network_device="GPU")
-
-
-def shipped() -> dict[str, Path]:
-    (folder,) = [path for path in map(Path, bpy.utils.preset_paths("patchnet")) if "operators" in path.parts]
-    return {path.stem: path for path in folder.glob("*.py")}
-
-
-def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
-    assert set(shipped()) == {"Draft", "Standard", "Large_Pictures"}
-    settings = scene.patchnet
-    defaults = {name: value_of(settings, name) for name in presets_menu._VALUES}
-    for name, path in shipped().items():
-        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
-        assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
-    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["Large_Pictures"]))
-    assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
-    with pytest.raises(RuntimeError, match="no preset"):
-        bpy.ops.patchnet.apply_preset(filepath="/nowhere.py")
-
-
-def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
-    value = getattr(settings, name)
-    return tuple(value) if name == "size" else value
-
-
-def test_presets_of_the_user(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path="", create=False: made(tmp_path / path))
-    scene.patchnet.samples, scene.patchnet.budget = 77, 0.25
-    assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}
-    (path,) = tmp_path.rglob("*.py")
-    scene.patchnet.samples, scene.patchnet.budget = 1, 1.0
-    bpy.ops.patchnet.apply_preset(filepath=str(path))
-    assert scene.patchnet.samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
-
-
-def made(path: Path) -> str:
-    path.mkdir(parents=True, exist_ok=True)
-    return str(path)

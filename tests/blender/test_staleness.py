@@ -2,7 +2,6 @@
 """Results become stale by what changed, not by what Blender reports."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import bmesh
 import bpy
@@ -10,9 +9,9 @@ import pytest
 
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
-from patchnet.operators.session.staleness import look_again, recheck
+from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.scene_state import scene_state
-from patchnet.tests.blender.job_scene import SMALL, box, principled, random_weights
+from patchnet.tests.blender.job_scene import SMALL, box, principled
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -325,11 +324,6 @@ def test_table_of_what_is_said_and_taken_back() -> None:
     assert not wrong, "\n".join(map(str, wrong))
 
 
-def move_vertex(name: str) -> None:
-    bpy.data.meshes[name].vertices[0].co.x += 0.1
-    bpy.data.meshes[name].update()
-
-
 def key_and_go() -> None:
     item = bpy.data.objects["Lath 2"]
     for frame in (1, 9):
@@ -362,106 +356,6 @@ def test_keys_make_an_object_stale_at_another_frame() -> None:
     key_and_go()
     bpy.context.view_layer.update()
     assert "'Lath 2'" in result().why("surface")
-
-
-def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, tmp_path: Path) -> None:
-    """With nothing stale only the view, with other light the same grid, with another surface all."""
-    wanted: dict[str, object] = {"scope": "SELECTED", "weights": str(weights)}
-
-    def made(**values: object) -> tuple[bool, bool, bool]:
-        """Whether voxels stay, their grid, and look-ahead."""
-        before = result()
-        wanted.update(values)
-        run(**wanted)
-        now = result()
-        assert now.stale == set() and now.pictures
-        return now.octree is before.octree, now.octree.grid == before.octree.grid, now.coded is before.coded
-
-    run(**wanted)
-    assert made() == (True, True, True)
-    assert made(budget=0.1) == (True, True, True)
-    bpy.data.objects["Eye"].location.x += 0.1
-    assert made(size=(16, 16)) == (True, True, True)
-    assert made(weights=str(random_weights(tmp_path))) == (True, True, False)
-    bpy.data.lights["Lamp"].energy = 9.0
-    bpy.context.view_layer.update()
-    assert made() == (False, True, False)
-    assert made(light="cycles", samples=1) == (False, True, False)
-    bpy.data.objects["Slab"].location.x += 0.1
-    bpy.context.view_layer.update()
-    assert made() == (False, False, False)
-    bpy.data.objects["Lath 4"].select_set(True)
-    assert made() == (False, False, False)
-    assert made() == (True, True, True)
-    wanted.pop("depth", None)
-    assert made(resolution="AUTO") == (False, False, False)
-    assert made() == (True, True, True)
-    bpy.data.objects["Eye"].location.y += 2.0
-    assert made() == (False, False, False), "the depth is found for where the camera stands"
-
-
-def test_edit_mode_says_nothing_before_its_end() -> None:
-    """Data-blocks are empty meanwhile; what was changed is said afterwards."""
-    run()
-    bpy.context.view_layer.objects.active = bpy.data.objects["Slab"]
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.context.view_layer.update()
-    recheck(result(), bpy.context.scene)
-    assert result().stale == set()
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.transform.translate(value=(0.1, 0.0, 0.0))
-    bpy.ops.object.mode_set(mode="OBJECT")
-    bpy.context.view_layer.update()
-    assert result().why("surface") == "'Slab' changed"
-
-
-def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:
-    """A lamp is what one has selected after one has moved it."""
-    run(scope="SELECTED")
-    before = result().octree.leaf_count
-    for item in bpy.context.selected_objects:
-        item.select_set(False)
-    bpy.data.objects["Lamp"].select_set(True)
-    bpy.data.lights["Lamp"].energy = 9.0
-    bpy.context.view_layer.update()
-    assert bpy.ops.patchnet.bake_light(light="cycles", samples=1) == {"FINISHED"}
-    assert result().octree.leaf_count == before and result().stale == set()
-    bpy.data.lights["Lamp"].energy = 5.0
-    bpy.context.view_layer.update()
-    run(scope="SELECTED")
-    assert result().octree.leaf_count == before and not any("are there now" in text for text in result().all_notes)
-    bpy.data.objects["Lath 4"].select_set(True)
-    run(scope="SELECTED")
-    assert result().octree.leaf_count != before
-    assert [text for text in result().all_notes if text.startswith("Voxels of 1 selected object are there now")]
-
-
-def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
-    """Marked by a change, and disproved by a comparison when a frame is rendered."""
-    run()
-    octree = result().octree
-    slab = bpy.data.objects["Slab"]
-    slab.location.x += 0.5
-    bpy.context.view_layer.update()
-    assert result().stale == {"surface"}
-    slab.location.x -= 0.5
-    bpy.context.view_layer.update()
-    scene = bpy.context.scene
-    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
-    bpy.ops.render.render()
-    assert result().octree is octree and result().stale == set()
-
-
-def test_settings_that_blender_does_not_report_are_seen_by_a_render() -> None:
-    run()
-    scene = bpy.context.scene
-    scene.cycles.diffuse_bounces = 0
-    bpy.context.view_layer.update()
-    look_again(result(), scene)
-    assert result().stale == {"light"} and result().why("light") == "world or render settings changed"
-    scene.cycles.diffuse_bounces = 4
-    look_again(result(), scene)
-    assert result().stale == set()
 
 
 def test_state_is_the_same_in_the_file_that_is_opened_again(tmp_path) -> None:

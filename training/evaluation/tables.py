@@ -396,6 +396,5 @@ def _verdict(found: Mapping[str, Any], name: str) -> str:
     oracle = found.get(ORACLES.get(name, ""))
     if found[name]["holds"] or oracle is None:
         return "yes" if found[name]["holds"] else "no"
-    return "no, " + (
-        "the network: with exact patches it holds" if oracle["holds"] else "the score: exact patches fail as well"
-    )
+    cause = "the network: with exact patches it holds" if oracle["holds"] else "the score: exact patches fail as well"
+    return f"no, {cause}"

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Estimate says what a job would take, what does not fit, and when it is stale."""
+
+import bpy
+import pytest
+
+from patchnet.operators.session import results
+from patchnet.operators.ui.main import PATCHNET_PT_main
+from patchnet.tests.blender.drawn import drawn, small_preview
+from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+
+pytestmark = pytest.mark.usefixtures("scene")
+
+
+def update() -> None:
+    bpy.context.view_layer.update()
+
+
+def test_estimate(scene: bpy.types.Scene) -> None:
+    before = scene_snapshot()
+    assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), samples=4) == {"FINISHED"}
+    assert_unchanged(before)
+    found = results.estimate_of(scene)
+    assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
+    made = small_preview()
+    assert found.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
+    assert found.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
+    assert found.codes_bytes == pytest.approx(made.coded.nbytes, rel=0.6)
+    assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
+    assert found.peak_bytes > found.octree_bytes and found.paths == 4 * found.texels > 0
+    text = drawn(PATCHNET_PT_main)
+    assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
+    for line in found.lines:
+        assert line in text
+
+
+def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
+    from patchnet.operators.scene.read import read_scene
+    from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
+    from patchnet.patchnet_addon.runtime.progress import drain
+    from patchnet.training.benchmarks.path_counts import own_texels
+
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
+    assert drain(texels_wanted(source, 0.05)) == pytest.approx(laid_out, rel=0.1)
+
+
+def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
+    assert results.estimate_of(scene).too_large
+    assert "Does not fit into memory" in drawn(PATCHNET_PT_main)
+    assert bpy.ops.patchnet.estimate(resolution="FIT", size=(24, 16)) == {"FINISHED"}
+    assert results.estimate_of(scene).fitted and not results.estimate_of(scene).too_large
+
+
+def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.estimate(size=(24, 16))
+    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
+    scene.patchnet.budget = 0.5  # has no part in it
+    assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
+    scene.patchnet.resolution = "FIT"
+    assert "Estimate again: 'Resolution' changed" in drawn(PATCHNET_PT_main)
+    scene.patchnet.resolution = "AUTO"
+    bpy.data.objects["Lath 2"].location.x += 0.1
+    update()
+    assert "Estimate again: 'Lath 2' moved" in drawn(PATCHNET_PT_main)

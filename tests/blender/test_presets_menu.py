@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets of the panel: those that are shipped, and those of the user."""
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet.operators.ui import presets_menu
+
+pytestmark = pytest.mark.usefixtures("scene")
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def shipped() -> dict[str, Path]:
+    (folder,) = [path for path in map(Path, bpy.utils.preset_paths("patchnet")) if "operators" in path.parts]
+    return {path.stem: path for path in folder.glob("*.py")}
+
+
+def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
+    assert set(shipped()) == {"Draft", "Standard", "Large_Pictures"}
+    settings = scene.patchnet
+    defaults = {name: value_of(settings, name) for name in presets_menu._VALUES}
+    for name, path in shipped().items():
+        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
+        assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
+    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["Large_Pictures"]))
+    assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
+    with pytest.raises(RuntimeError, match="no preset"):
+        bpy.ops.patchnet.apply_preset(filepath="/nowhere.py")
+
+
+def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
+    value = getattr(settings, name)
+    return tuple(value) if name == "size" else value
+
+
+def test_presets_of_the_user(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path="", create=False: made(tmp_path / path))
+    scene.patchnet.samples, scene.patchnet.budget = 77, 0.25
+    assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}
+    (path,) = tmp_path.rglob("*.py")
+    scene.patchnet.samples, scene.patchnet.budget = 1, 1.0
+    bpy.ops.patchnet.apply_preset(filepath=str(path))
+    assert scene.patchnet.samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
+
+
+def made(path: Path) -> str:
+    path.mkdir(parents=True, exist_ok=True)
+    return str(path)

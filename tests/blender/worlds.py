@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Worlds for tests, how Cycles shows them, and a job that renders the small scene."""
+
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from patchnet.operators.cycles.camera_render import combined_light
+from patchnet.operators.cycles.render_call import render
+from patchnet.operators.cycles.scene_copy import prepared
+from patchnet.operators.pipeline.run import JobResult, run_job
+from patchnet.operators.scene.cameras import choose_cameras
+from patchnet.operators.scene_access.blender_version import start_nodes
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.tracing.camera import Camera
+
+SIZE = (48, 32)
+
+
+def nodes_of_world(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
+    """A new world of the scene: its nodes, and the one that shines."""
+    scene.world = bpy.data.worlds.new("World")
+    tree = start_nodes(scene.world)
+    return tree, next(node for node in tree.nodes if node.type == "BACKGROUND")
+
+
+def gradient(scene: bpy.types.Scene) -> None:
+    """Red to the right, green ahead, blue above, each from 0 to 1."""
+    tree, shine = nodes_of_world(scene)
+    place, half = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
+    half.operation, half.inputs[1].default_value, half.inputs[2].default_value = "MULTIPLY_ADD", [0.5] * 3, [0.5] * 3
+    tree.links.new(place.outputs["Generated"], half.inputs[0])
+    tree.links.new(half.outputs[0], shine.inputs["Color"])
+
+
+def sky(scene: bpy.types.Scene) -> None:
+    """A sky texture with its sun in the picture."""
+    tree, shine = nodes_of_world(scene)
+    texture = tree.nodes.new("ShaderNodeTexSky")
+    texture.sun_elevation, texture.sun_rotation, texture.sun_size = 0.15, 0.1, 0.2
+    tree.links.new(texture.outputs[0], shine.inputs["Color"])
+    shine.inputs["Strength"].default_value = 0.1
+
+
+def photograph(scene: bpy.types.Scene) -> None:
+    """An environment texture of 64 x 32 pixels."""
+    tree, shine = nodes_of_world(scene)
+    image = bpy.data.images.new("Photograph", 64, 32, float_buffer=True)
+    image.pixels.foreach_set(np.random.default_rng(1).random(64 * 32 * 4, np.float32))
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = image
+    tree.links.new(texture.outputs[0], shine.inputs["Color"])
+
+
+def backdrop(scene: bpy.types.Scene) -> None:
+    """Cameras see a gradient over the picture, all other rays a gray that lights."""
+    tree, shine = nodes_of_world(scene)
+    path, mix = tree.nodes.new("ShaderNodeLightPath"), tree.nodes.new("ShaderNodeMixRGB")
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    mix.inputs["Color1"].default_value = (0.3, 0.3, 0.3, 1.0)
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs["Fac"])
+    tree.links.new(place.outputs["Window"], mix.inputs["Color2"])
+    tree.links.new(mix.outputs[0], shine.inputs["Color"])
+
+
+def camera_of(scene: bpy.types.Scene) -> Camera:
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return choose_cameras(depsgraph, (), SIZE, np.array([[-1.0] * 3, [1.0] * 3]))[0]
+
+
+def shown_by_cycles(camera: Camera, samples: int = 64) -> np.ndarray:
+    """(P, 3) light of the world alone, as Cycles renders it through a camera."""
+    hidden = [item for item in bpy.context.scene.objects if not item.hide_render and item.type == "MESH"]
+    for item in hidden:
+        item.hide_render = True
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "world.exr"
+            with prepared(bpy.context, camera, samples, 1, path) as (scene, _):
+                scene.render.film_transparent = False
+                render(scene, path)
+            return combined_light(read_exr(path)).reshape(-1, 3)
+    finally:
+        for item in hidden:
+            item.hide_render = False
+
+
+def run(**values: object) -> JobResult:
+    settings = JobSettings.of(depth=6, size=SIZE, light="two-lights", budget=0.5, **values)
+    return drain(run_job(bpy.context, settings))
