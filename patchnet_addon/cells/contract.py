@@ -50,11 +50,6 @@ def pixel_voxel_ratio(pixel_side, voxels_per_side):  # type: ignore[no-untyped-d
     return min(max(pixel_side * voxels_per_side, MIN_RATIO), MAX_RATIO)
 
 
-def pixel_voxel_ratio_reference(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
-    """Reference of `pixel_voxel_ratio`: (N,)."""
-    return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
-
-
 @device
 def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
     """Return whether `node` has real descendants `lookahead` levels down, compiled as `Octree.look_ahead`.

@@ -58,12 +58,6 @@ def coded_rows(coded: CodedNodes, nodes: np.ndarray) -> np.ndarray:
     return rows.reshape(wanted.shape)
 
 
-def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
-    """Reference of `coded_rows` for all nodes in order: (n,) int64."""
-    coded = octree.look_ahead(lookahead)
-    return np.where(coded, np.cumsum(coded) - 1, -1)
-
-
 @device
 def is_coded(bits, node):  # type: ignore[no-untyped-def]
     """Return whether a node, 0 or more, has codes."""

@@ -20,7 +20,6 @@ from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.prefetch import prefetch
 from ..runtime.threads import run_parts
 from .brick import MIDDLE, child_at, covering_node
-from .patches import OCTANTS, covering_nodes_reference
 from .ray_frame import CELLS, SIDE
 
 EMPTY = 0
@@ -38,41 +37,6 @@ def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
     return result
 
 
-def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
-    """Reference of `corner_cells` in NumPy."""
-    cells = (2 * np.asarray(corners)[:, None] - 1 + OCTANTS).reshape(-1, 3)
-    node = covering_nodes_reference(octree, level + 1, cells)
-    lights = np.stack([_child_luminances(octree, node, octant) for octant in range(8)], axis=-1)  # (N, 8)
-    masks = (lights >= 0) @ (1 << np.arange(8))
-    words = packed_reference(masks, face_luminances_reference(lights))
-    return np.where(node >= 0, words, EMPTY).astype(np.uint32).reshape(-1, CORNERS)
-
-
-def face_luminances_reference(lights: np.ndarray) -> np.ndarray:
-    """Luminances (N, 6) float32 of faces of cells whose children have luminances (N, 8), -1 for those that are not."""
-    faces = []
-    for axis, columns in enumerate(_COLUMNS):
-        low, high = lights[:, columns], lights[:, [octant | 1 << axis for octant in columns]]
-        for first, second in ((low, high), (high, low)):
-            seen = np.where(first >= 0, first, second)
-            count = (seen >= 0).sum(axis=1)
-            total = np.where(seen >= 0, seen, 0).sum(axis=1, dtype=np.float32)
-            faces.append(total / np.maximum(count, 1).astype(np.float32))
-    return np.stack(faces, axis=1)
-
-
-def packed_reference(masks: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Words (N,) int64 of cells of child masks (N,) and luminances of faces (N, 6)."""
-    roots = np.sqrt(faces, dtype=np.float32)  # float32, here as in the kernel, lest the two round to other steps
-    means = roots.sum(axis=1) / np.float32(FACES)
-    words = masks.astype(np.int64) | np.floor(BASE_STEPS * means + np.float32(0.5)).astype(np.int64) << BASE
-    for axis in range(3):
-        half = np.clip((roots[:, 2 * axis + 1] - roots[:, 2 * axis]) / 2, -0.5, 0.5)
-        steps = np.copysign(np.floor(SLOPE_STEPS * np.sqrt(2 * np.abs(half)) + 0.5), half)
-        words |= (SLOPE_STEPS + steps.astype(np.int64)) << (SLOPE + SLOPE_BITS * axis)
-    return words
-
-
 def face_luminances(words: np.ndarray) -> np.ndarray:
     """Luminances (..., 6) float32 of the faces of cells; those of empty cells mean nothing."""
     words = np.asarray(words, np.int64)
@@ -85,16 +49,6 @@ def face_luminances(words: np.ndarray) -> np.ndarray:
         for side, root in enumerate((base - half, base + half)):
             faces[..., 2 * axis + side] = np.clip(root, 0, 1) ** 2
     return faces
-
-
-def _child_luminances(octree: Octree, node: np.ndarray, octant: int) -> np.ndarray:
-    """Luminances (N,) float32 of a child of nodes (N,), -1 where it is not; a leaf is all of its children."""
-    there = np.maximum(node, 0)
-    mask = octree.child_mask[there].astype(np.int64)
-    before = np.array([value.bit_count() for value in range(256)])[mask & (1 << octant) - 1]
-    child = np.where(mask == 0, there, octree.first_child[there].astype(np.int64) + before)
-    found = (node >= 0) & ((mask == 0) | (mask >> octant & 1 == 1))
-    return np.where(found, octree.luminance_float(np.where(found, child, 0)), np.float32(-1))
 
 
 @kernel

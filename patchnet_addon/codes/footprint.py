@@ -21,7 +21,7 @@ from ..network.kinds import CHILDREN
 from ..runtime.kernels import device, lean_device
 from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, store
 from .outer_cells import SMALL
-from .ray_frame import CELLS, SIDE, ray_frames
+from .ray_frame import CELLS, SIDE
 
 ABSENT = np.float32(-1)  # the luminance of a cell that is empty
 
@@ -224,66 +224,3 @@ def _store_child(seen, sums, covered, shown, at):  # type: ignore[no-untyped-def
     area, light = sums
     store(shown, at, select(less(none, area), light / area, none))
     store(covered, at, area / (splat(np.float32(4)) * half * half))
-
-
-def footprint_reference(
-    fine: np.ndarray,
-    entry: np.ndarray,
-    direction: np.ndarray,
-    up: np.ndarray,
-    ratio: np.ndarray,
-    shares: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """View (N, 9), coverage (N, 8) and luminances (N, 8), float32, of a voxel's children, in NumPy.
-
-    fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes.
-    ratio: (N,). shares: (N, 3, 64) of the faces across each axis of the ray frame, 1 without them.
-    """
-    _, axes, signs = ray_frames(direction)
-
-    def turned(vectors: np.ndarray) -> np.ndarray:
-        return signs * np.take_along_axis(vectors, axes, 1)
-
-    right, above = turned(np.cross(direction, up)), turned(up)
-    along, point = turned(direction), turned(entry - 0.5) + 0.5
-    covered, shown = np.zeros((len(fine), CHILDREN)), np.zeros((len(fine), CHILDREN))
-    for axis in range(3):
-        others = [k for k in range(3) if k != axis]
-        wide, high = (0.125 * np.abs(plane[:, others]).sum(axis=1) for plane in (right, above))
-        area = along[:, axis] / 16
-        for cell in range(CELLS):
-            place = np.array([cell // SIDE**k % SIDE for k in range(3)])
-            free = np.ones(len(fine))
-            if place[axis] % 2:
-                ahead = cell - SIDE**axis
-                free = np.where(fine[:, ahead] >= 0, 1 - (1 if shares is None else shares[:, axis, ahead]), 1)
-            free *= 1 if shares is None else shares[:, axis, cell]
-            middle = (place + 0.5) / SIDE
-            middle[axis] -= 0.125  # the face that the ray meets
-            seen = _box_overlap(middle - point, (right, above), (wide, high), area, ratio)
-            seen = np.where(fine[:, cell] >= 0, free * seen, 0)
-            child = (place // 2) @ np.array([1, 2, 4])
-            covered[:, child] += seen
-            shown[:, child] += seen * fine[:, cell]
-    light = np.divide(shown, covered, out=np.zeros_like(shown), where=covered > 0)
-    view = np.concatenate([along, 2 * point - 1, above], axis=1)
-    return view.astype(np.float32), (covered / ratio[:, None] ** 2).astype(np.float32), light.astype(np.float32)
-
-
-def _box_overlap(
-    offset: np.ndarray,
-    plane: tuple[np.ndarray, ...],
-    halves: tuple[np.ndarray, ...],
-    area: np.ndarray,
-    ratio: np.ndarray,
-) -> np.ndarray:
-    """Area (N,) of pixels that a box covers, whose middle is at offsets (N, 3) from the entry point.
-
-    plane: right and up (N, 3). halves: (N,) each, what its outline extends to the right and up. area: (N,) of it.
-    """
-    scale = np.sqrt(area / (4 * halves[0] * halves[1] + SMALL))
-    sides = []
-    for axis, half in zip(plane, halves, strict=True):
-        centre, reach = (offset * axis).sum(axis=1), half * scale
-        sides.append(np.minimum(centre + reach, ratio / 2) - np.maximum(centre - reach, -ratio / 2))
-    return np.asarray(np.maximum(sides[0], 0) * np.maximum(sides[1], 0))

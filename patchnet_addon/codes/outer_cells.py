@@ -19,8 +19,7 @@ from ..network.kinds import CHILDREN, CORNERS, OUTER
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
 from ..runtime.vectors import LANES, larger, load, smaller, splat, square_root, store, words_set
-from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS, face_luminances
-from .patches import OCTANTS
+from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS
 from .ray_frame import CELLS, SIDE
 
 _INNER = [n for n in range(CELLS) if all(1 <= n // SIDE**axis % SIDE <= 2 for axis in range(3))]
@@ -225,38 +224,3 @@ def _lights(word, axis):  # type: ignore[no-untyped-def]
     lower = min(max(base - half, np.float32(0)), np.float32(1))
     upper = min(max(base + half, np.float32(0)), np.float32(1))
     return lower * lower, upper * upper
-
-
-def outer_cells_reference(
-    words: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage and luminance (N, 64) float32 of the cells around the corners, by 8 corner + octant, in NumPy.
-
-    words: (N, 64). entry, direction, up: (N, 3). ratio: (N,). Empty cells and those in the voxel have 0.
-    """
-    right = np.cross(direction, up)
-    numbers = np.arange(CELLS)
-    corner, octant = OCTANTS[numbers // CORNERS], OCTANTS[numbers % CORNERS]  # (64, 3)
-    geometry = mask_geometry().astype(np.int64)[words.astype(np.int64) & 255][..., None]  # (N, 64, 1)
-    axes = np.arange(3)
-    lower, upper = geometry >> (_LOWER + axes) & 1, geometry >> (_UPPER + axes) & 1
-    columns = geometry >> (_COLUMNS + _COUNT_BITS * axes) & 7
-    middle = corner + 0.5 * octant - 0.25 + (upper - lower) / 8
-    halves = (upper + lower) / 8
-    others = [np.delete(halves, axis, axis=-1).prod(axis=-1) for axis in range(3)]
-    area = 4 * sum(np.abs(direction[:, None, axis]) * others[axis] for axis in range(3))
-    overlap = np.ones(words.shape)
-    sides = [(halves * np.abs(plane[:, None])).sum(axis=-1) for plane in (right, up)]
-    scale = np.sqrt(area / (4 * sides[0] * sides[1] + SMALL))
-    for plane, side in zip((right, up), sides, strict=True):
-        centre, reach = ((middle - entry[:, None]) * plane[:, None]).sum(axis=-1), side * scale
-        half = ratio[:, None] / 2
-        overlap *= np.maximum(np.minimum(centre + reach, half) - np.maximum(centre - reach, -half), 0)
-    seen = np.abs(direction)[:, None] * columns  # (N, 64, 3)
-    faces = face_luminances(words).reshape(*words.shape, 3, 2)
-    met = np.where(direction[:, None] < 0, faces[..., 1], faces[..., 0])
-    outer = (words != 0) & (numbers % CORNERS != CORNERS - 1 - numbers // CORNERS)
-    total = np.where(outer, seen.sum(axis=-1), 1)
-    covered = np.where(outer, overlap * total / 16 / np.where(outer, area, 1) / ratio[:, None] ** 2, 0)
-    shown = np.where(outer, (seen * met).sum(axis=-1) / total, 0)
-    return covered.astype(np.float32), shown.astype(np.float32)

@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..cells.morton import morton_decode, morton_encode
 from ..network.weights import CHANNELS
-from ..octree.leaf_boxes import FILLED_STEPS, filled_share
+from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel
@@ -41,54 +40,12 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     return blocks.reshape(-1, side, side, side, CHANNELS)
 
 
-def voxel_blocks_reference(
-    octree: Octree, level: int, cells: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
-) -> np.ndarray:
-    """Blocks (N, s, s, s, 5) of the voxels at `cells` (N, 3) of a level, by looking every fine cell up on its own."""
-    side = 1 << lookahead
-    axis = np.arange(side)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    inner = np.stack([x, y, z], axis=-1).reshape(1, -1, 3)
-    fine = side * np.asarray(cells)[:, None, :] + inner  # (N, s^3, 3)
-    nodes = covering_nodes_reference(octree, level + lookahead, fine.reshape(-1, 3))
-    values = np.zeros((len(nodes), CHANNELS), np.float32)
-    there = nodes >= 0
-    values[there, 0] = octree.filled[nodes[there]] / np.float32(FILLED_STEPS)
-    values[there, 1] = octree.luminance_float(nodes[there])
-    values[there, 2:] = octree.normal_float(nodes[there])
-    return values.reshape(-1, side, side, side, CHANNELS)
-
-
 def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
     """Node (N,) int64 at each cell (N, 3) of a level, or the coarser leaf that covers it; -1 where it is empty."""
     cells = np.ascontiguousarray(cells, np.int32)
     nodes = np.empty(len(cells), np.int64)
     _find_covering(octree.nodes, level, cells, nodes)
     return nodes
-
-
-def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
-    nodes = np.full(len(cells), -1, np.int64)
-    for coarser in range(min(level, octree.depth), -1, -1):
-        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
-        leaf = (found >= 0) & (octree.child_mask[found] == 0)
-        accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
-        nodes[accepted] = found[accepted]
-    return nodes
-
-
-def corner_table_reference(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
-
-    The rows are those of each node's corners, in the order of `OCTANTS`.
-    """
-    cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
-    keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
-    rows = np.empty((len(cells), 8), np.uint32)
-    for octant, offset in enumerate(OCTANTS):
-        rows[:, octant] = np.searchsorted(keys, morton_encode(cells + offset))
-    return morton_decode(keys), rows
 
 
 def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
@@ -98,17 +55,6 @@ def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.nda
     """
     cells = np.asarray(corners)[:, None, :] - 1 + OCTANTS  # (C, 8, 3)
     return covering_nodes(octree, level, cells.reshape(-1, 3)).reshape(-1, 8)
-
-
-def corner_blocks_reference(
-    octree: Octree, level: int, corners: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
-) -> np.ndarray:
-    """Patches (C, 2 s, 2 s, 2 s, 5) float32 of corners (C, 3) of a level, order z, y, x, channel (methods 7.9)."""
-    side = 1 << lookahead
-    neighbours = corner_neighbours(octree, level, corners)
-    blocks = voxel_blocks(octree, neighbours.reshape(-1), lookahead)
-    eight = blocks.reshape(-1, 2, 2, 2, *blocks.shape[1:])  # (C, octant z, y, x, cell z, y, x, channel)
-    return eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, *(2 * side,) * 3, CHANNELS)
 
 
 @kernel

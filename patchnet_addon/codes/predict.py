@@ -11,14 +11,11 @@ import numpy as np
 from ..network.compiled_decode import decode_tile, empty_tile
 from ..network.compiled_layers import TILE, DecoderLayers
 from ..network.compiled_mixture import pack_mixture
-from ..network.decode import decode
-from ..network.mixture_decode import decode_mixture
 from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
 from .coded_octree import CodedOctree
 from .corner_codes import CornerCodes
-from .mixture_inputs import NearbyCells, mixture_inputs_reference
-from .patches import OCTANTS
+from .mixture_inputs import NearbyCells
 from .pixel_tiles import PixelRays, fill_codes, fill_rays, gather_look_ahead
 from .predict_mixture import predict_mixture
 
@@ -68,32 +65,6 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray) -> Prediction:
     """Decode chosen pixels, given by their indices (N,), alone; as `predict` otherwise."""
     return predict(coded, hits.part(pixels))
-
-
-def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
-    """Reference of `predict` in NumPy."""
-    rows = coded.rows_of(hits.node)
-    pixels = np.flatnonzero(rows >= 0)
-    coverage = np.ones(len(rows), np.float32)
-    luminance = hits.luminance.astype(np.float32)
-    if coded.weights.kind.mixes:
-        decoded = decode_mixture(coded.weights, mixture_inputs_reference(coded, pixels, hits))
-    else:
-        codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
-        decoded = decode(coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels])
-    coverage[pixels], luminance[pixels] = decoded
-    return Prediction(coverage, luminance, rows >= 0)
-
-
-def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
-    """Trilinear means (M, 10) float64 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
-
-    The nodes are given as rows (M,) of `corner_rows`.
-    """
-    entry = np.asarray(entry_voxel, np.float64)[:, None, :]
-    shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
-    codes = coded.codes[coded.corners_of(rows)].astype(np.float64)  # (M, 8, 10)
-    return np.einsum("mo,moc->mc", shares, codes)
 
 
 @kernel

@@ -18,7 +18,7 @@ from ..surface.texels import MipChain, on_texture
 from ..surface.texture_color import color_of_fragments, trilinear_color
 from ..surface.texture_lookup import level_of_size, surface_of_fragments, trilinear_luminance, uv_at
 from ..surface.textures import TextureTable
-from .texel_places import BatchTexels, place_in_texel, texel_frame, texel_places
+from .texel_places import BatchTexels, place_in_texel, texel_frame
 
 _PLACES = 4  # along a texel's side, in which its base colour is looked up where that has a texture
 _EMPTY = 1e-6  # weight of a gap: where all is gap, its colour counts nevertheless
@@ -43,21 +43,6 @@ def base_colors(
     run_parts(_means, len(left), texels, batch.arrays, table.chains, table.materials, means)
     found[left] = means
     return found
-
-
-def base_colors_reference(
-    table: TextureTable, batch: TriangleBatch, own: BatchTexels, area: np.ndarray, *, spread: float, colored: bool
-) -> np.ndarray:
-    """Reference of `base_colors` by lookups of fragments, one for each place."""
-    places = texel_places(own, side=_PLACES, spread=spread)
-    count, each, _ = places.shape
-    share = np.repeat(area * (spread / _PLACES) ** 2, each)
-    triangles = np.repeat(own.triangles.astype(np.int32), each)
-    pieces = Fragments(np.zeros(count * each, np.uint64), triangles, places.reshape(-1, 2), share)
-    color, opacity = _colors(table, batch, pieces, colored)
-    weight = opacity.reshape(count, each).astype(np.float64) + _EMPTY
-    total = np.einsum("nkc,nk->nc", color.reshape(count, each, -1), weight)
-    return np.asarray(total / weight.sum(axis=1, keepdims=True))
 
 
 def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:

@@ -52,12 +52,6 @@ class Cells(NamedTuple):
     around: np.ndarray
 
 
-def denoise_reference(texels: Texels, cells: Cells) -> np.ndarray:
-    """Reference of `denoise` in NumPy, texel by texel: (N, C)."""
-    guide = _filtered_reference(texels, cells, None, REACH / 2.0)
-    return _filtered_reference(texels, cells, guide, REACH)[:, 1:]
-
-
 def denoise(texels: Texels, cells: Cells) -> np.ndarray:
     """Light (N, C) float32 without most of its noise."""
     count, channels = texels.light.shape
@@ -74,60 +68,6 @@ def denoise(texels: Texels, cells: Cells) -> np.ndarray:
 def _boxes(points: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Lowest and highest (K, 2, 3) float32 of values (N, 3) of the texels of each cell; first: (K + 1,)."""
     return np.stack([side.reduceat(points, first[:-1], axis=0) for side in (np.minimum, np.maximum)], axis=1)
-
-
-def _filtered_reference(texels: Texels, cells: Cells, guide: np.ndarray | None, reach: float) -> np.ndarray:
-    """Variance and light (N, 1 + C) of one pass."""
-    out = np.empty((len(texels.size), 1 + texels.light.shape[1]))
-    for cell in range(len(cells.around)):
-        near = [np.arange(cells.first[c], cells.first[c + 1]) for c in cells.around[cell] if c >= 0]
-        others, walls = (
-            np.concatenate([part[:: -(-len(part) // most)] for part in near]) for most in (MOST_IN_CELL, MOST_WALLS)
-        )
-        for p in range(cells.first[cell], cells.first[cell + 1]):
-            q = np.append(others[others != p], p)
-            between = _between_reference(texels, reach, p, walls[walls != p])
-            weight = _weights_reference(texels, guide, reach, between, p, q)
-            out[p, 0] = (weight**2 * texels.variance[q]).sum() / weight.sum() ** 2
-            if guide is None:  # the noise of one texel, from all around: its own is a guess of one
-                out[p, 0] = (weight * texels.variance[q]).sum() / weight.sum() * (weight**2).sum() / weight.sum() ** 2
-            out[p, 1:] = (weight[:, None] * texels.light[q]).sum(axis=0) / weight.sum()
-    return out
-
-
-def _between_reference(texels: Texels, reach: float, p: int, q: np.ndarray) -> np.ndarray:
-    """Places (b, 3), as seen from p, of those of the texels q (n,) of other surfaces that stand on its plane."""
-    size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
-    apart = texels.points[q].astype(np.float64) - texels.points[p]
-    height, cosine = apart @ normal, texels.normals[q].astype(np.float64) @ normal
-    crossing = (np.abs(cosine) < _CROSSING) & (height > _LOW * size) & (height < _HIGH * size)
-    return np.asarray(apart[crossing & ((apart**2).sum(axis=1) <= (reach * size) ** 2)][:_MOST_BETWEEN])
-
-
-def _weights_reference(
-    texels: Texels, guide: np.ndarray | None, reach: float, between: np.ndarray, p: int, q: np.ndarray
-) -> np.ndarray:
-    """Weights (n,) of texels q (n,) in the mean of the texel p, with what stands `between` (b, 3)."""
-    size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
-    apart = texels.points[q].astype(np.float64) - texels.points[p]
-    height = apart @ normal
-    cosine = texels.normals[q].astype(np.float64) @ normal
-    distance = np.sqrt((apart**2).sum(axis=1))
-    weight = np.exp(-2.0 * (distance / (reach * size)) ** 2) * texels.weight[q] * np.maximum(cosine, 0.0) ** 8
-    good = (texels.material[q] == texels.material[p]) & (cosine >= _AGREES) & (distance <= reach * size)
-    good &= np.abs(height) <= 0.3 * size + 0.15 * distance
-    for b in between:
-        flat = apart - height[:, None] * normal
-        length = np.sqrt((flat**2).sum(axis=1))
-        along = flat @ b / np.maximum(length, 1e-30)
-        side = b - (b @ normal) * normal
-        across = np.sqrt(np.maximum(side @ side - along**2, 0.0))
-        good &= ~((along > 0.0) & (along < length) & (across < _WIDE * size))
-    if guide is not None:
-        difference = (guide[q, 1] - guide[p, 1]) ** 2
-        noise = guide[q, 0] + guide[p, 0]
-        weight = weight * np.exp(-difference / np.maximum(2.0 * _SIGMAS**2 * noise, 1e-30))
-    return np.where(good | (q == p), weight, 0.0)
 
 
 @kernel

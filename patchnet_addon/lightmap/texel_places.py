@@ -43,23 +43,6 @@ def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.
     return out
 
 
-def texel_places_reference(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
-    """Reference of `texel_places` in NumPy."""
-    row, column = np.divmod(own.texels % own.page_side**2, own.page_side)
-    corners = own.corners[own.triangles]
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-    found = np.empty((len(own), side * side, 2), np.float32)
-    for number, steps in enumerate(np.ndindex(side, side)):
-        at = 0.5 + ((np.array(steps) + 0.5) / side - 0.5) * spread
-        place = np.stack([column, row], axis=1) + at - corners[:, 0]
-        first = (place[:, 0] * two[:, 1] - place[:, 1] * two[:, 0]) / area
-        second = (one[:, 0] * place[:, 1] - one[:, 1] * place[:, 0]) / area
-        weights = np.maximum(np.stack([first, second], axis=1), 0.0)
-        found[:, number] = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
-    return found
-
-
 @device
 def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
     """Place of a texel's lower left from a triangle's first corner, (2,), edges to the others, (2,) each, and area."""

@@ -90,10 +90,3 @@ def sum_corner(products, eight, bias, values, corner):
             if eight[octant] > 0:  # block 0 is empty
                 total = total + load(products, (8 * eight[octant] + octant) * width + column)
         store(values, corner * width + column, larger(zeros(), total))
-
-
-def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """Reference of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
-    parts = products.reshape(len(products), 8, len(bias))[rows, np.arange(8)]  # (C, 8, 256)
-    sums: np.ndarray = np.where((rows > 0)[:, :, None], parts, 0).sum(axis=1) + bias
-    return np.maximum(sums, 0)

@@ -74,18 +74,6 @@ def multiply(
     run_parts(_multiply, blocks, rows, tiles, panels.matrix, panels.bias, least, result)
 
 
-def multiply_reference(
-    values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None = None, *, relu: bool = False
-) -> np.ndarray:
-    """Reference of `multiply` on NumPy's product: (N, columns)."""
-    result: np.ndarray = np.matmul(values, matrix)
-    if bias is not None:
-        result += bias
-    if relu:
-        np.maximum(result, 0, out=result)
-    return result
-
-
 def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
     """Raise ValueError for what the kernel, which checks no index, would misread."""
     if array.shape != shape or array.dtype != np.float32 or not array.flags.c_contiguous:

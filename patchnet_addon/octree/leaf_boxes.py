@@ -48,13 +48,6 @@ def covered_shares(boxes: np.ndarray) -> np.ndarray:
     return (np.stack([y * z, x * z, x * y], axis=1) / STEPS**2).astype(np.float32)
 
 
-def boxes_reference(points: np.ndarray) -> np.ndarray:
-    """Reference of `packed_axis`: the box (3,) uint8 around points (n, 3), in voxels from the leaf's lowest corner."""
-    low = np.clip(np.floor(points.min(axis=0) * STEPS - _MARGIN), 0, STEPS - 1)
-    high = np.clip(np.ceil(points.max(axis=0) * STEPS + _MARGIN) - 1, low, STEPS - 1)
-    return (low + STEPS * high).astype(np.uint8)
-
-
 @device
 def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
     """One axis of a packed box, from `low` to `high`, in voxels from the leaf's lowest corner."""

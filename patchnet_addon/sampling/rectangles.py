@@ -39,18 +39,3 @@ def _strips(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarr
     """(n, C): sums of each column over rows first[i] to last[i]."""
     summed = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     return summed[last + 1] - summed[first]
-
-
-def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[float, Box | None]:
-    """Find the same rectangle as `best_rectangle`, by trying all."""
-    rows, columns = values.shape
-    best: tuple[float, Box | None] = (-np.inf, None)
-    for bottom in range(rows):
-        for top in range(bottom + 1, rows + 1):
-            for left in range(columns):
-                for right in range(left + 1, columns + 1):
-                    box = np.s_[bottom:top, left:right]
-                    value = -np.inf if taken[box].any() else float(values[box].sum())
-                    if value > best[0]:
-                        best = value, (bottom, top, left, right)
-    return best

@@ -5,7 +5,6 @@ import numpy as np
 
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
-from .windows import windows
 
 
 def window_variance(picture: np.ndarray) -> np.ndarray:
@@ -14,16 +13,6 @@ def window_variance(picture: np.ndarray) -> np.ndarray:
     variances = np.empty(values.shape)
     run_parts(_write_variances, len(values), values, variances)
     return variances
-
-
-def window_variance_reference(picture: np.ndarray) -> np.ndarray:
-    """Reference of `window_variance` in NumPy."""
-    values, inside = windows(picture.astype(np.float64))
-    count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
-    mean = values.sum(axis=-1) / count
-    deviation = np.where(inside, values - mean[..., None], 0.0)
-    result: np.ndarray = (deviation**2).sum(axis=-1) / count
-    return result
 
 
 @kernel

@@ -22,12 +22,3 @@ def decoded_colors(luminance: np.ndarray, chroma: np.ndarray) -> np.ndarray:
     colors = np.stack([red, np.maximum(SHARE_SCALE - red - blue, 0.0), blue], axis=-1)
     scale = np.asarray(luminance, np.float64) / (colors @ (RED, GREEN, BLUE))
     return (colors * scale[..., None]).astype(np.float32)
-
-
-def encoded_chroma_reference(colors: np.ndarray) -> np.ndarray:
-    """Chroma (n, 2) uint8 of linear colours (n, 3) of any brightness; gray where there is none."""
-    values = np.maximum(np.asarray(colors, np.float64), 0.0)
-    total = values.sum(axis=-1, keepdims=True)
-    lit = total > 0.0
-    shares = np.rint(values[..., ::2] / np.where(lit, total, 1.0) * SHARE_SCALE)
-    return np.where(lit, shares, GRAY_SHARE).astype(np.uint8)

@@ -242,14 +242,6 @@ def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
     return result
 
 
-def ray_up_reference(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Reference of `ray_up` in NumPy."""
-    up = np.asarray(up, np.float64)
-    along = direction.astype(np.float64) @ up
-    across = up - along[:, None] * direction
-    return (across / np.linalg.norm(across, axis=1, keepdims=True)).astype(np.float32)
-
-
 @kernel
 def _write_up(first, last, direction, up, result):  # type: ignore[no-untyped-def]
     for ray in range(first, last):

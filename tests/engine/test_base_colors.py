@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.base_colors import base_colors, base_colors_reference
+from patchnet.patchnet_addon.lightmap.base_colors import base_colors
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.packing import FIRST, SECOND, SINGLE
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places, texel_places_reference
+from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.textures import TextureTable
+from patchnet.tests.references.light_map import base_colors_reference, texel_places_reference
 
 MATERIALS = 5
 

@@ -18,8 +18,9 @@ from patchnet.patchnet_addon.octree.levels import stored_chroma
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors, encoded_chroma_reference
+from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
+from patchnet.tests.references.small import encoded_chroma_reference
 
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)

@@ -12,10 +12,10 @@ from patchnet.patchnet_addon.cells.contract import (
     fitting_level_of,
     has_lookahead,
     pixel_voxel_ratio,
-    pixel_voxel_ratio_reference,
 )
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.small import pixel_voxel_ratio_reference
 
 
 @kernel

@@ -11,12 +11,12 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.codes import corners as finding
 from patchnet.patchnet_addon.codes import encode
-from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_rows, coded_rows_reference
+from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_rows
 from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, write_corner_row
 from patchnet.patchnet_addon.codes.corners import CornerRange, Lines, corner_ranges, find_corners, write_corner_rows
 from patchnet.patchnet_addon.codes.encode import encode_chunk, encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.encode_corners import encode_corners
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_table_reference
+from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.levels import hierarchy
@@ -25,6 +25,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import thread_count
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
+from patchnet.tests.references.codes import coded_rows_reference, corner_table_reference
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])

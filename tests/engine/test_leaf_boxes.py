@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds, boxes_reference, unpacked
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds, unpacked
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -25,6 +25,7 @@ from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.first_hits import first_hits_reference
 from patchnet.tests.references.single_rays import single_hits, single_means
+from patchnet.tests.references.small import boxes_reference
 
 from .octree_samples import random_octree, with_boxes
 from .test_tiles import cameras, seen

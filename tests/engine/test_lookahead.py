@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.exact import exact_prediction
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import corner_blocks_reference, voxel_blocks, voxel_blocks_reference
+from patchnet.patchnet_addon.codes.patches import voxel_blocks
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.lod.depth import coarse_octree, expected_share, wanted_depth
 from patchnet.patchnet_addon.lod.detail import FINE_OFFSETS, lookahead_share, needed_levels
@@ -29,6 +29,7 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
+from patchnet.tests.references.codes import corner_blocks_reference, voxel_blocks_reference
 from patchnet.tests.references.first_hits import first_hits_reference, needed_levels_reference
 
 LOOKAHEADS = [1, 2, 3]

@@ -4,18 +4,19 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.corner_cells import (
-    corner_cells,
-    corner_cells_reference,
-    face_luminances,
-    face_luminances_reference,
-    packed_reference,
-)
-from patchnet.patchnet_addon.codes.footprint import ABSENT, footprint_reference
-from patchnet.patchnet_addon.codes.outer_cells import mask_geometry, outer_cells_reference
+from patchnet.patchnet_addon.codes.corner_cells import corner_cells, face_luminances
+from patchnet.patchnet_addon.codes.footprint import ABSENT
+from patchnet.patchnet_addon.codes.outer_cells import mask_geometry
 from patchnet.patchnet_addon.codes.ray_frame import FRAMES, cell_order, ray_frames
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.codes import (
+    corner_cells_reference,
+    face_luminances_reference,
+    footprint_reference,
+    outer_cells_reference,
+    packed_reference,
+)
 
 
 @pytest.fixture(scope="module", params=[False, True])

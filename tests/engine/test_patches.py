@@ -4,17 +4,14 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.patches import (
-    OCTANTS,
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, covering_nodes, voxel_blocks
+from patchnet.tests.engine.octree_samples import around_voxels, dense_cells, random_octree, with_boxes
+from patchnet.tests.references.codes import (
     corner_blocks_reference,
-    corner_neighbours,
     corner_table_reference,
-    covering_nodes,
     covering_nodes_reference,
-    voxel_blocks,
     voxel_blocks_reference,
 )
-from patchnet.tests.engine.octree_samples import around_voxels, dense_cells, random_octree, with_boxes
 
 
 @pytest.fixture(params=[False, True], ids=["uniform", "adaptive, with boxes"])

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus import compiled
-from patchnet.patchnet_addon.sampling.plus.features import estimate_reference, features_of, windows_of
+from patchnet.patchnet_addon.sampling.plus.features import features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
 from patchnet.patchnet_addon.sampling.plus.weights import (
     KIND,
@@ -37,6 +37,7 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import fine_rays
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.small import estimate_reference
 from patchnet.training.strategies.registry import EVALUATED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)

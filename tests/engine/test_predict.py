@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.patchnet_addon.codes.corner_codes import MEAN_SIZE, CornerCodes, write_mean_code
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import interpolate_codes_reference, predict, predict_reference
+from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.compiled_layers import TILE
 from patchnet.patchnet_addon.network.kinds import KINDS, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
@@ -17,6 +17,7 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
+from patchnet.tests.references.codes import interpolate_codes_reference, predict_reference
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
 

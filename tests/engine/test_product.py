@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.network.compiled_encode import similar_order
-from patchnet.patchnet_addon.network.encode import sum_octants, sum_octants_reference
-from patchnet.patchnet_addon.network.product import ROWS, WIDTH, Panels, multiply, multiply_reference
+from patchnet.patchnet_addon.network.encode import sum_octants
+from patchnet.patchnet_addon.network.product import ROWS, WIDTH, Panels, multiply
 from patchnet.patchnet_addon.runtime.threads import limit_threads
+from patchnet.tests.references.small import multiply_reference, sum_octants_reference
 
 ROUNDING = 2.0**-24  # of float32, relative
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.sampling.rectangles import best_rectangle, best_rectangle_reference
+from patchnet.patchnet_addon.sampling.rectangles import best_rectangle
 from patchnet.patchnet_addon.sampling.regions import Region, choose_regions, region_mask
+from patchnet.tests.references.small import best_rectangle_reference
 
 HEIGHT, WIDTH = 90, 130  # no multiples of the tile
 BUDGETS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.8, 0.95, 1.0)

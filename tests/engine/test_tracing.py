@@ -11,13 +11,14 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits, ray_up, ray_up_reference
+from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits, ray_up
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 from patchnet.tests.references.first_hits import (
     first_hits_reference,
     pixel_rays,
     supersampled_reference,
 )
+from patchnet.tests.references.small import ray_up_reference
 
 SIZE = (24, 20)
 

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.sampling.window_variance import window_variance, window_variance_reference
+from patchnet.patchnet_addon.sampling.window_variance import window_variance
+from patchnet.tests.references.small import window_variance_reference
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (2, 2), (3, 3), (5, 2), (9, 17), (40, 130)])

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks_reference
+from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
+from patchnet.tests.references.codes import corner_blocks_reference
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
 from patchnet.training.data.batches import Batch, gather_batch

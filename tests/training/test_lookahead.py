@@ -9,12 +9,13 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_blocks_reference
+from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.references.codes import corner_blocks_reference
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
 from patchnet.training.data.batches import gather_batch

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from .forms import CENTRE, FLOOR, NORMALS, Form, Kind, Plane
-from .weights import Estimators
 
 LOWEST, HIGHEST = -12.0, 8.0  # of the variance's logarithm
 
@@ -51,18 +50,3 @@ def features_of(
     values[first:last] /= np.sqrt(scale)
     np.log(scale, out=values[-1])
     return values, scale
-
-
-def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error sqrt(E[e^2]) of every pixel, (H * W,) float32; reference of `estimate`, which leaves out some.
-
-    planes: (C, H + 2, W + 2), those of the form with their border.
-    """
-    values, scale = features_of(windows_of(planes), form)
-    (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
-    direct = skip @ values
-    for weight, offset in hidden:
-        values = np.maximum(weight @ values + offset[:, None], 0)
-    variance, mean = matrix @ values + bias[:, None]
-    result: np.ndarray = np.sqrt(scale * ((mean + direct) ** 2 + np.exp(np.clip(variance, LOWEST, HIGHEST))))
-    return result

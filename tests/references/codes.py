@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain references of patch codes: what cells cover, corner codes, prediction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
+from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
+from patchnet.patchnet_addon.codes.corner_cells import (
+    _COLUMNS,
+    BASE,
+    BASE_STEPS,
+    EMPTY,
+    FACES,
+    SLOPE,
+    SLOPE_BITS,
+    SLOPE_STEPS,
+    face_luminances,
+)
+from patchnet.patchnet_addon.codes.footprint import ABSENT
+from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF, _children
+from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
+from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
+from patchnet.patchnet_addon.codes.predict import Prediction
+from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order, ray_frames
+from patchnet.patchnet_addon.network.decode import decode
+from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
+from patchnet.patchnet_addon.network.mixture_decode import MixtureInputs, decode_mixture
+from patchnet.patchnet_addon.network.weights import CHANNELS
+from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS, covered_shares
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from patchnet.patchnet_addon.tracing.render import Hits
+
+
+def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
+    """Reference of `coded_rows` for all nodes in order: (n,) int64."""
+    coded = octree.look_ahead(lookahead)
+    return np.where(coded, np.cumsum(coded) - 1, -1)
+
+
+def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
+    """Reference of `corner_cells` in NumPy."""
+    cells = (2 * np.asarray(corners)[:, None] - 1 + OCTANTS).reshape(-1, 3)
+    node = covering_nodes_reference(octree, level + 1, cells)
+    lights = np.stack([_child_luminances(octree, node, octant) for octant in range(8)], axis=-1)  # (N, 8)
+    masks = (lights >= 0) @ (1 << np.arange(8))
+    words = packed_reference(masks, face_luminances_reference(lights))
+    return np.where(node >= 0, words, EMPTY).astype(np.uint32).reshape(-1, CORNERS)
+
+
+def face_luminances_reference(lights: np.ndarray) -> np.ndarray:
+    """Luminances (N, 6) float32 of faces of cells whose children have luminances (N, 8), -1 for those that are not."""
+    faces = []
+    for axis, columns in enumerate(_COLUMNS):
+        low, high = lights[:, columns], lights[:, [octant | 1 << axis for octant in columns]]
+        for first, second in ((low, high), (high, low)):
+            seen = np.where(first >= 0, first, second)
+            count = (seen >= 0).sum(axis=1)
+            total = np.where(seen >= 0, seen, 0).sum(axis=1, dtype=np.float32)
+            faces.append(total / np.maximum(count, 1).astype(np.float32))
+    return np.stack(faces, axis=1)
+
+
+def packed_reference(masks: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Words (N,) int64 of cells of child masks (N,) and luminances of faces (N, 6)."""
+    roots = np.sqrt(faces, dtype=np.float32)  # float32, here as in the kernel, lest the two round to other steps
+    means = roots.sum(axis=1) / np.float32(FACES)
+    words = masks.astype(np.int64) | np.floor(BASE_STEPS * means + np.float32(0.5)).astype(np.int64) << BASE
+    for axis in range(3):
+        half = np.clip((roots[:, 2 * axis + 1] - roots[:, 2 * axis]) / 2, -0.5, 0.5)
+        steps = np.copysign(np.floor(SLOPE_STEPS * np.sqrt(2 * np.abs(half)) + 0.5), half)
+        words |= (SLOPE_STEPS + steps.astype(np.int64)) << (SLOPE + SLOPE_BITS * axis)
+    return words
+
+
+def _child_luminances(octree: Octree, node: np.ndarray, octant: int) -> np.ndarray:
+    """Luminances (N,) float32 of a child of nodes (N,), -1 where it is not; a leaf is all of its children."""
+    there = np.maximum(node, 0)
+    mask = octree.child_mask[there].astype(np.int64)
+    before = np.array([value.bit_count() for value in range(256)])[mask & (1 << octant) - 1]
+    child = np.where(mask == 0, there, octree.first_child[there].astype(np.int64) + before)
+    found = (node >= 0) & ((mask == 0) | (mask >> octant & 1 == 1))
+    return np.where(found, octree.luminance_float(np.where(found, child, 0)), np.float32(-1))
+
+
+def footprint_reference(
+    fine: np.ndarray,
+    entry: np.ndarray,
+    direction: np.ndarray,
+    up: np.ndarray,
+    ratio: np.ndarray,
+    shares: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """View (N, 9), coverage (N, 8) and luminances (N, 8), float32, of a voxel's children, in NumPy.
+
+    fine: (N, 64) luminances in the ray frame, ABSENT for none. entry, direction, up: (N, 3) in octree axes.
+    ratio: (N,). shares: (N, 3, 64) of the faces across each axis of the ray frame, 1 without them.
+    """
+    _, axes, signs = ray_frames(direction)
+
+    def turned(vectors: np.ndarray) -> np.ndarray:
+        return signs * np.take_along_axis(vectors, axes, 1)
+
+    right, above = turned(np.cross(direction, up)), turned(up)
+    along, point = turned(direction), turned(entry - 0.5) + 0.5
+    covered, shown = np.zeros((len(fine), CHILDREN)), np.zeros((len(fine), CHILDREN))
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        wide, high = (0.125 * np.abs(plane[:, others]).sum(axis=1) for plane in (right, above))
+        area = along[:, axis] / 16
+        for cell in range(CELLS):
+            place = np.array([cell // SIDE**k % SIDE for k in range(3)])
+            free = np.ones(len(fine))
+            if place[axis] % 2:
+                ahead = cell - SIDE**axis
+                free = np.where(fine[:, ahead] >= 0, 1 - (1 if shares is None else shares[:, axis, ahead]), 1)
+            free *= 1 if shares is None else shares[:, axis, cell]
+            middle = (place + 0.5) / SIDE
+            middle[axis] -= 0.125  # the face that the ray meets
+            seen = _box_overlap(middle - point, (right, above), (wide, high), area, ratio)
+            seen = np.where(fine[:, cell] >= 0, free * seen, 0)
+            child = (place // 2) @ np.array([1, 2, 4])
+            covered[:, child] += seen
+            shown[:, child] += seen * fine[:, cell]
+    light = np.divide(shown, covered, out=np.zeros_like(shown), where=covered > 0)
+    view = np.concatenate([along, 2 * point - 1, above], axis=1)
+    return view.astype(np.float32), (covered / ratio[:, None] ** 2).astype(np.float32), light.astype(np.float32)
+
+
+def _box_overlap(
+    offset: np.ndarray,
+    plane: tuple[np.ndarray, ...],
+    halves: tuple[np.ndarray, ...],
+    area: np.ndarray,
+    ratio: np.ndarray,
+) -> np.ndarray:
+    """Area (N,) of pixels that a box covers, whose middle is at offsets (N, 3) from the entry point.
+
+    plane: right and up (N, 3). halves: (N,) each, what its outline extends to the right and up. area: (N,) of it.
+    """
+    scale = np.sqrt(area / (4 * halves[0] * halves[1] + SMALL))
+    sides = []
+    for axis, half in zip(plane, halves, strict=True):
+        centre, reach = (offset * axis).sum(axis=1), half * scale
+        sides.append(np.minimum(centre + reach, ratio / 2) - np.maximum(centre - reach, -ratio / 2))
+    return np.asarray(np.maximum(sides[0], 0) * np.maximum(sides[1], 0))
+
+
+def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
+    """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
+    octree, node = coded.octree, hits.node[pixels]
+    corners = coded.corners_of(coded.rows_of(node))  # (M, 8)
+    assert coded.corner_cells is not None
+    corner_codes = coded.codes[corners].astype(np.float32)
+    entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
+    ratio = hits.ratio[pixels].astype(np.float32)
+    shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
+    frames, axes, _ = ray_frames(direction)
+    order = cell_order()[frames]  # (M, 64)
+    fine, faces = _grandchildren(octree, node)
+    seen_fine, seen_faces = np.empty_like(fine), np.empty_like(faces)
+    np.put_along_axis(seen_fine, order, fine, 1)
+    np.put_along_axis(seen_faces, order[:, None], np.take_along_axis(faces, axes[..., None], 1), 2)
+    view, covered, light = footprint_reference(seen_fine, entry, direction, up, ratio, seen_faces)
+    cells = coded.corner_cells[corners].reshape(-1, CELLS)
+    around = outer_cells_reference(cells, entry, direction, up, ratio)
+    outer_covered, outer_light = (_in_ray_order(values, order)[:, OUTER_CELLS] for values in around)
+    return MixtureInputs(
+        codes=np.einsum("mo,moc->mc", shares, corner_codes).reshape(-1, CODE_SIZE),
+        corner_codes=corner_codes[:, :, :SIDE_BY_SIDE],
+        direction=direction,
+        up=up,
+        ratio=ratio,
+        view=view,
+        covered=np.concatenate([covered, outer_covered], axis=1),
+        luminances=np.concatenate([light, outer_light, octree.luminance_float(node)[:, None]], axis=1),
+    )
+
+
+def _in_ray_order(values: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Values (M, 64) by 8 corner + octant as values of the cells of each ray's frame; order: (M, 64), `cell_order`."""
+    found = np.empty_like(values)
+    np.put_along_axis(found, order[:, _CELL_OF.ravel()], values, 1)
+    return found
+
+
+def _grandchildren(octree: Octree, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Luminances (M, 64) of the children's children of nodes (M,), -1 for none, and what they cover of their cells'
+    faces across each axis (M, 3, 64); x + 4 y + 16 z. A leaf is all of its children.
+    """
+    child = _children(octree, node)
+    inner = np.where((octree.child_mask[child] == 0)[..., None], child[..., None], _children(octree, child))
+    inner = np.where((child >= 0)[..., None], inner, -1)
+    fine = np.empty((len(node), CELLS), np.float32)
+    fine[:, _CELL_OF] = np.where(inner >= 0, octree.luminance_float(np.maximum(inner, 0)), ABSENT)
+    whole = np.ones((*inner.shape, 3), np.float32)
+    if octree.leaf_box is not None:
+        first = int(octree.level_start[octree.depth])
+        whole[inner >= first] = covered_shares(octree.leaf_box[inner[inner >= first] - first])
+    shares = np.empty((len(node), 3, CELLS), np.float32)
+    shares[:, :, _CELL_OF] = np.moveaxis(whole, -1, 1)
+    return fine, shares
+
+
+def outer_cells_reference(
+    words: np.ndarray, entry: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage and luminance (N, 64) float32 of the cells around the corners, by 8 corner + octant, in NumPy.
+
+    words: (N, 64). entry, direction, up: (N, 3). ratio: (N,). Empty cells and those in the voxel have 0.
+    """
+    right = np.cross(direction, up)
+    numbers = np.arange(CELLS)
+    corner, octant = OCTANTS[numbers // CORNERS], OCTANTS[numbers % CORNERS]  # (64, 3)
+    geometry = mask_geometry().astype(np.int64)[words.astype(np.int64) & 255][..., None]  # (N, 64, 1)
+    axes = np.arange(3)
+    lower, upper = geometry >> (_LOWER + axes) & 1, geometry >> (_UPPER + axes) & 1
+    columns = geometry >> (_COLUMNS + _COUNT_BITS * axes) & 7
+    middle = corner + 0.5 * octant - 0.25 + (upper - lower) / 8
+    halves = (upper + lower) / 8
+    others = [np.delete(halves, axis, axis=-1).prod(axis=-1) for axis in range(3)]
+    area = 4 * sum(np.abs(direction[:, None, axis]) * others[axis] for axis in range(3))
+    overlap = np.ones(words.shape)
+    sides = [(halves * np.abs(plane[:, None])).sum(axis=-1) for plane in (right, up)]
+    scale = np.sqrt(area / (4 * sides[0] * sides[1] + SMALL))
+    for plane, side in zip((right, up), sides, strict=True):
+        centre, reach = ((middle - entry[:, None]) * plane[:, None]).sum(axis=-1), side * scale
+        half = ratio[:, None] / 2
+        overlap *= np.maximum(np.minimum(centre + reach, half) - np.maximum(centre - reach, -half), 0)
+    seen = np.abs(direction)[:, None] * columns  # (N, 64, 3)
+    faces = face_luminances(words).reshape(*words.shape, 3, 2)
+    met = np.where(direction[:, None] < 0, faces[..., 1], faces[..., 0])
+    outer = (words != 0) & (numbers % CORNERS != CORNERS - 1 - numbers // CORNERS)
+    total = np.where(outer, seen.sum(axis=-1), 1)
+    covered = np.where(outer, overlap * total / 16 / np.where(outer, area, 1) / ratio[:, None] ** 2, 0)
+    shown = np.where(outer, (seen * met).sum(axis=-1) / total, 0)
+    return covered.astype(np.float32), shown.astype(np.float32)
+
+
+def voxel_blocks_reference(
+    octree: Octree, level: int, cells: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
+) -> np.ndarray:
+    """Blocks (N, s, s, s, 5) of the voxels at `cells` (N, 3) of a level, by looking every fine cell up on its own."""
+    side = 1 << lookahead
+    axis = np.arange(side)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    inner = np.stack([x, y, z], axis=-1).reshape(1, -1, 3)
+    fine = side * np.asarray(cells)[:, None, :] + inner  # (N, s^3, 3)
+    nodes = covering_nodes_reference(octree, level + lookahead, fine.reshape(-1, 3))
+    values = np.zeros((len(nodes), CHANNELS), np.float32)
+    there = nodes >= 0
+    values[there, 0] = octree.filled[nodes[there]] / np.float32(FILLED_STEPS)
+    values[there, 1] = octree.luminance_float(nodes[there])
+    values[there, 2:] = octree.normal_float(nodes[there])
+    return values.reshape(-1, side, side, side, CHANNELS)
+
+
+def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
+    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
+    nodes = np.full(len(cells), -1, np.int64)
+    for coarser in range(min(level, octree.depth), -1, -1):
+        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
+        leaf = (found >= 0) & (octree.child_mask[found] == 0)
+        accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
+        nodes[accepted] = found[accepted]
+    return nodes
+
+
+def corner_table_reference(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
+
+    The rows are those of each node's corners, in the order of `OCTANTS`.
+    """
+    cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
+    keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
+    rows = np.empty((len(cells), 8), np.uint32)
+    for octant, offset in enumerate(OCTANTS):
+        rows[:, octant] = np.searchsorted(keys, morton_encode(cells + offset))
+    return morton_decode(keys), rows
+
+
+def corner_blocks_reference(
+    octree: Octree, level: int, corners: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD
+) -> np.ndarray:
+    """Patches (C, 2 s, 2 s, 2 s, 5) float32 of corners (C, 3) of a level, order z, y, x, channel (methods 7.9)."""
+    side = 1 << lookahead
+    neighbours = corner_neighbours(octree, level, corners)
+    blocks = voxel_blocks(octree, neighbours.reshape(-1), lookahead)
+    eight = blocks.reshape(-1, 2, 2, 2, *blocks.shape[1:])  # (C, octant z, y, x, cell z, y, x, channel)
+    return eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(-1, *(2 * side,) * 3, CHANNELS)
+
+
+def predict_reference(coded: CodedOctree, hits: Hits) -> Prediction:
+    """Reference of `predict` in NumPy."""
+    rows = coded.rows_of(hits.node)
+    pixels = np.flatnonzero(rows >= 0)
+    coverage = np.ones(len(rows), np.float32)
+    luminance = hits.luminance.astype(np.float32)
+    if coded.weights.kind.mixes:
+        decoded = decode_mixture(coded.weights, mixture_inputs_reference(coded, pixels, hits))
+    else:
+        codes = interpolate_codes_reference(coded, rows[pixels], hits.entry_voxel[pixels])
+        decoded = decode(coded.weights, codes, hits.direction[pixels], hits.up[pixels], hits.ratio[pixels])
+    coverage[pixels], luminance[pixels] = decoded
+    return Prediction(coverage, luminance, rows >= 0)
+
+
+def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxel: np.ndarray) -> np.ndarray:
+    """Trilinear means (M, 10) float64 of the codes of coded nodes at points (M, 3) in the voxels, [0, 1]^3.
+
+    The nodes are given as rows (M,) of `corner_rows`.
+    """
+    entry = np.asarray(entry_voxel, np.float64)[:, None, :]
+    shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
+    codes = coded.codes[coded.corners_of(rows)].astype(np.float64)  # (M, 8, 10)
+    return np.einsum("mo,moc->mc", shares, codes)

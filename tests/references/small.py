@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain references of small kernels: products, tables of errors, windows, rectangles, colours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from patchnet.patchnet_addon.cells.contract import MAX_RATIO, MIN_RATIO
+from patchnet.patchnet_addon.octree.leaf_boxes import _MARGIN, STEPS
+from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
+from patchnet.patchnet_addon.sampling.plus.forms import Form
+from patchnet.patchnet_addon.sampling.plus.weights import Estimators
+from patchnet.patchnet_addon.sampling.rectangles import Box
+from patchnet.patchnet_addon.sampling.windows import windows
+from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
+
+
+def pixel_voxel_ratio_reference(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
+    """Reference of `pixel_voxel_ratio`: (N,)."""
+    return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
+
+
+def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """Reference of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
+    parts = products.reshape(len(products), 8, len(bias))[rows, np.arange(8)]  # (C, 8, 256)
+    sums: np.ndarray = np.where((rows > 0)[:, :, None], parts, 0).sum(axis=1) + bias
+    return np.maximum(sums, 0)
+
+
+def multiply_reference(
+    values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None = None, *, relu: bool = False
+) -> np.ndarray:
+    """Reference of `multiply` on NumPy's product: (N, columns)."""
+    result: np.ndarray = np.matmul(values, matrix)
+    if bias is not None:
+        result += bias
+    if relu:
+        np.maximum(result, 0, out=result)
+    return result
+
+
+def boxes_reference(points: np.ndarray) -> np.ndarray:
+    """Reference of `packed_axis`: the box (3,) uint8 around points (n, 3), in voxels from the leaf's lowest corner."""
+    low = np.clip(np.floor(points.min(axis=0) * STEPS - _MARGIN), 0, STEPS - 1)
+    high = np.clip(np.ceil(points.max(axis=0) * STEPS + _MARGIN) - 1, low, STEPS - 1)
+    return (low + STEPS * high).astype(np.uint8)
+
+
+def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error sqrt(E[e^2]) of every pixel, (H * W,) float32; reference of `estimate`, which leaves out some.
+
+    planes: (C, H + 2, W + 2), those of the form with their border.
+    """
+    values, scale = features_of(windows_of(planes), form)
+    (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
+    direct = skip @ values
+    for weight, offset in hidden:
+        values = np.maximum(weight @ values + offset[:, None], 0)
+    variance, mean = matrix @ values + bias[:, None]
+    result: np.ndarray = np.sqrt(scale * ((mean + direct) ** 2 + np.exp(np.clip(variance, LOWEST, HIGHEST))))
+    return result
+
+
+def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[float, Box | None]:
+    """Find the same rectangle as `best_rectangle`, by trying all."""
+    rows, columns = values.shape
+    best: tuple[float, Box | None] = (-np.inf, None)
+    for bottom in range(rows):
+        for top in range(bottom + 1, rows + 1):
+            for left in range(columns):
+                for right in range(left + 1, columns + 1):
+                    box = np.s_[bottom:top, left:right]
+                    value = -np.inf if taken[box].any() else float(values[box].sum())
+                    if value > best[0]:
+                        best = value, (bottom, top, left, right)
+    return best
+
+
+def window_variance_reference(picture: np.ndarray) -> np.ndarray:
+    """Reference of `window_variance` in NumPy."""
+    values, inside = windows(picture.astype(np.float64))
+    count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
+    mean = values.sum(axis=-1) / count
+    deviation = np.where(inside, values - mean[..., None], 0.0)
+    result: np.ndarray = (deviation**2).sum(axis=-1) / count
+    return result
+
+
+def encoded_chroma_reference(colors: np.ndarray) -> np.ndarray:
+    """Chroma (n, 2) uint8 of linear colours (n, 3) of any brightness; gray where there is none."""
+    values = np.maximum(np.asarray(colors, np.float64), 0.0)
+    total = values.sum(axis=-1, keepdims=True)
+    lit = total > 0.0
+    shares = np.rint(values[..., ::2] / np.where(lit, total, 1.0) * SHARE_SCALE)
+    return np.where(lit, shares, GRAY_SHARE).astype(np.uint8)
+
+
+def ray_up_reference(direction: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Reference of `ray_up` in NumPy."""
+    up = np.asarray(up, np.float64)
+    along = direction.astype(np.float64) @ up
+    across = up - along[:, None] * direction
+    return (across / np.linalg.norm(across, axis=1, keepdims=True)).astype(np.float32)
