@@ -22,11 +22,6 @@ def fits_pixel(voxel_side, pixel_side):  # type: ignore[no-untyped-def]
     return voxel_side < 2.0 * pixel_side
 
 
-def fits_pixel_of(voxel_side: np.ndarray | float, pixel_side: np.ndarray | float) -> np.ndarray:
-    """Reference of `fits_pixel`: (N,) bool."""
-    return np.asarray(voxel_side) < 2.0 * np.asarray(pixel_side)
-
-
 @device
 def fitting_level(pixel_side):  # type: ignore[no-untyped-def]
     """First level whose voxels fit a pixel of that side, at most MAX_LEVELS."""

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..network.kinds import CHILDREN
-from ..octree.octree import POPCOUNT, Octree
+from ..octree.octree import POPCOUNT
 from ..runtime.bits import lowest_one
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, lean_device
 from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
@@ -201,25 +200,3 @@ def fill_blocks(nodes, lookahead, brick):
     for block in range(27):
         node = np.int64(around[block])
         counts[block] = 0 if node < 0 else fill_block(nodes, node, lookahead, cells[block])
-
-
-def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
-    """Reference of `fill_brick`: nodes (S, S, S) int64 in the order z, y, x, -1 for empty, by look-ups of keys.
-
-    S is 3 * 2^lookahead.
-    """
-    side, finest = 1 << lookahead, level + lookahead
-    low = (np.asarray(cell, np.int64) - 1) * side
-    axis = np.arange(3 * side)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    fine = np.stack([x, y, z], axis=-1).reshape(-1, 3) + low  # (S^3, 3)
-    nodes = np.full(len(fine), EMPTY, np.int64)
-    for up in range(finest + 1):  # from the finest level to the root: only leaves count above the finest
-        here = octree.find(finest - up, fine >> up) if finest - up <= octree.depth else None
-        if here is None:
-            continue
-        valid = here >= 0
-        if up > 0:
-            valid &= octree.child_mask[np.maximum(here, 0)] == 0
-        nodes = np.where((nodes < 0) & valid, here, nodes)
-    return nodes.reshape(3 * side, 3 * side, 3 * side)

@@ -37,20 +37,6 @@ def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
     return result
 
 
-def face_luminances(words: np.ndarray) -> np.ndarray:
-    """Luminances (..., 6) float32 of the faces of cells; those of empty cells mean nothing."""
-    words = np.asarray(words, np.int64)
-    base = (words >> BASE & 255) / BASE_STEPS
-    faces = np.empty((*words.shape, FACES), np.float32)
-    for axis in range(3):
-        field = words >> (SLOPE + SLOPE_BITS * axis) & (1 << SLOPE_BITS) - 1
-        steps = (field - SLOPE_STEPS) / SLOPE_STEPS
-        half = 0.5 * steps * np.abs(steps)
-        for side, root in enumerate((base - half, base + half)):
-            faces[..., 2 * axis + side] = np.clip(root, 0, 1) ** 2
-    return faces
-
-
 @kernel
 def _write_all(first, last, nodes, luminance, level, corners, result):  # type: ignore[no-untyped-def]
     work, words = empty_work(), result.reshape(-1)

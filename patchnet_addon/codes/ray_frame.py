@@ -33,18 +33,6 @@ def cell_order() -> np.ndarray:
     return order
 
 
-def ray_frames(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Number (N,), axes (N, 3) and signs (N, 3) float32 of the frames of directions (N, 3).
-
-    Component k of a vector v in the frame is sign[axes[k]] * v[axes[k]]; signs are given in the order of the frame.
-    Reference of `ray_frame`.
-    """
-    axes = np.argsort(-np.abs(direction), axis=1, kind="stable")
-    flips = (direction < 0) @ np.array([1, 2, 4])
-    signs = np.where(np.take_along_axis(direction, axes, 1) < 0, np.float32(-1), np.float32(1))
-    return 8 * (2 * axes[:, 0] + (axes[:, 1] > axes[:, 2])) + flips, axes, signs
-
-
 @lean_device
 def ray_frame(x, y, z):
     """Number of the frame of a direction, and its three axes."""

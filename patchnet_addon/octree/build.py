@@ -57,17 +57,6 @@ def build_octree(
     return _joined(parts, grid, exposure, provenance or {}, emitters, boxes)
 
 
-def octree_from_leaves(
-    leaves: Sequence[LeafSums],
-    grid: Grid,
-    *,
-    exposure: float | None = None,
-    provenance: dict[str, Any] | None = None,
-) -> Octree:
-    """Octree over the leaf sums of one or several levels, no leaf within another one; settings as in `build_octree`."""
-    return _joined([subtrees(leaves, 0)], grid, exposure, provenance or {})
-
-
 def _joined(
     parts: list[Subtrees],
     grid: Grid,

@@ -25,11 +25,6 @@ def unpacked(packed: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.asarray(packed, "<u4").view(np.uint8).reshape(-1, 4)[:, :3])
 
 
-def box_bounds(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corners (n, 3) float64 of boxes (n, 3) uint8, in voxels from the leaf's lowest corner."""
-    return (boxes & 15) / STEPS, ((boxes >> 4) + 1.0) / STEPS
-
-
 def filled_steps(boxes: np.ndarray) -> np.ndarray:
     """What boxes (n, 3) uint8 fill of their voxels, (n,) uint16 in steps of 1 / FILLED_STEPS.
 
@@ -37,15 +32,6 @@ def filled_steps(boxes: np.ndarray) -> np.ndarray:
     """
     x, y, z = (1 + (boxes >> 4).astype(np.uint16) - (boxes & 15)).T
     return np.asarray(x * y + y * z + z * x, np.uint16)
-
-
-def covered_shares(boxes: np.ndarray) -> np.ndarray:
-    """Shares (n, 3) float32 of their voxel's faces that boxes (n, 3) uint8 cover as seen along each axis.
-
-    Reference of `covered_steps`.
-    """
-    x, y, z = (1 + (boxes >> 4).astype(np.int64) - (boxes & 15)).T
-    return (np.stack([y * z, x * z, x * y], axis=1) / STEPS**2).astype(np.float32)
 
 
 @device

@@ -7,9 +7,10 @@ import numpy as np
 
 from patchnet.patchnet_addon.codes.brick import nodes_around
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.kernels import kernel
+from patchnet.tests.references.lookups import box_bounds
 
 
 def _key(cell):

@@ -7,7 +7,6 @@ import pytest
 from patchnet.patchnet_addon.cells.contract import (
     MAX_LEVELS,
     fits_pixel,
-    fits_pixel_of,
     fitting_level,
     fitting_level_of,
     has_lookahead,
@@ -15,6 +14,7 @@ from patchnet.patchnet_addon.cells.contract import (
 )
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.lookups import fits_pixel_of
 from patchnet.tests.references.small import pixel_voxel_ratio_reference
 
 

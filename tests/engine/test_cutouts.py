@@ -13,8 +13,7 @@ from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatc
 from patchnet.patchnet_addon.surface.shading import albedo_shade, opacity_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.clip import piece_reference
-from patchnet.tests.references.codes import footprint_reference
-from patchnet.tests.references.footprint import bilinear_reference
+from patchnet.tests.references.footprint import bilinear_reference, footprint_reference
 
 from .leaf_samples import leaves_of
 

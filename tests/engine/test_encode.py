@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
-from patchnet.patchnet_addon.codes.corner_cells import face_luminances
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -20,6 +19,7 @@ from patchnet.patchnet_addon.runtime.errors import CodesFileError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.references.lookups import face_luminances
 
 BACKENDS = ["compiled", "numpy", "torch"]
 HALF = 2.0**-11  # relative rounding of a half float

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, box_bounds, unpacked
+from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, unpacked
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -24,6 +24,7 @@ from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.first_hits import first_hits_reference
+from patchnet.tests.references.lookups import box_bounds
 from patchnet.tests.references.single_rays import single_hits, single_means
 from patchnet.tests.references.small import boxes_reference
 

@@ -9,13 +9,14 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree import voxelize as voxelizer
-from patchnet.patchnet_addon.octree.build import build_octree, octree_from_leaves
+from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.tests.references.lookups import octree_from_leaves
 
 from .leaf_samples import all_leaves, leaves_of
 from .octree_samples import octree_from_leaves as octree_of_samples

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.brick import brick_nodes
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.exact import exact_prediction
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
@@ -31,6 +30,7 @@ from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference, voxel_blocks_reference
 from patchnet.tests.references.first_hits import first_hits_reference, needed_levels_reference
+from patchnet.tests.references.lookups import brick_nodes
 
 LOOKAHEADS = [1, 2, 3]
 HALF = 2.0**-11  # relative rounding of a half float

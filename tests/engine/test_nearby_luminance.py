@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.corner_cells import corner_cells, face_luminances
+from patchnet.patchnet_addon.codes.corner_cells import corner_cells
 from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.outer_cells import mask_geometry
-from patchnet.patchnet_addon.codes.ray_frame import FRAMES, cell_order, ray_frames
+from patchnet.patchnet_addon.codes.ray_frame import FRAMES, cell_order
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.codes import (
@@ -17,6 +17,7 @@ from patchnet.tests.references.codes import (
     outer_cells_reference,
     packed_reference,
 )
+from patchnet.tests.references.lookups import face_luminances, ray_frames
 
 
 @pytest.fixture(scope="module", params=[False, True])

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
-from patchnet.patchnet_addon.octree.build import octree_from_leaves
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.tests.references.clip import clip_reference
+from patchnet.tests.references.lookups import octree_from_leaves
 
 from .leaf_samples import leaves_of
 

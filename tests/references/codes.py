@@ -16,22 +16,22 @@ from patchnet.patchnet_addon.codes.corner_cells import (
     SLOPE,
     SLOPE_BITS,
     SLOPE_STEPS,
-    face_luminances,
 )
 from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF, _children
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.predict import Prediction
-from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order, ray_frames
+from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
 from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
 from patchnet.patchnet_addon.network.mixture_decode import MixtureInputs, decode_mixture
 from patchnet.patchnet_addon.network.weights import CHANNELS
-from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS, covered_shares
+from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits
+from patchnet.tests.references.lookups import covered_shares, face_luminances, ray_frames
 
 
 def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:

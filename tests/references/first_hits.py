@@ -11,12 +11,12 @@ import itertools
 
 import numpy as np
 
-from patchnet.patchnet_addon.cells.contract import fits_pixel_of, fitting_level_of
+from patchnet.patchnet_addon.cells.contract import fitting_level_of
 from patchnet.patchnet_addon.cells.morton import morton_encode
-from patchnet.patchnet_addon.octree.leaf_boxes import box_bounds
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from patchnet.tests.references.lookups import box_bounds, fits_pixel_of
 
 
 def pixel_rays(

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.codes.brick import brick_nodes
 from patchnet.patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRays
-from patchnet.patchnet_addon.octree.leaf_boxes import box_bounds
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
+from patchnet.tests.references.lookups import box_bounds, brick_nodes
 
 
 def render_patches_reference(
