@@ -85,7 +85,7 @@ class _Parser(argparse.ArgumentParser):
 
 def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> argparse.ArgumentParser:
     """Parser of the whole command line, with one sub-parser a module; docs/make_commands.py reads it."""
-    from .shared.version import add_version
+    from .shared.arguments import add_version
 
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     add_version(parser)

@@ -18,7 +18,7 @@ from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_file
 from ..shared.arguments import add_number, add_out, check_octrees, named_file
 from ..shared.lines import say_result
-from .track_arguments import add_track
+from .scene_arguments import add_track
 
 if TYPE_CHECKING:
     from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
@@ -155,7 +155,7 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ...training.evaluation.catalogue import scene_octree
-    from .catalogue_scenes import scenes_named
+    from .scene_arguments import scenes_named
 
     scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}

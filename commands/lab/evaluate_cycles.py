@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ..shared.arguments import add_number, add_out
 from ..shared.job_arguments import require_blender
 from ..shared.lines import say_result
-from .track_arguments import add_track
+from .scene_arguments import add_track
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -104,7 +104,7 @@ def _octree_file(text: str) -> tuple[str, Path]:
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
-    from .catalogue_scenes import scenes_named
+    from .scene_arguments import scenes_named
 
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:

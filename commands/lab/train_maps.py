@@ -23,7 +23,7 @@ from ...training.evaluation.networks import NAMES
 from ..shared.arguments import add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import add_run_arguments, require_torch
-from .track_arguments import add_track
+from .scene_arguments import add_track
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:

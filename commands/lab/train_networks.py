@@ -129,7 +129,7 @@ def _words(text: str) -> list[str]:
 
 def _scenes(args: argparse.Namespace) -> list[Scene]:
     """Scenes of the catalogue that are named; raises SettingError where there is neither a scene nor an octree."""
-    from .catalogue_scenes import scenes_named
+    from .scene_arguments import scenes_named
 
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to learn from: name --scenes, or octree files")

@@ -25,7 +25,7 @@ from ...patchnet_addon.runtime.quantities import counted
 from ..shared.arguments import add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch, say_written
-from .track_arguments import add_track
+from .scene_arguments import add_track
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import platform
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -62,3 +63,23 @@ def scene_kind(out: Path) -> FileKind:
         if out.suffix.lower() in kind.endings:
             return kind
     raise SettingError(f"--out {out} is no scene file: let it end with .glb or .blend")
+
+
+_PACKAGES = ("bpy", "numpy", "numba", "torch")
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add --version."""
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS,
+        help="say the versions of PatchNet, Python and the packages that compute, and exit",
+    )  # fmt: skip
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from ...patchnet_addon.runtime.versions import installed_versions, own_version
+
+        found = [f"patchnet {own_version()}", f"Python {platform.python_version()}", *installed_versions(_PACKAGES)]
+        print(", ".join(found))
+        parser.exit()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of

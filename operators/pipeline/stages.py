@@ -17,8 +17,8 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
+from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera

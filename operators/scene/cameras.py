@@ -13,8 +13,8 @@ import numpy as np
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.threads import limit_threads
-from ...patchnet_addon.runtime.wording import named_list
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import GeometryError
-from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.tracing.camera import Camera
 from .scene_mesh import SceneMesh
 

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
-from ...patchnet_addon.runtime.wording import named_list, subject
+from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.unsteady import origin_of_corners

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
-from ...patchnet_addon.runtime.wording import named_list
+from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.surface.tubes import curve_middles, segments, sphere_triangles, spheres, tube_triangles, tubes
 from ..scene_access.blender_version import POLYLINES_ARE_STRAIGHT
 from ..state.digest import values_of

@@ -16,8 +16,8 @@ import numpy as np
 from ..network.kinds import CHILDREN
 from ..octree.octree import POPCOUNT
 from ..runtime.bits import lowest_one
+from ..runtime.bounds import INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, lean_device
-from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 
 EMPTY = -1
 MIDDLE = 13  # the block that is the voxel itself

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
+from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 
 _GROUP = 8  # words from count to count
 

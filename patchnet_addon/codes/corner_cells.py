@@ -10,14 +10,16 @@ face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..runtime.kernels import device, kernel, lean_device
-from ..runtime.prefetch import prefetch
 from ..runtime.threads import run_parts
 from .brick import MIDDLE, child_at, covering_node
 from .ray_frame import CELLS, SIDE
@@ -171,3 +173,28 @@ def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):  # type: ignor
     count = (one if a >= none else none) + (one if b >= none else none)
     count += (one if c >= none else none) + (one if d >= none else none)
     return np.sqrt(total / count)
+
+
+_READ, _SOON_AGAIN, _DATA = 0, 3, 1  # arguments of llvm.prefetch
+
+
+@intrinsic
+def prefetch(_typing: Any, array: Any, index: Any) -> Any:
+    """Begin to fetch the cache line of an item of an array (n,), and go on without waiting: prefetch(array, index).
+
+    An index beyond the array is harmless.
+    """
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = signature.args[0]
+        made = context.make_array(kind)(context, builder, arguments[0])
+        item = cgutils.get_item_pointer(context, builder, kind, made, [arguments[1]])
+        line = builder.bitcast(item, ir.IntType(8).as_pointer())
+        word = ir.IntType(32)
+        shape = ir.FunctionType(ir.VoidType(), [line.type, word, word, word])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [line.type], shape)
+        builder.call(function, [line, word(_READ), word(_SOON_AGAIN), word(_DATA)])
+        return context.get_dummy_value()
+
+    flat = isinstance(array, types.Array) and array.ndim == 1
+    return (types.none(array, types.int64), build) if flat and isinstance(index, types.Integer) else None

@@ -13,9 +13,9 @@ from ..network.encode import Encoder, NumpyEncoder
 from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
 from ..octree.octree import Octree
+from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
-from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from .brick import check_nodes
 from .coded_nodes import coded_nodes
 from .coded_octree import CodedOctree

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..network.torch_copy import to_device
 from ..network.torch_encode import TorchEncoder
 from ..octree.leaf_boxes import FILLED_STEPS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
@@ -116,3 +115,18 @@ def paths(lookahead: int) -> np.ndarray:
     for bit in range(lookahead - 1, -1, -1):
         place = 8 * place + ((x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2)
     return place
+
+
+_PART_BYTES = 1 << 26
+_SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch does little with unsigned ones
+
+
+def to_device(array: np.ndarray, device: torch.device) -> Tensor:
+    """Copy of an array (n, ...) on a device; uint16 and uint32 keep their bits as int16 and int32."""
+    array = array.view(_SIGNED.get(array.dtype, array.dtype))
+    first = torch.from_numpy(np.array(array[:0]))
+    result = torch.empty(array.shape, dtype=first.dtype, device=device)
+    rows = max(1, _PART_BYTES // max(array[:1].nbytes, 1))
+    for start in range(0, len(array), rows):
+        result[start : start + rows] = torch.from_numpy(np.array(array[start : start + rows], order="C"))
+    return result

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
+from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
-from ..runtime.widths import INT32_COUNT, check_count
 from ..surface.mesh import MeshSource
 
 _LARGE = 2.0  # texels along the longest edge: such triangles lie in many cells, and count by themselves

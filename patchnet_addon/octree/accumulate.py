@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.bounds import INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, kernel
-from ..runtime.widths import INT32_COUNT, NODE_ADVICE, check_count
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
 from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.bounds import UINT32_COUNT
 from ..runtime.errors import OctreeFileError, SettingError
 from ..runtime.files import content_hash, read_arrays, write_arrays
-from ..runtime.widths import UINT32_COUNT
 from .grid import Grid
 from .octree import POPCOUNT, Octree
 

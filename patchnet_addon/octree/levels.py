@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import kernel
-from ..runtime.widths import NODE_ADVICE, UINT32_COUNT, check_count
 from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 

@@ -11,9 +11,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import usable_cores
-from ..runtime.widths import INT32_COUNT, check_count
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .accumulate import LeafAccumulator
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells

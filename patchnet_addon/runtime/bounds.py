@@ -133,3 +133,15 @@ TRACK_FRAMES = Bounds("Frames of a track", 1, 10**6, True)
 CORNERS = Bounds("Corners", 1, 10**9, True)
 DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
 SECONDS = Bounds("Seconds", 0, 1e6)
+
+
+INT32_COUNT = 2**31  # numbers from 0 on that an int32 has
+UINT32_COUNT = 2**32
+NODE_ADVICE = "choose a smaller depth, or voxelize fewer objects"
+
+
+def check_count(count: int, most: int, what: str, advice: str) -> None:
+    """Raise SettingError that names `what` there is too much of and says what to do, for more than `most`."""
+    if count > most:
+        bits = 31 if most <= INT32_COUNT else 32
+        raise SettingError(f"{count:,} {what} are more than numbers of {bits} bits can name ({most:,}): {advice}")

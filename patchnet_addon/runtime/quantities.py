@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bytes and counts in words, so that a small one is never said to be 0.0 of something."""
+"""Bytes, counts and lists of names in words, so that a small number is never said to be 0.0 of something."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 
 def bytes_text(number: float) -> str:
@@ -29,3 +31,16 @@ def error_text(mse: float) -> str:
     """Mean squared error times 10,000, such as 404, 24.7, 0.031: the one unit in which users read errors."""
     value = 1e4 * mse
     return f"{value:.0f}" if value >= 100.0 else f"{value:.1f}" if value >= 1.0 or not value else f"{value:.2g}"
+
+
+def subject(kind: str, names: Iterable[str]) -> str:
+    """Begin a sentence about things of a kind: "Material 'a' is", "Materials 'a', 'b' are"; empty for none."""
+    distinct = list(dict.fromkeys(name for name in names if name))
+    one, verb = (kind, "is") if len(distinct) == 1 else (f"{kind}s", "are")
+    return f"{one} {named_list(distinct)} {verb}" if distinct else ""
+
+
+def named_list(names: Iterable[str], most: int = 5) -> str:
+    """Quote distinct names with commas between, "" leaving out: 'a', 'b' and 3 more; empty for none."""
+    listed = [f"'{name}'" for name in dict.fromkeys(names) if name]
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")

@@ -22,9 +22,13 @@ from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.torch_devices import DEVICES, gpu_only
 
 torch = pytest.importorskip("torch")
-from patchnet.patchnet_addon.codes.torch_tree import TorchCorners, TorchTree, tree_fits  # noqa: E402  needs torch
+from patchnet.patchnet_addon.codes.torch_tree import (  # noqa: E402  needs torch
+    TorchCorners,
+    TorchTree,
+    to_device,
+    tree_fits,
+)
 from patchnet.patchnet_addon.network import torch_encode  # noqa: E402  needs torch
-from patchnet.patchnet_addon.network.torch_copy import to_device  # noqa: E402  needs torch
 from patchnet.patchnet_addon.network.torch_precision import float32_products  # noqa: E402  needs torch
 
 CODES, OUTPUTS = 1e-4, 1e-3
@@ -114,7 +118,7 @@ def has_words():
 
 def test_copies_keep_their_bits(monkeypatch):
     """Of read-only arrays too, which files of codes are, part by part."""
-    monkeypatch.setattr("patchnet.patchnet_addon.network.torch_copy._PART_BYTES", 12)
+    monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree._PART_BYTES", 12)
     random = np.random.default_rng(0)
     for kind in (np.uint8, np.int8, np.uint16, np.uint32, np.int64, np.float16, np.float32):
         array = random.integers(0, 120, (7, 3)).astype(kind)

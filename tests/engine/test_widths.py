@@ -17,9 +17,9 @@ from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.file import _inconsistency
 from patchnet.patchnet_addon.octree.levels import number_children
 from patchnet.patchnet_addon.octree.voxelize import clip_batch
+from patchnet.patchnet_addon.runtime.bounds import INT32_COUNT, UINT32_COUNT, check_count
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.widths import INT32_COUNT, UINT32_COUNT, check_count
 from patchnet.tests.engine.octree_samples import random_octree
 
 LARGE = SimpleNamespace(node_count=INT32_COUNT + 1, depth=9)

@@ -12,8 +12,8 @@ import pytest
 
 from patchnet.commands import make_parser
 from patchnet.commands.lab import furnish
-from patchnet.commands.lab.catalogue_scenes import scenes_named
 from patchnet.commands.lab.evaluate import _scenes
+from patchnet.commands.lab.scene_arguments import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.surface.shading import AXES

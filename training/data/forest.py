@@ -11,8 +11,8 @@ import numpy as np
 
 from ...patchnet_addon.octree.nodes import BoxedNodes
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
+from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device
-from ...patchnet_addon.runtime.widths import INT32_COUNT, check_count
 
 
 class ForestNodes(NamedTuple):

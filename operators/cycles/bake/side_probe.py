@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.wording import named_list
+from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
 from ...scene.scene_mesh import SceneMesh

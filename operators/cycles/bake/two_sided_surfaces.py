@@ -26,7 +26,7 @@ from ....patchnet_addon.lightmap.sheet_sides import (
     turned_sheets,
 )
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ....patchnet_addon.runtime.wording import named_list
+from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.tracing.camera import Camera
 from ...scene.scene_mesh import SceneMesh

@@ -1,10 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of the evaluation's catalogue by the names that a command was given."""
+"""Scenes and camera tracks as arguments of research commands."""
 
 from __future__ import annotations
 
+import argparse
+
+from ...patchnet_addon.runtime import bounds
 from ...training.evaluation.catalogue import SCENES, Scene, scene_named
+from ..shared.arguments import add_number
 from ..shared.lines import say_note
+
+
+def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks") -> None:
+    """Add --frames, --size and --seed of each scene's track. seeds: what the seed is of."""
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of each scene's track (2000)")
+    add_number(
+        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
+        help="pixels (130 130)",
+    )  # fmt: skip
+    add_number(parser, "--seed", bounds.SEED, default=0, help=f"of {seeds} (0)")
+
 
 ALL = "all"
 
