@@ -20,7 +20,7 @@ from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session import world_maps
 from patchnet.operators.session.scene_session import KeyedMap, session_of
 from patchnet.operators.session.world_maps import keep_map
-from patchnet.patchnet_addon.image.comparison import psnr
+from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
@@ -55,7 +55,7 @@ def test_the_background_is_what_cycles_renders(
     world(scene)
     scene.camera.data.shift_x, scene.camera.data.lens = 0.1, 20.0
     camera = camera_of(scene)
-    found = psnr(seen_by(camera), shown_by_cycles(camera))
+    found = picture_psnr(seen_by(camera), shown_by_cycles(camera))
     print(f"\n{world.__name__}: {found:.1f} dB")
     assert found > least
 
@@ -87,7 +87,7 @@ def test_large_pictures_are_baked_in_parts(scene: bpy.types.Scene, monkeypatch: 
     camera = camera_of(scene)
     whole = seen_by(camera)
     monkeypatch.setattr("patchnet.operators.cycles.environment._PART_PX", 7 * SIZE[0])
-    assert psnr(seen_by(camera), whole) > 55.0
+    assert picture_psnr(seen_by(camera), whole) > 55.0
 
 
 def test_beside_a_window_parts_are_short_and_stop_between_two(
@@ -98,7 +98,7 @@ def test_beside_a_window_parts_are_short_and_stop_between_two(
     whole = seen_by(camera)
     monkeypatch.setattr(environment, "_FIRST_PATHS", 12 * SIZE[0] * SAMPLES)
     with in_window(True):
-        assert psnr(seen_by(camera), whole) > 55.0
+        assert picture_psnr(seen_by(camera), whole) > 55.0
         before = scene_snapshot()
         steps = world_view(scene.world, (1, 0.0), camera, SAMPLES)
         rows = [next(steps).done for _ in range(3)]
@@ -136,13 +136,13 @@ def test_a_render_beside_a_window_waits_for_the_map(scene: bpy.types.Scene, monk
     session_of(scene).world = KeyedMap("of another world", None)
     first = awaited(camera)
     assert first.light is not None and first.warnings == ()
-    assert psnr(first.light, seen_by(camera)) > 50.0
+    assert picture_psnr(first.light, seen_by(camera)) > 50.0
     kept = session_of(scene).world
     assert isinstance(kept, KeyedMap) and awaited(camera).warnings == () and session_of(scene).world is kept
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.5
     bpy.context.view_layer.update()
     half = awaited(camera).light
-    assert half is not None and psnr(2.0 * half, first.light) > 45.0
+    assert half is not None and picture_psnr(2.0 * half, first.light) > 45.0
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.25
     bpy.context.view_layer.update()
     monkeypatch.setattr(world_maps, "_PATIENCE_S", 0.0)
@@ -231,7 +231,7 @@ def test_the_engine_renders_the_world_and_follows_film(registered: None, weights
     assert (found[..., 3] == 1.0).all() and (alpha == 0.0).mean() > 0.1
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
     expected = over_nothing[..., :3].reshape(-1, 3) + (1.0 - alpha) * shown_by_cycles(camera)
-    assert psnr(found[..., :3].reshape(-1, 3), expected) > 55.0
+    assert picture_psnr(found[..., :3].reshape(-1, 3), expected) > 55.0
 
 
 def test_a_plain_colour_needs_no_cycles(scene: bpy.types.Scene) -> None:

@@ -12,7 +12,7 @@ from patchnet.operators.pipeline.views import save_view
 from patchnet.operators.scene_access.images import unlike_view
 from patchnet.operators.session.shown_view import REFINED, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
-from patchnet.patchnet_addon.image.comparison import psnr
+from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.tests.blender.worlds import SIZE, gradient, nodes_of_world, run, shown_by_cycles
 
@@ -69,7 +69,7 @@ def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Sce
     behind = view.buffers.picture(srgb_encode(0.5 * shown_by_cycles(view.camera)))
     assert missed.mean() > 0.1
     for name in ("preview", "predicted", "refined"):
-        assert psnr(view.pictures[name][missed], behind[missed]) > 40.0
+        assert picture_psnr(view.pictures[name][missed], behind[missed]) > 40.0
         assert not other.pictures[name][missed].any()
     met = view.buffers.picture(view.buffers.hit)
     np.testing.assert_array_equal(view.pictures["preview"][met], other.pictures["preview"][met])
