@@ -19,6 +19,7 @@ from patchnet.patchnet_addon.codes.corner_cells import (
 )
 from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF, _children
+from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.predict import Prediction
@@ -217,7 +218,7 @@ def outer_cells_reference(
     geometry = mask_geometry().astype(np.int64)[words.astype(np.int64) & 255][..., None]  # (N, 64, 1)
     axes = np.arange(3)
     lower, upper = geometry >> (_LOWER + axes) & 1, geometry >> (_UPPER + axes) & 1
-    columns = geometry >> (_COLUMNS + _COUNT_BITS * axes) & 7
+    columns = geometry >> (_FIRST_COLUMN + _COUNT_BITS * axes) & 7
     middle = corner + 0.5 * octant - 0.25 + (upper - lower) / 8
     halves = (upper + lower) / 8
     others = [np.delete(halves, axis, axis=-1).prod(axis=-1) for axis in range(3)]
