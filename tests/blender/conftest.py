@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.tests.blender.job_scene import build, random_weights, saved
 
 _status = pytest.StashKey[int]()
-os.environ["PATCHNET_KEEP"] = "0"  # a test finds no octree of another one; test_kept_results.py asks for some
+os.environ["PATCHNET_KEEP"] = "0"  # a test finds no octree of another one; test_octree_cache.py asks for some
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
