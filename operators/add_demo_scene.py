@@ -58,12 +58,10 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Register the operator, and its entry in the viewport's menu Add."""
-    bpy.utils.register_class(PATCHNET_OT_add_demo_scene)
+    """Add the operator to the viewport's menu Add."""
     bpy.types.VIEW3D_MT_add.append(_draw_in_menu)
 
 
 def unregister() -> None:
-    """Take both away."""
+    """Take it out of the menu."""
     bpy.types.VIEW3D_MT_add.remove(_draw_in_menu)
-    bpy.utils.unregister_class(PATCHNET_OT_add_demo_scene)

@@ -15,11 +15,7 @@ from .settings.job_settings import JobSettings
 
 
 class PATCHNET_OT_bake_animation(
-    FrameProperties,
-    AnimationProperties,
-    JobProperties,
-    JobOperator,
-    bpy.types.Operator,
+    FrameProperties, AnimationProperties, JobProperties, JobOperator, bpy.types.Operator
 ):
     """Run all steps for every frame, each into a folder of its own in the output folder; finished frames are skipped.
     An octree that fits the cameras fits those of its own frame"""
@@ -43,8 +39,10 @@ class PATCHNET_OT_bake_animation(
         if settings.out is None:
             raise SettingError("An animation needs a folder for its frames: choose the output folder")
         self._file, self._goes_on = settings.out, setting(context, self, "skip_existing")
+        names = ("frame_start", "frame_end", "frame_step")
+        frames = [int(getattr(self if is_given(self, name) else context.scene, name)) for name in names]
         plan = FramePlan(
-            frames=tuple(frame_range(*(self._frame(context, name) for name in ("start", "end", "step")))),
+            frames=tuple(frame_range(*frames)),
             out=settings.out,
             overwrite=not setting(context, self, "skip_existing"),
             one_grid=setting(context, self, "same_grid"),
@@ -53,11 +51,3 @@ class PATCHNET_OT_bake_animation(
         for warning in result.warnings:
             tell(self, "WARNING", warning)
         return f"{result.sentence()}, files in {settings.out}"
-
-    def _frame(self, context: bpy.types.Context, name: str) -> int:
-        """Value of the operator's "start", "end" or "step" if its caller set it, else the scene's."""
-        name = f"frame_{name}"
-        return int(getattr(self if is_given(self, name) else context.scene, name))
-
-
-CLASSES = (PATCHNET_OT_bake_animation,)

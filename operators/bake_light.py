@@ -26,15 +26,13 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         from ..patchnet_addon.lightmap.page_cache import BakePageCache
         from .pipeline.job_work import JobPlan
         from .pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
-        from .pipeline.stages import GridChoice
 
         before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
         settings = settings.changed(scope=before.scope)
-        plan, choice = JobPlan(settings), GridChoice(before.octree.grid, before.layout, leaves=before.octree.leaf_count)
-        chosen = None if before.state is None else before.state.chosen  # whatever is selected now, such as a lamp
+        plan, overrides = JobPlan(settings), OctreeOverrides.on_grid_of(before.octree, before.layout, before.state)
         clock = plan.clock
         with BakePageCache() as kept:
-            surface = yield from read_surface(context, settings, clock, OctreeOverrides(grid=choice, chosen=chosen))
+            surface = yield from read_surface(context, settings, clock, overrides)
             leaves = yield from choose_leaves(context, surface, clock)
             yield from plan.make(surface.source, leaves.choice, (), "light", "denoise", "voxelize")
             made = yield from plan.timed(light_octree(context, surface, leaves, clock, kept))
@@ -42,20 +40,9 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "denoise", "voxelize"))
-        result = SceneResult(
-            made.octree,
-            before.scope,
-            before.layout,
-            settings.light.kind,
-            seconds=seconds,
-            made_with=before.made_with,
-            made_by=before.made_by,
-            state=made.state,
-            notes={"octree": made.warnings},
-        )
+        result = SceneResult(made.octree, before.scope, before.layout, settings.light.kind, seconds=seconds)
+        result.made_with, result.made_by, result.state = before.made_with, before.made_by, made.state
+        result.notes = {"octree": made.warnings}
         results.keep(context.scene, result, "light", settings=settings)
         said = tell_notes(self, made.warnings)
         return f"{counted(made.octree.leaf_count, 'voxel')} in light ({settings.light.kind}){said}"
-
-
-CLASSES = (PATCHNET_OT_bake_light,)

@@ -40,6 +40,3 @@ class PATCHNET_OT_check_python(bpy.types.Operator):
             return {"CANCELLED"}
         self.report({"INFO"}, kept.python)
         return {"FINISHED"}
-
-
-CLASSES = (PATCHNET_OT_check_python,)

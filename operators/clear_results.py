@@ -42,6 +42,3 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         if not bpy.app.background:  # viewports let go of their pictures when they are drawn again
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)
         return {"FINISHED"}
-
-
-CLASSES = (PATCHNET_OT_clear_results,)

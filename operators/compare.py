@@ -30,6 +30,3 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
         before, after = error_text(found.unrefined), error_text(best.error)
         said = tell_notes(self, result.warnings)
         return f"{found.view}: error x 10,000 {before}, best {best.title} with {after}{said}"
-
-
-CLASSES = (PATCHNET_OT_compare,)

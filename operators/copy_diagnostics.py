@@ -84,6 +84,3 @@ def register() -> None:
 def unregister() -> None:
     """Stop listening."""
     LOG.removeHandler(_last)
-
-
-CLASSES = (PATCHNET_OT_copy_diagnostics,)

@@ -9,7 +9,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator
 from .jobs.tell import tell, tell_notes
 from .properties import CameraProperties, LightProperties, VoxelizeProperties
-from .session import results
+from .session.scene_session import session_of
 from .settings.job_settings import ESTIMATED, JobSettings, recorded
 
 
@@ -26,10 +26,7 @@ class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties
 
         found = yield from estimate_job(context, settings)
         found.settings = recorded(context.scene.patchnet, *ESTIMATED)
-        results.keep_estimate(context.scene, found)
+        session_of(context.scene).estimate = found
         if found.too_large:
             tell(self, "WARNING", "The octree would not fit into memory: choose a smaller depth or fewer objects")
         return ", ".join(found.lines[:3]) + tell_notes(self, found.notes, below="Estimate")
-
-
-CLASSES = (PATCHNET_OT_estimate,)

@@ -100,6 +100,3 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         """Format that the file's ending names, or ""."""
         ending = Path(self.filepath).suffix.lower()
         return ending if ending in [name for name, *_ in _FORMATS] else ""
-
-
-CLASSES = (PATCHNET_OT_export_octree,)

@@ -127,12 +127,10 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Register the operator, and its entry in the menu File > Import."""
-    bpy.utils.register_class(PATCHNET_OT_load_octree)
+    """Add the operator to the menu File > Import."""
     bpy.types.TOPBAR_MT_file_import.append(_draw_in_menu)
 
 
 def unregister() -> None:
-    """Take both away."""
+    """Take it out of the menu."""
     bpy.types.TOPBAR_MT_file_import.remove(_draw_in_menu)
-    bpy.utils.unregister_class(PATCHNET_OT_load_octree)

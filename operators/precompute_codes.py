@@ -37,6 +37,3 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         results.keep(context.scene, results.without_view(made), "codes", settings=settings)
         said = tell_notes(self, encoding.warnings)
         return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}{said}"
-
-
-CLASSES = (PATCHNET_OT_precompute_codes,)

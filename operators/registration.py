@@ -37,13 +37,6 @@ from .scene_access import bake_operator, overrides, temporary, unread_file
 from .session import octree_cache, scene_session, staleness, world_maps
 from .ui import presets_menu
 
-if OTHER_PYTHON:
-    from . import check_python
-
-    _OTHER_PYTHON: tuple[ModuleType, ...] = (check_python,)
-else:
-    _OTHER_PYTHON = ()
-
 # Have register() and unregister() of their own.
 _BEFORE = (
     preferences,
@@ -62,7 +55,7 @@ _BEFORE = (
     copy_diagnostics,
     add_demo_scene,
 )
-_OPERATORS = (
+_OPERATORS: tuple[ModuleType, ...] = (
     voxelize_objects,
     bake_light,
     precompute_codes,
@@ -70,6 +63,7 @@ _OPERATORS = (
     compare,
     refine_with_cycles,
     run_all,
+    load_octree,
     estimate,
     bake_animation,
     show_voxels,
@@ -77,10 +71,22 @@ _OPERATORS = (
     clear_results,
     presets_menu,
     cache,
-    *_OTHER_PYTHON,
     copy_diagnostics,
+    add_demo_scene,
 )
-_CLASSES = tuple(item for module in (*_OPERATORS, ui) for item in module.CLASSES)
+if OTHER_PYTHON:
+    from . import check_python
+
+    _OPERATORS += (check_python,)
+
+
+def _operators_of(module: ModuleType) -> list[type]:
+    """Operators that a module declares."""
+    kinds = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
+    return [item for item in kinds if issubclass(item, bpy.types.Operator)]
+
+
+_CLASSES = (*(item for module in _OPERATORS for item in _operators_of(module)), *ui.CLASSES)
 
 
 def register() -> None:

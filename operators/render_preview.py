@@ -56,15 +56,7 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)
-        looking = view(
-            coded,
-            camera,
-            settings.view,
-            before.scope,
-            compare=compare,
-            background=behind,
-            meanwhile=meanwhile,
-        )
+        looking = view(coded, camera, wanted, before.scope, compare=compare, background=behind, meanwhile=meanwhile)
         result = yield from looking
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
@@ -72,6 +64,3 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     results.keep(context.scene, attach_view_stats(before, result, compared=compare), "view")
     overlay.show(context, [result], settings.view)
     return result
-
-
-CLASSES = (PATCHNET_OT_render_preview,)

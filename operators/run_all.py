@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from .pipeline.run import Before
 
 
-class PATCHNET_OT_run_all(
-    JobProperties,
-    JobOperator,
-    bpy.types.Operator,
-):
+class PATCHNET_OT_run_all(JobProperties, JobOperator, bpy.types.Operator):
     """Voxelize, bake, look ahead, and refine the view of the camera where its preview is wrong"""
 
     bl_idname = "patchnet.run_all"
@@ -114,6 +110,3 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
     warnings = result.notes.get("octree", ())
     return Before(result.octree, result.layout, result.state, lit, coded, result.encoder, warnings)
-
-
-CLASSES = (PATCHNET_OT_run_all,)

@@ -49,13 +49,8 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
         counts = voxel_counts(octree)
         shown = f"{counts[level]:,} voxels of level {level} in '{item.name}'"
         if level < wanted:
-            tell(
-                self,
-                "WARNING" if self.level else "INFO",
-                f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {self.limit:,}",
-            )
-        else:
-            tell(self, "INFO", shown)
+            shown = f"{shown}: level {wanted} has {counts[wanted]:,}, more than the limit of {self.limit:,}"
+        tell(self, "WARNING" if level < wanted and self.level else "INFO", shown)
         return {"FINISHED"}
 
 
@@ -64,6 +59,3 @@ def _show_attribute_colors(window: bpy.types.Window | None) -> None:
     for area in window.screen.areas if window is not None else ():
         if area.type == "VIEW_3D" and area.spaces.active.shading.type == "SOLID":
             area.spaces.active.shading.color_type = "VERTEX"
-
-
-CLASSES = (PATCHNET_OT_show_voxels,)

@@ -36,6 +36,3 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
         side = f"side {octree.grid.voxel_size_world:.4g}" + (" and more" if made.layout else "")
         said = tell_notes(self, made.warnings)
         return f"{counted(octree.leaf_count, 'voxel')} of {side}, depth {octree.depth}{said}"
-
-
-CLASSES = (PATCHNET_OT_voxelize,)

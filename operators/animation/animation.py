@@ -30,9 +30,18 @@ from ..pipeline.reports import REPORT_NAME, machine, versions, write_json
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
-from .frame_key import content_key, file_key
 from .frame_maker import FrameMaker, SharedSettings
-from .frame_record import RECORD_NAME, FrameRecord, discard, files_in, frame_folder, read_record, write_record
+from .frame_record import (
+    RECORD_NAME,
+    FrameRecord,
+    content_key,
+    discard,
+    file_key,
+    files_in,
+    frame_folder,
+    read_record,
+    write_record,
+)
 
 
 def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bool]:
@@ -64,17 +73,12 @@ def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMak
         if needed is not None:
             sides.append(needed[0])
             bounded = bounded or needed[1]
-    bounds = (_corner(low), _corner(high))
+    bounds: Any = (tuple(low.tolist()), tuple(high.tolist()))
     if not sides:
         return bounds, None
     levels = math.log2(Grid.around(np.array(bounds), 1).side_world / min(sides))
     depth = math.floor(levels + 1e-6) if bounded else math.ceil(levels - 1e-6)
     return bounds, min(max(depth, 1), MAX_DEPTH)
-
-
-def _corner(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -107,9 +111,9 @@ class AnimationResult:
 
     def sentence(self) -> str:
         """Summary of what was done."""
-        made, skipped = len(self.made), len(self.skipped)
+        skipped = len(self.skipped)
         there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
-        return f"{counted(made, 'frame')} made{there}"
+        return f"{counted(len(self.made), 'frame')} made{there}"
 
 
 def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
@@ -159,7 +163,8 @@ class _Animation:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
-        self._time = FramesEta(self._to_make())
+        # Likely to be made are all frames that have no record.
+        self._time = FramesEta(sum(plan.overwrite or self._record(frame) is None for frame in plan.frames))
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
@@ -200,7 +205,12 @@ class _Animation:
         files, inputs = self._maker.files(self._context), self._maker.inputs()
         with output_folder(folder, files, inputs) as temporary:
             steps = self._maker.make(self._context, self._common_of(frame), temporary)
-            summary = yield from self._counted(steps, frame, number)
+
+            def counted_in(report: Progress) -> Progress:
+                label, step = f"{number}: {report.label}", report.step or report.label
+                return self._time.see(replace(report, label=label, frame=frame, step=step))
+
+            summary = yield from changed(steps, counted_in)
             written = files_in(temporary)
             discard(folder, inputs)
         write_record(folder, FrameRecord(frame, content, self._file_key(frame), written, summary))
@@ -209,22 +219,8 @@ class _Animation:
         self._done(frame, summary)
         self.write_report(complete=False)
 
-    def _counted(self, steps: Steps[dict[str, Any]], frame: int, number: str) -> Steps[dict[str, Any]]:
-        """Pass on the steps with the frame's number, with the share of all frames that is done, and the time left."""
-
-        def counted(report: Progress) -> Progress:
-            label, step = f"{number}: {report.label}", report.step or report.label
-            return self._time.see(replace(report, label=label, frame=frame, step=step))
-
-        return changed(steps, counted)
-
     def _at(self, frame: int, number: str, step: str) -> Progress:
         return self._time.skip(Progress(1, 1, f"{number}: {step}", frame=frame, step=step))
-
-    def _to_make(self) -> int:
-        """Frames that are likely to be made: all that have no record."""
-        plan = self._plan
-        return sum(plan.overwrite or self._record(frame) is None for frame in plan.frames)
 
     def _done(self, frame: int, summary: dict[str, Any]) -> None:
         self._summaries[frame] = summary
@@ -290,9 +286,5 @@ def _warnings(summaries: dict[int, dict[str, Any]]) -> tuple[str, ...]:
     for frame, summary in sorted(summaries.items()):
         for text in summary.get("warnings", ()):
             frames.setdefault(text, []).append(frame)
-    return tuple(f"{_which(numbers)}: {text}" for text, numbers in frames.items())
-
-
-def _which(numbers: Sequence[int]) -> str:
-    more = len(numbers) - 1
-    return f"Frame {numbers[0]}" + (f" and {more} more" if more else "")
+    which = {text: f" and {len(numbers) - 1} more" if numbers[1:] else "" for text, numbers in frames.items()}
+    return tuple(f"Frame {numbers[0]}{which[text]}: {text}" for text, numbers in frames.items())

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
@@ -24,9 +24,6 @@ from ..scene.cameras import camera_name, looking_cameras
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
-
-if TYPE_CHECKING:
-    from ...patchnet_addon.network.weights import Weights
 
 
 @dataclass(frozen=True)
@@ -50,9 +47,9 @@ class FrameMaker(ABC):
     scope: which objects. exposure: as it was given, None if it is to be chosen. bakes: whether Cycles computes light.
     """
 
-    scope: str
-    exposure: float | None
-    bakes: bool
+    def __init__(self, settings: JobSettings) -> None:
+        self._settings, self.scope = settings, settings.surface.scope
+        self.exposure, self.bakes = settings.light.exposure, settings.light.is_baked
 
     @abstractmethod
     def settings_text(self, common: SharedSettings) -> str:
@@ -75,17 +72,18 @@ class FrameMaker(ABC):
         yield from ()
         return None
 
+    def _of_frame(self, common: SharedSettings) -> JobSettings:
+        return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
+
 
 class JobMaker(FrameMaker):
     """Maker of frames by the whole job, with pictures: what `run` does."""
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
-        self._settings = replace(settings, out=None)
-        self._weights: Weights = load_network(settings.network)
+        super().__init__(replace(settings, out=None))
+        self._weights = load_network(settings.network)
         self._painted = importance_key(settings.view.importance)
-        self.scope, light = settings.surface.scope, settings.light
-        self.exposure, self.bakes = light.exposure, light.is_baked
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights, their estimator and importance by their contents."""
@@ -120,13 +118,8 @@ class JobMaker(FrameMaker):
         return choice.grid.voxel_size_world, bool(choice.warnings)
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
-        settings = self._settings
-        return settings.changed(
-            exposure=common.exposure,
-            daylight=common.daylight,
-            bounds=common.bounds,
-            depth=common.depth or settings.surface.depth,
-        )
+        depth = common.depth or self._settings.surface.depth
+        return super()._of_frame(common).changed(depth=depth)
 
 
 def _active_cameras(scene: bpy.types.Scene) -> list[str]:
@@ -161,9 +154,8 @@ class OctreeMaker(FrameMaker):
     """Makes lit octrees alone, by settings and a overrides; `wanted` is all that the overrides depends on, as text."""
 
     def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
-        self._settings, self._overrides, self._wanted = settings, overrides, wanted
-        self.scope, light = settings.surface.scope, settings.light
-        self.exposure, self.bakes = light.exposure, light.is_baked
+        super().__init__(settings)
+        self._overrides, self._wanted = overrides, wanted
 
     def settings_text(self, common: SharedSettings) -> str:
         """Settings that the octree depends on."""
@@ -178,15 +170,15 @@ class OctreeMaker(FrameMaker):
         from ...patchnet_addon.lightmap.page_cache import BakePageCache
         from ...patchnet_addon.octree.file import save_octree
 
-        clock = StageClock()
         with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, self._of_frame(common), clock, kept, self._overrides)
+            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
             save_octree(made.octree, folder / OCTREE_NAME)
         octree = made.octree
-        figures = {"depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count}
+        figures = {
+            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
+        }  # fmt: skip
         warnings = [*made.warnings, *self._unseen(made)]
-        octree_figures = figures | {"bytes": octree.nbytes}
-        return {"exposure": octree.exposure, "octree": octree_figures, "views": [], "warnings": warnings}
+        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": warnings}
 
     def _unseen(self, made: LitOctree) -> list[str]:
         """Reasons why cameras that the octree is fitted to see nothing, or only black."""
@@ -196,5 +188,3 @@ class OctreeMaker(FrameMaker):
             return []
         return why_unseen_by(made.octree, self._overrides.cameras())
 
-    def _of_frame(self, common: SharedSettings) -> JobSettings:
-        return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)

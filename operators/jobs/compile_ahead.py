@@ -20,22 +20,19 @@ from typing import IO
 
 import bpy
 
-from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.compiling import NOTE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
+from ..pipeline.kernels_beside import start_compiler
 from ..properties.preferences import ROOT_PACKAGE
 
+SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
 ABOUT = 271  # kernels that the small jobs call, for the progress alone
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two looks at what is compiled by now
 _STOP_S = 5.0  # until a Blender that shall stop is killed
 _LOG_BYTES = 2000  # of the end of what it said, for the log
 _tried: set[Path] = set()  # marks that could not be made in this process
-
-
-class _OtherBlenderError(Exception):
-    """Error of the other Blender, which did not come to its end."""
 
 
 def compiled_ahead() -> Steps[None]:
@@ -50,7 +47,7 @@ def compiled_ahead() -> Steps[None]:
             return
         yield from _compiled(mark.parent)
         mark.touch()
-    except (OSError, _OtherBlenderError) as cause:
+    except OSError as cause:
         if mark is not None:
             _tried.add(mark)
         logging.getLogger("patchnet").warning(
@@ -73,12 +70,7 @@ def _compiled(folder: Path) -> Steps[None]:
         if process.returncode:
             said.seek(max(0, said.seek(0, os.SEEK_END) - _LOG_BYTES))
             text = said.read().decode(errors="replace")
-            raise _OtherBlenderError(f"The other Blender ended with exit code {process.returncode} and said: {text}")
-
-
-def small_jobs_path() -> Path:
-    """Script that the other Blender runs."""
-    return Path(__file__).with_name("small_jobs.py")
+            raise ChildProcessError(f"The other Blender ended with exit code {process.returncode} and said: {text}")
 
 
 def _mark() -> Path:
@@ -91,13 +83,8 @@ def _mark() -> Path:
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
     """Start a Blender with factory settings, in which small jobs compile what is missing."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
-    words += ["--python", str(small_jobs_path()), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
-    # The kernels' folder lies in the cache folder that this process uses, however it was named.
-    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
-    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
-    return subprocess.Popen(
-        words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
-    )
+    words += ["--python", str(SCRIPT), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
+    return start_compiler(words, said, PATCHNET_KEEP="0")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

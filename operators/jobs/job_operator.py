@@ -208,20 +208,22 @@ class JobOperator(_Operator):
             text = self._stopped(alive=True) if alive else str(error)
             tell(self, "INFO" if alive else "ERROR", text, logged_as="ERROR")
             self._outcome = {"CANCELLED"}
-        except PatchNetError as error:
-            tell(self, "ERROR", str(error))
-            self._outcome = {"CANCELLED"}
-        except (ImportError, OSError) as error:
-            explained = FilesGoneError.of(error) or (FileAccessError.of(error) if isinstance(error, OSError) else None)
-            if explained is None:
+        except (PatchNetError, ImportError, OSError, MemoryError) as error:
+            sentence = self._explained(error)
+            if sentence is None:
                 raise
-            tell(self, "ERROR", str(explained))
-            self._outcome = {"CANCELLED"}
-        except MemoryError:
-            tell(self, "ERROR", f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects")
+            tell(self, "ERROR", sentence)
             self._outcome = {"CANCELLED"}
         else:
             self._display.see(progress)
+
+    def _explained(self, error: PatchNetError | ImportError | OSError | MemoryError) -> str | None:
+        if isinstance(error, MemoryError):
+            return f"{self.bl_label} ran out of memory: choose a smaller depth or fewer objects"
+        if isinstance(error, PatchNetError):
+            return str(error)
+        found = FilesGoneError.of(error) or (FileAccessError.of(error) if isinstance(error, OSError) else None)
+        return None if found is None else str(found)
 
     def _stopped(self, *, alive: bool = False) -> str:
         if self._goes_on:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...patchnet_addon.network.devices import AUTO, CPU, OTHER_PYTHON, device_title, found_device, torch_has_gpu
@@ -16,7 +15,6 @@ from ..settings.groups import NETWORK_DEVICE, ComputeSettings
 
 if TYPE_CHECKING:  # it brings numba
     from ...patchnet_addon.network.encode import Encoder
-    from ...patchnet_addon.network.other_python import OtherPythonEncoder
 
 _OWN = "own kernels on the CPU"
 
@@ -41,9 +39,13 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
 
     warnings: tuple[str, ...] = ()
     wanted = compute.torch_device
-    if compute.torch_python is not None:
+    if (python := compute.torch_python) is not None:
         try:
-            other = _encoder_in(compute.torch_python, weights, wanted)
+            if not OTHER_PYTHON:
+                raise SettingError(f"{python} cannot encode: PatchNet of extensions.blender.org uses no other Python")
+            from ...patchnet_addon.network.other_python import OtherPythonEncoder
+
+            other = OtherPythonEncoder(python, weights, wanted)
         except SettingError as error:
             if wanted not in (AUTO, CPU):
                 raise
@@ -55,15 +57,6 @@ def chosen_encoder(weights: Weights, compute: ComputeSettings) -> Iterator[Encod
     device = found_device(wanted, NETWORK_DEVICE)
     text = _OWN if device == CPU else f"torch on {device_title(device)}"
     yield Encoding(make_encoder(weights, device=device), text, warnings)
-
-
-def _encoder_in(python: Path, weights: Weights, device: str) -> OtherPythonEncoder:
-    """Start the encoder in another Python; raises SettingError if it cannot, or where this build leaves it out."""
-    if not OTHER_PYTHON:
-        raise SettingError(f"{python} cannot encode: PatchNet of extensions.blender.org uses no other Python")
-    from ...patchnet_addon.network.other_python import OtherPythonEncoder
-
-    return OtherPythonEncoder(python, weights, device)
 
 
 def check_encoder(compute: ComputeSettings) -> None:

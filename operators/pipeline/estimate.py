@@ -37,21 +37,16 @@ _BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it sh
 class Estimate:
     """Expected figures of a job, and what they were made for.
 
-    depth: of the octree. wanted: what the cameras ask for. fitted: leaves follow the cameras, so that
-    `leaves` and bytes are not known before, only that memory bounds them.
-    leaves, octree_bytes, codes_bytes, peak_bytes: of building it; free_bytes: what may be used.
-    lookahead_share: of hit pixels in the camera with least of it, None where no camera sees anything.
-    texels, paths: of the bake, both 0 without one; paths of one side of the surface.
-    seconds: of the whole job, by stage. time_line: their sum in words.
-    device, encoder: what will compute, in words. made_for: surface and views, in words.
-    notes: sentences on what will be left out or is approximate, as far as that is known without a bake.
-    settings: values of the scene's settings. state: of the scene. stale: what changed since, in words.
+    fitted: leaves follow the cameras, so that `leaves` and bytes are bounded by memory alone. peak_bytes: of building
+    it; free_bytes: what may be used. lookahead_share: of hit pixels in the camera with least of it, None where none
+    sees anything. texels, paths: of the bake, both 0 without one; paths of one side of the surface. seconds: by stage.
+    time_line, made_for, lines: figures, and surface and views, in words. notes: what will be left out or is
+    approximate, as far as that is known without a bake. settings: values of the scene's settings. state: of the scene.
+    stale: what changed since, in words.
     """
 
     depth: int
-    wanted: int
     fitted: bool
-    voxel_size_world: float
     leaves: int
     octree_bytes: int
     codes_bytes: int
@@ -60,11 +55,9 @@ class Estimate:
     lookahead_share: float | None
     texels: int
     paths: int
-    device: str
-    encoder: str
     made_for: tuple[str, str]
-    seconds: dict[str, float] = field(default_factory=dict)
-    time_line: str = ""
+    seconds: dict[str, float]
+    time_line: str
     settings: dict[str, Any] = field(default_factory=dict)
     state: SceneState | None = None
     stale: dict[Hashable, str] = field(default_factory=dict)
@@ -92,24 +85,24 @@ class Estimate:
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
     """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
-    source = read_scene(context.evaluated_depsgraph_get(), settings.surface.scope)
+    light, views, depsgraph = settings.light, settings.view, context.evaluated_depsgraph_get()
+    source = read_scene(depsgraph, settings.surface.scope)
     state = read_state(context.scene, selected=settings.surface.scope == SELECTED)
-    depsgraph = context.evaluated_depsgraph_get()
-    views, bounds_world = settings.view, settings.surface.bounds_world(source)
+    depsgraph, bounds_world = context.evaluated_depsgraph_get(), settings.surface.bounds_world(source)
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
-    device = device_text(context, settings.compute.device) if settings.light.is_baked else ""
-    steps = run_in_worker(lambda: _estimate(source, cameras, settings, device), Progress(0, 1, "Estimating"))
-    light = settings.light
+    steps = run_in_worker(lambda: _estimate(source, cameras, settings), Progress(0, 1, "Estimating"))
     of_light = source.color_warnings
     if light.is_baked:
         of_light = gloss_warnings(source, with_view(context, light, views.cameras))
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
     found = replace((yield from steps), state=state, notes=notes)
-    found.lines = estimate_lines(found, length_text(context.scene, found.voxel_size_world))
+    side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world
+    device = device_text(context, settings.compute.device) if light.is_baked else ""
+    found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.compute))
     return found
 
 
-def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings, device: str) -> Steps[Estimate]:
+def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[Estimate]:
     from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
 
     surface, light = settings.surface, settings.light
@@ -121,37 +114,27 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     depth = _depth(surface, bounds, automatic.wanted if surface.fit else automatic.depth)
     leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color)
     yield Progress(2, 3, "Estimating: texels of the bake")
-    grid = Grid.around(bounds, depth)
     texels = 0
     if light.is_baked:
-        texels = yield from texels_of(source, GridChoice(grid), settings)
+        texels = yield from texels_of(source, GridChoice(Grid.around(bounds, depth)), settings)
     rates = Rates()
-    work = work_of(JobFigures(source.triangle_count, leaves, texels, pixels_of(cameras)), settings)
-    seconds = rates.seconds(work)
+    seconds = rates.seconds(work_of(JobFigures(source.triangle_count, leaves, texels, pixels_of(cameras)), settings))
     return Estimate(
         depth=depth,
-        wanted=automatic.wanted,
         fitted=surface.fit,
-        voxel_size_world=surface.voxel_size_world or grid.voxel_size_world,
         leaves=leaves,
         octree_bytes=octree_bytes,
-        codes_bytes=int(leaves * _coded_share(lookahead) * _BYTES_PER_CODED),
+        # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
+        codes_bytes=int(leaves / (3.0 * 4.0 ** (lookahead - 1)) * _BYTES_PER_CODED),
         peak_bytes=min(peak, free) if surface.fit else peak,
         free_bytes=free,
         lookahead_share=expected_share(coarse, cameras, depth, lookahead=lookahead),
         texels=texels,
         paths=texels * light.samples,
-        device=device,
-        encoder=encoder_text(settings.compute),
         made_for=_made_for(source, cameras),
         seconds=seconds,
         time_line=time_line(seconds, rates, at_most=surface.fit),
     )
-
-
-def _coded_share(lookahead: int) -> float:
-    """Nodes with look-ahead, `lookahead` levels above the leaves and further up, as a share of the leaves."""
-    return 1.0 / (3.0 * 4.0 ** (lookahead - 1))
 
 
 def _depth(surface: SurfaceSettings, bounds: Any, automatic: int) -> int:
@@ -170,8 +153,8 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
     return f"{objects}, {counted(source.triangle_count, 'triangle')}", f"{views[:1].upper()}{views[1:]} at {size}"
 
 
-def estimate_lines(found: Estimate, voxel_side: str) -> list[str]:
-    """Estimate in words, for panel, log and report. voxel_side: with its unit."""
+def _lines(found: Estimate, voxel_side: str, device: str, encoder: str) -> list[str]:
+    """Estimate in words. voxel_side: with its unit. device, encoder: what computes."""
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {voxel_side}"]
     if found.fitted:
@@ -187,8 +170,6 @@ def estimate_lines(found: Estimate, voxel_side: str) -> list[str]:
         about = "at most" if found.fitted else "about"
         lines.append(f"Bake: {about} {count_text(found.texels)} texels")
         lines.append(f"Samples of light: {count_text(found.paths)}")
-        lines.append(f"Bake on: {found.device}")
-    lines.append(f"Network on: {found.encoder}")
-    if found.time_line:
-        lines.append(found.time_line)
-    return lines
+        lines.append(f"Bake on: {device}")
+    lines.append(f"Network on: {encoder}")
+    return [*lines, found.time_line]

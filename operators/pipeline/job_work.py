@@ -6,14 +6,15 @@ from __future__ import annotations
 import json
 import logging
 import os
-import secrets
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.eta import JobEta, duration_text
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed
+from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
@@ -81,16 +82,10 @@ class Rates:
         """Read what is known."""
         self._path = user_cache_folder() / FILE_NAME
         self._sums: dict[str, tuple[float, float]] = {}
-        try:
+        with suppress(OSError, ValueError, TypeError, AttributeError):
             known = json.loads(self._path.read_text(encoding="utf-8"))
             self._sums = {str(name): (float(seconds), float(units)) for name, (seconds, units) in known.items()}
-        except (OSError, ValueError, TypeError, AttributeError):
-            self._sums = {}
-
-    @property
-    def measured(self) -> bool:
-        """Return whether a job was done here."""
-        return bool(self._sums)
+        self.measured = bool(self._sums)  # a job was done here
 
     def know(self, work: dict[str, float]) -> bool:
         """Return whether all stages that have work were measured here."""
@@ -110,7 +105,7 @@ class Rates:
             if units > 0.0 and seconds.get(name, 0.0) > 0.0:
                 before = self._sums.get(name, (0.0, 0.0))
                 self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
-        temporary = self._path.with_name(f".{secrets.token_hex(4)}.{FILE_NAME}")
+        temporary = temporary_path(self._path)
         try:
             temporary.write_text(json.dumps(self._sums), encoding="utf-8")
             os.replace(temporary, self._path)
@@ -140,7 +135,12 @@ class JobPlan:
 
     def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> Steps[None]:
         """Plan the job, now that surface and grid are known. stages: those that it has; all if none are named."""
-        work = yield from _planned_work(source, choice, cameras, self._settings)
+        texels = 0
+        if self._settings.light.is_baked:
+            counting = Progress(0, 1, "Counting texels")
+            texels = yield from run_in_worker(lambda: texels_of(source, choice, self._settings), counting)
+        figures = JobFigures(source.triangle_count, choice.leaves, texels, pixels_of(cameras))
+        work = work_of(figures, self._settings)
         self._work = {name: units for name, units in work.items() if not stages or name in stages}
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
 
@@ -152,22 +152,6 @@ class JobPlan:
         """Keep what the stages took, for estimates; not of those that compiled kernels or found their work done."""
         unlike = self._eta.compiled | ({"light"} if self.resumed else set())
         self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
-
-
-def _planned_work(
-    source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], settings: JobSettings
-) -> Steps[dict[str, float]]:
-    """Work of a job whose surface and grid are known."""
-    label = "Counting texels"
-
-    def counted() -> Steps[int]:
-        yield Progress(0, 1, label)
-        return (yield from texels_of(source, choice, settings))
-
-    texels = 0
-    if settings.light.is_baked:
-        texels = yield from run_in_worker(counted, Progress(0, 1, label))
-    return work_of(JobFigures(source.triangle_count, choice.leaves, texels, pixels_of(cameras)), settings)
 
 
 def texels_of(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Steps[int]:

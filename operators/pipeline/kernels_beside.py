@@ -13,14 +13,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.threads import usable_cores
 
-
-def calling_path() -> Path:
-    """Script that the second Python runs."""
-    return Path(__file__).with_name("call_kernels.py")
+SCRIPT = Path(__file__).with_name("call_kernels.py")  # that the second Python runs
 
 
 @contextmanager
@@ -31,7 +29,7 @@ def compiling_beside(*, calls_them: bool = True) -> Iterator[None]:
     """
     from ...patchnet_addon.runtime.kernels import compiled_mark
 
-    mark, process = None, None
+    mark, process, ended = None, None, False
     with suppress(OSError):  # no folder can be written, or no process started
         mark = compiled_mark("pictures")
         is_python = "python" in Path(sys.executable).name.lower()  # not a Blender, which would open a window
@@ -40,8 +38,8 @@ def compiling_beside(*, calls_them: bool = True) -> Iterator[None]:
     try:
         yield
     finally:
-        ended = process is not None and process.poll() == 0
         if process is not None:
+            ended = process.poll() == 0
             process.kill()
             process.wait()
     if mark is not None and (calls_them or ended):
@@ -51,12 +49,18 @@ def compiling_beside(*, calls_them: bool = True) -> Iterator[None]:
 
 def start_second_python() -> subprocess.Popen[bytes]:
     """Start a Python that calls the kernels."""
-    root = Path(__file__).parents[2]
     package = __name__.removesuffix(".operators.pipeline.kernels_beside")
-    words = [sys.executable, str(calling_path()), package, str(root), *sys.path]
-    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())}
+    words = [sys.executable, str(SCRIPT), package, str(Path(__file__).parents[2]), *sys.path]
+    return start_compiler(words, subprocess.DEVNULL)
+
+
+def start_compiler(words: list[str], said: IO[bytes] | int, **variables: str) -> subprocess.Popen[bytes]:
+    """Start a program that compiles kernels into the cache folder that this process uses, however it was named.
+
+    said: takes what it writes. variables: of its environment.
+    """
+    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())} | variables
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
     return subprocess.Popen(
-        words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
-        creationflags=flags,
-    )  # fmt: skip
+        words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
+    )

@@ -8,7 +8,7 @@ Operators, the render engine, animations, `verify-light` and the command line al
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
@@ -29,12 +30,13 @@ from ..scene.scene_mesh import SceneMesh
 from ..schema.table import SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
-from .stages import UNLIT, GridChoice, baked, bisected, build, choose_grid, turned, two_lights, unlit
+from .stages import UNLIT, GridChoice, baked, build, choose_grid, two_lights, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..state.scene_state import SceneState
+
 
 @dataclass(frozen=True, eq=False)
 class OctreeOverrides:
@@ -58,10 +60,16 @@ class OctreeOverrides:
     chosen: frozenset[int] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    @staticmethod
+    def on_grid_of(octree: Octree, layout: LeafLevels | None, state: SceneState | None) -> OctreeOverrides:
+        """Overrides for an octree on the grid of another one, of the same objects whatever is selected now."""
+        chosen = None if state is None else state.chosen
+        return OctreeOverrides(grid=GridChoice(octree.grid, layout, leaves=octree.leaf_count), chosen=chosen)
+
 
 @dataclass(frozen=True, eq=False)
 class ReadSurface:
-    """Surface as it was read by settings and a overrides. state: of the scene then."""
+    """Surface as it was read by settings and overrides. state: of the scene then."""
 
     settings: JobSettings
     overrides: OctreeOverrides
@@ -138,7 +146,9 @@ def choose_leaves(
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     with clock.stage("depth"):
         if overrides.grid is not None:
-            _check_inside(source.bounds_world, overrides.grid.grid)
+            corners = overrides.grid.grid.to_unit(source.bounds_world)
+            if corners.min() < 0.0 or corners.max() > 1.0:
+                raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")
             choice, cameras = overrides.grid, ()
         else:
             if cameras is None and overrides.cameras is not None:
@@ -147,7 +157,8 @@ def choose_leaves(
                 cameras = yield from fit_cameras(context, settings, source)
             choice = yield from choose_grid(source, cameras, settings)
         if surface.is_baked and not cameras:
-            cameras = yield from _lookers(context, surface)
+            with suppress(SceneError):  # a scene without any is baked, too
+                cameras = yield from _looking(context, settings, source, overrides.depsgraph)
     return ChosenLeaves(choice, cameras)
 
 
@@ -159,21 +170,15 @@ def light_octree(
     kept: BakePageCache | None = None,
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
+    from ...patchnet_addon.surface.shading import bisected_shade
+
     overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
     with overrides.baking():
         if surface.is_baked:
-            baking = baked(
-                context,
-                source,
-                choice,
-                settings,
-                clock,
-                kept=kept,
-                depsgraph=overrides.depsgraph,
-                cameras=leaves.cameras,
-            )
+            graph, cameras = overrides.depsgraph, leaves.cameras
+            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
             shade, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
@@ -182,11 +187,15 @@ def light_octree(
                 shade = yield from own
         with clock.stage("voxelize"):
             if overrides.bisect is not None:
-                shade = bisected(shade, source, *overrides.bisect)
+                shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
-            turned_source, grid = turned(source, choice.grid, overrides.rotation)
             provenance = _provenance(overrides, surface.state) | notes
-            octree = yield from build(turned_source, replace(choice, grid=grid), shade, settings, kind, provenance)
+            if overrides.rotation:
+                turned = RotatedSource(source, random_rotation(overrides.rotation))
+                choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))
+                octree = yield from build(turned, choice_turned, shade, settings, kind, provenance)
+            else:
+                octree = yield from build(source, choice, shade, settings, kind, provenance)
     thin = thin_warnings(source, choice.grid, leaves.cameras)
     own_color = () if surface.is_baked else source.color_warnings
     warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)
@@ -198,12 +207,20 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
 
     Raises SceneError.
     """
-    wanted = settings.view.cameras, settings.view.size, settings.surface.bounds_world(source)
-    if settings.surface.track and list(settings.view.cameras) != [AUTO]:  # which stand still
-        return track_cameras(context, *wanted)
+    view, bounds_world = settings.view, settings.surface.bounds_world(source)
+    if settings.surface.track and list(view.cameras) != [AUTO]:  # which stand still
+        return track_cameras(context, view.cameras, view.size, bounds_world)
     if settings.surface.has_given_depth:
         return []
-    return (yield from looking_cameras(context.evaluated_depsgraph_get(), *wanted, source))
+    return (yield from _looking(context, settings, source, None))
+
+
+def _looking(
+    context: bpy.types.Context, settings: JobSettings, source: SceneMesh, depsgraph: bpy.types.Depsgraph | None
+) -> Steps[list[Camera]]:
+    view, bounds_world = settings.view, settings.surface.bounds_world(source)
+    graph = depsgraph or context.evaluated_depsgraph_get()
+    return looking_cameras(graph, view.cameras, view.size, bounds_world, source)
 
 
 def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
@@ -233,20 +250,3 @@ def _provenance(overrides: OctreeOverrides, state: SceneState) -> dict[str, Any]
     if known and state.gloss_from:
         known["gloss_from"] = state.gloss_from
     return known | overrides.provenance
-
-
-def _lookers(context: bpy.types.Context, surface: ReadSurface) -> Steps[Sequence[Camera]]:
-    """Cameras that look where none are needed for the depth; none if the scene has none."""
-    depsgraph, settings = surface.overrides.depsgraph or context.evaluated_depsgraph_get(), surface.settings
-    wanted, bounds_world = settings.view, settings.surface.bounds_world(surface.source)
-    try:
-        return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, surface.source))
-    except SceneError:
-        return ()
-
-
-def _check_inside(bounds_world: np.ndarray, grid: Grid) -> None:
-    """Raises SceneError if the surface (2, 3) has left the cube that was voxelized."""
-    corners = grid.to_unit(bounds_world)
-    if corners.min() < 0.0 or corners.max() > 1.0:
-        raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")

@@ -29,8 +29,10 @@ from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
 from .reports import REPORT_NAME, remove_omitted, reported
 
+OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 _MAX_BYTES = 120
-_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # no folder of Windows can have these names
+# No folder of Windows can have these names, and no camera's own name may be what a hash makes of another one's.
+_OTHERS = re.compile(r"con|prn|aux|nul|com\d|lpt\d|.*-[0-9a-f]{16}", re.IGNORECASE)
 
 
 def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, str]:
@@ -44,46 +46,26 @@ def camera_folders(names: Iterable[str]) -> dict[str, str]:
     """Folder name for each camera's name, all of them different for every file system.
 
     Letters and digits of the camera's name, other characters as "_". Where that is not the name of one camera alone, by
-    whatever case of letters, a hash of the camera's own name follows; so names do not depend on the order of cameras,
-    and with all cameras of a scene given not on which of them are looked through.
+    whatever case of letters, or could be one with a hash, a hash of the camera's own name follows; so names do not
+    depend on the order of cameras, and with all cameras of a scene given not on which of them are looked through.
     """
-    names = list(dict.fromkeys(names))
-    for digits in (4, 8, 16, 32):
-        found = _with_digits(names, digits)
-        if len({_folded(folder) for folder in found.values()}) == len(names):
-            break
-    return found
-
-
-def _with_digits(names: list[str], digits: int) -> dict[str, str]:
-    plain = {name: _plain(name) for name in names}
+    plain = {name: bpy.path.clean_name(name) or "camera" for name in names}
     owners = Counter(_folded(folder) for folder in plain.values())
     unchanged = Counter(_folded(name) for name, folder in plain.items() if name == folder)
     found = {}
     for name, folder in plain.items():
-        key = _folded(folder)
+        key, content = _folded(folder), folder.encode(errors="surrogatepass")
         alone = owners[key] == 1 or (name == folder and unchanged[key] == 1)
-        if not alone or _DEVICES.fullmatch(folder) or len(folder.encode(errors="surrogatepass")) > _MAX_BYTES:
-            digest = hashlib.blake2b(name.encode(errors="surrogatepass")).hexdigest()[:digits]
-            folder = f"{_shortened(folder)}-{digest}"
+        if not alone or _OTHERS.fullmatch(folder) or len(content) > _MAX_BYTES:
+            digest = hashlib.blake2b(name.encode(errors="surrogatepass"), digest_size=8).hexdigest()
+            folder = f"{content[:_MAX_BYTES].decode(errors='ignore')}-{digest}"
         found[name] = folder
     return found
-
-
-def _plain(name: str) -> str:
-    return bpy.path.clean_name(name) or "camera"
 
 
 def _folded(folder: str) -> str:
     """Folded name, the same for names that some file system takes for one: of other case, or composed otherwise."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
-
-
-def _shortened(folder: str) -> str:
-    return folder.encode(errors="surrogatepass")[:_MAX_BYTES].decode(errors="ignore")
-
-
-OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 
 
 def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, reference: bool = False) -> dict[str, FileKind]:
@@ -102,8 +84,8 @@ def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, referenc
 def job_inputs(settings: JobSettings) -> list[Path]:
     """Files that a job reads: those of the open scene, weights, and a painted mask."""
     importance = settings.view.importance
-    mask = importance.file if importance is not None else None
-    return [*scene_inputs(), settings.network.weights or default_weights_path(), *([] if mask is None else [mask])]
+    masks = [importance.file] if importance is not None and importance.file is not None else []
+    return [*scene_inputs(), settings.network.weights or default_weights_path(), *masks]
 
 
 def scene_inputs() -> Iterator[Path]:
@@ -181,32 +163,18 @@ def _parent(out: Path) -> Path:
 
 
 def _move(source: Path, out: Path) -> None:
-    """Move all files, the report last, because it speaks of the others; what has to be copied is so before the rest."""
-    names = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
-    renames = {folder: _can_be_renamed(source, folder) for folder in {(out / name).parent for name in names}}
-    with ExitStack() as stack:
-        sources: dict[Path, Path] = {}
-        for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
-            temporary = sources[out / name] = source / name
-            if not renames[(out / name).parent]:
-                temporary = sources[out / name] = temporary_path(out / name)
-                stack.callback(temporary.unlink, missing_ok=True)
+    """Move all files, the report last, because it speaks of the others; to another disk by way of a copy."""
+    names = [path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()]
+    for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.replace(source / name, out / name)
+        except OSError as cause:
+            if cause.errno != errno.EXDEV:
+                raise
+            temporary = temporary_path(out / name)
+            try:
                 shutil.copyfile(source / name, temporary)
-        for target, temporary in sources.items():
-            os.replace(temporary, target)
-
-
-def _can_be_renamed(source: Path, folder: Path) -> bool:
-    """Return whether files in `source` can go into `folder`, which is made, or it is on another disk or mount."""
-    folder.mkdir(parents=True, exist_ok=True)
-    probe, there = temporary_path(source / "probe"), temporary_path(folder / "probe")
-    probe.touch()
-    try:
-        os.replace(probe, there)
-    except OSError as cause:
-        probe.unlink()
-        if cause.errno != errno.EXDEV:
-            raise
-        return False
-    there.unlink()
-    return True
+                os.replace(temporary, out / name)
+            finally:
+                temporary.unlink(missing_ok=True)

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Report file report.json, which names all files of a job, so that the next job leaves no pictures that it omits; and
-versions of the programs that computed a result.
-"""
+"""Report file report.json, which names all files of a job, so that the next one leaves no pictures that it omits."""
 
 from __future__ import annotations
 
@@ -22,6 +20,10 @@ from ...patchnet_addon.runtime.outputs import identities, identity
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.versions import installed_version, own_version
 
+REPORT_NAME = "report.json"
+_LIBRARIES = ("numpy", "numba", "torch")
+_PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
+
 
 def versions() -> dict[str, Any]:
     """Versions of PatchNet, Blender, Python and the libraries that compute; None for one that is not there."""
@@ -29,24 +31,14 @@ def versions() -> dict[str, Any]:
         "patchnet": own_version(),
         "blender": bpy.app.version_string,
         "python": platform.python_version(),
-        **{name: _installed(name) for name in ("numpy", "numba", "torch")},
+        # Blender's own NumPy says its version only in the module.
+        **{name: getattr(sys.modules.get(name), "__version__", None) or installed_version(name) for name in _LIBRARIES},
     }
 
 
 def machine() -> dict[str, Any]:
     """Kind of machine, as far as timings depend on it."""
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
-
-
-def _installed(name: str) -> str | None:
-    """Version of an imported module, else of an installed package: Blender's own NumPy says it only in the module."""
-    if name in sys.modules:
-        return str(sys.modules[name].__version__)
-    return installed_version(name)
-
-
-REPORT_NAME = "report.json"
-_PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 
 
 @dataclass(frozen=True)
@@ -92,12 +84,8 @@ def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
     keep = identities([*inputs, *(out / name for name in now.files)])  # the same file may have several names
     for name in before.files - now.files:
         path, parents = out / name, PurePosixPath(name).parents[:-1]
-        kind = _PICTURES.get(path.suffix.lower())
-        if (
-            not parents
-            or kind is None
-            or any(part.is_symlink() for part in (path, *(out / parent for parent in parents)))
-        ):
+        kind, links = _PICTURES.get(path.suffix.lower()), (path, *(out / parent for parent in parents))
+        if not parents or kind is None or any(part.is_symlink() for part in links):
             continue
         with contextlib.suppress(OSError):
             if identity(path) not in keep and kind.is_at(path):

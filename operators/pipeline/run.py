@@ -25,7 +25,6 @@ from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene_access.images import VIEW_TRANSFORM, save_png
-from ..settings.groups import ViewSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
@@ -36,7 +35,7 @@ from .kernels_beside import compiling_beside
 from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
-from .stages import GridChoice, encode, load_network
+from .stages import encode, load_network
 from .unfinished import Meanwhile, first_look, stand_in_look
 from .views import View, overview, save_view, view, view_background
 
@@ -82,19 +81,9 @@ class Before:
     encoder: str = ""
     warnings: tuple[str, ...] = ()
 
-    @property
-    def overrides(self) -> OctreeOverrides:
-        """Overrides for an octree on the same grid, of the same objects."""
-        chosen = None if self.state is None else self.state.chosen
-        grid = GridChoice(self.octree.grid, self.layout, leaves=self.octree.leaf_count)
-        return OctreeOverrides(grid=grid, chosen=chosen)
-
 
 def run_job(
-    context: bpy.types.Context,
-    settings: JobSettings,
-    meanwhile: Meanwhile | None = None,
-    before: Before | None = None,
+    context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None, before: Before | None = None
 ) -> Steps[JobResult]:
     """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
 
@@ -156,7 +145,7 @@ def _compute(
     unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
     focus = focus_warnings(context.scene, cameras)
     notes = {"octree": made.warnings, "codes": coding_warnings, "view": (*focus, *unseen)}
-    report = job_report(coded, views, wanted, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
+    report = _report(coded, views, wanted.strategy, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
 
@@ -175,7 +164,7 @@ def _lit(
         cameras = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
         if before.lit:
             return before, cameras
-        overrides = before.overrides
+        overrides = OctreeOverrides.on_grid_of(before.octree, before.layout, before.state)
     surface = yield from read_surface(context, settings, clock, overrides)
     fit: Sequence[Camera] = ()
     if before is None:
@@ -208,12 +197,8 @@ def _codes(
     return coded, encoder, (*warnings, *([others] if others else []))
 
 
-def job_report(
-    coded: CodedOctree,
-    views: Sequence[View],
-    settings: ViewSettings,
-    timings_s: dict[str, float],
-    warnings: Sequence[str],
+def _report(
+    coded: CodedOctree, views: Sequence[View], strategy: str, timings_s: dict[str, float], warnings: Sequence[str]
 ) -> dict[str, Any]:
     """Report of everything that was measured, as plain JSON values."""
     octree = coded.octree
@@ -232,19 +217,16 @@ def job_report(
         "timings_s": timings_s,
         "frames": [item.report for item in views],
         "error_unit": ERROR_UNIT,
-        "strategy": settings.strategy,
+        "strategy": strategy,
         "view_transform": VIEW_TRANSFORM,
         "light": octree.provenance,
         "warnings": list(warnings),
-        "weights": {"hash": coded.weights_hash} | _scalars(coded.weights.metadata),
+        # Curves and tables stand in the weights' model card.
+        "weights": {"hash": coded.weights_hash}
+        | {name: value for name, value in coded.weights.metadata.items() if isinstance(value, str | int | float)},
         "versions": versions(),
         "machine": machine(),
     }
-
-
-def _scalars(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Metadata without curves and tables, which stand in the weights' model card."""
-    return {name: value for name, value in metadata.items() if isinstance(value, str | int | float)}
 
 
 def write_result(folder: Path, result: JobResult) -> None:

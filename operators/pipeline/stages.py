@@ -20,7 +20,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
-from ...patchnet_addon.surface.mesh import Material, MeshSource, ShadingFn
+from ...patchnet_addon.surface.mesh import MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..cycles.daylight import has_light
@@ -33,13 +33,11 @@ from .encoder import Encoding, chosen_encoder
 from .reports import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
-    from ...patchnet_addon.lightmap.atlas import Atlas
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
-    from ...patchnet_addon.network.encode import Encoder
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
-_TEXTURES, _ENCODING = "Reading textures", "Encoding"
+_TEXTURES, _ENCODING = Progress(0, 1, "Reading textures"), Progress(0, 1, "Encoding")
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 
@@ -114,7 +112,17 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
 
 def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
     """Colour of the surface itself, before any light is baked."""
-    return computed(lambda: _albedo(source, light), Progress(0, 1, _TEXTURES))
+    from ...patchnet_addon.surface.shading import albedo_shade
+
+    return computed(lambda: albedo_shade(source, color=light.color), _TEXTURES)
+
+
+def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[ShadingFn]:
+    """Surface in the paper's two lights, from the usual direction or that of a seed."""
+    from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
+
+    x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
+    return computed(lambda: two_lights_shade(source, (x, y, z), color=light.color), _TEXTURES)
 
 
 def baked(
@@ -134,16 +142,19 @@ def baked(
     kept: where a bake finds pages of one that was stopped, and leaves its own.
     depsgraph: what `source` was read from; None takes the context's. cameras: those that look, see `bake_luminance`.
     """
+    from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
+    from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
+    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
     from ..cycles.bake import KeptPages, bake_luminance
 
-    coarse, light, graph = light_warnings(source, choice.grid), settings.light, depsgraph
-    if graph is None:
-        graph = context.evaluated_depsgraph_get()
+    coarse, light = light_warnings(source, choice.grid), settings.light
+    graph = depsgraph or context.evaluated_depsgraph_get()
     if light.daylight is None:
         light = replace(light, daylight=not has_light(graph))
     with clock.stage("light"):
-        texel_world = yield from computed(
-            lambda: _texel_sizes(source, choice, light), Progress(0, 1, "Measuring the surface")
+        texel_world: Any = yield from computed(
+            lambda: texel_sizes(source, choice.grid, choice.layout, light.texel_voxels),
+            Progress(0, 1, "Measuring the surface"),
         )
         pages = None if kept is None else KeptPages.of(kept, graph)
         device = settings.compute.device
@@ -152,62 +163,9 @@ def baked(
         )
     with clock.stage("denoise"):
         if light.denoise:
-            atlas = yield from computed(lambda: _denoised(atlas, source), Progress(0, 1, "Denoising light"))
-        shade = yield from computed(lambda: _baked(atlas, source), Progress(0, 1, _TEXTURES))
+            atlas = yield from computed(lambda: denoised_atlas(atlas, source), Progress(0, 1, "Denoising light"))
+        shade = yield from computed(lambda: atlas_shade(atlas, source), _TEXTURES)
     return shade, (*coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())), atlas.notes
-
-
-def _albedo(source: MeshSource, light: LightSettings) -> ShadingFn:
-    from ...patchnet_addon.surface.shading import albedo_shade
-
-    return albedo_shade(source, color=light.color)
-
-
-def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[ShadingFn]:
-    """Surface in the paper's two lights, from the usual direction or that of a seed."""
-    return computed(lambda: _two_lights(source, light, rotation), Progress(0, 1, _TEXTURES))
-
-
-def _two_lights(source: MeshSource, light: LightSettings, rotation: int) -> ShadingFn:
-    from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
-
-    x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
-    return two_lights_shade(source, (x, y, z), color=light.color)
-
-
-def _texel_sizes(source: SceneMesh, choice: GridChoice, light: LightSettings) -> Any:
-    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-
-    return texel_sizes(source, choice.grid, choice.layout, light.texel_voxels)
-
-
-def _denoised(atlas: Atlas, source: MeshSource) -> Atlas:
-    from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
-
-    return denoised_atlas(atlas, source)
-
-
-def _baked(atlas: Atlas, source: MeshSource) -> ShadingFn:
-    from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
-
-    return atlas_shade(atlas, source)
-
-
-def bisected(shade: ShadingFn, source: MeshSource, axis: int, share: float) -> ShadingFn:
-    """Shade that leaves out what lies beyond a plane across an axis (0 to 2), at a share of the surface's extent."""
-    from ...patchnet_addon.surface.shading import bisected_shade
-
-    return bisected_shade(shade, source.bounds_world, axis, share)
-
-
-def turned(source: SceneMesh, grid: Grid, rotation: int) -> tuple[MeshSource, Grid]:
-    """Turn the surface by the random rotation of a seed; the grid has the same depth around it. 0 turns nothing."""
-    if not rotation:
-        return source, grid
-    from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
-
-    surface = RotatedSource(source, random_rotation(rotation))
-    return surface, Grid.around(surface.bounds_world, grid.depth)
 
 
 def build(
@@ -222,6 +180,8 @@ def build(
 
     provenance: entries of the file beside those that say how it was made, and in the place of such.
     """
+    from ...patchnet_addon.octree.build import build_octree
+
     layout = choice.layout
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
     exposure = settings.light.exposure if light != UNLIT else None  # a colour without light is not exposed
@@ -229,13 +189,11 @@ def build(
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
     def make() -> Steps[Octree]:
-        from ...patchnet_addon.octree.build import build_octree
-
         return build_octree(
             source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True
         )
 
-    return (yield from run_in_worker(make, Progress(0, 1, "Voxelizing")))
+    return run_in_worker(make, Progress(0, 1, "Voxelizing"))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
@@ -251,16 +209,11 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "both_sides": settings.light.both_sides,
         "versions": versions(),
     }
-    if all(_is_black(material) for material in source.materials):
+    if all(max(*material.base_color, *material.emission) <= 0.0 for material in source.materials):
         values[BLACK_SURFACE] = named_list(material.name for material in source.materials)
     if light == CYCLES:
-        light_of_bake = settings.light
-        values |= {name: getattr(light_of_bake, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}
+        values |= {name: getattr(settings.light, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}
     return values
-
-
-def _is_black(material: Material) -> bool:
-    return max(*material.base_color, *material.emission) <= 0.0
 
 
 def load_network(network: NetworkSettings) -> Weights:
@@ -277,14 +230,10 @@ def lookahead_of(network: NetworkSettings) -> int:
 
 def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:
     """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
-    yield Progress(0, 1, _ENCODING)
-    with chosen_encoder(weights, compute) as chosen:
-        steps = run_in_worker(lambda: _encoded(octree, weights, chosen.encoder), Progress(0, 1, _ENCODING))
-        coded = yield from labelled(steps, f"{{}} with {chosen.text}")
-    return coded, chosen
-
-
-def _encoded(octree: Octree, weights: Weights, encoder: Encoder) -> Steps[CodedOctree]:
     from ...patchnet_addon.codes.encode import encode_octree
 
-    return encode_octree(octree, weights, encoder=encoder)
+    yield _ENCODING
+    with chosen_encoder(weights, compute) as chosen:
+        steps = run_in_worker(lambda: encode_octree(octree, weights, encoder=chosen.encoder), _ENCODING)
+        coded = yield from labelled(steps, f"{{}} with {chosen.text}")
+    return coded, chosen

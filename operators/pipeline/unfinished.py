@@ -14,7 +14,7 @@ from ...patchnet_addon.image.background import BLACK, encoded, opaque
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps, changed
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.scene_mesh import SceneMesh
@@ -69,18 +69,17 @@ def first_look(
     background: np.ndarray | None = BLACK,
 ) -> Steps[None]:
     """Trace the first ray of every pixel, and show it under a title over a background, see `View`."""
-    ground = Ground(camera, background, octree.exposure)
-    tracing = Progress(0, 1, f"{camera.name}: Tracing the preview")
-    picture = yield from computed(lambda: _traced(octree, ground), tracing)
-    meanwhile(Unfinished(camera.name, title, picture))
-
-
-def _traced(octree: Octree, ground: Ground) -> np.ndarray:
     from ...patchnet_addon.tracing.render import first_hits, hit_colors
 
-    hits = first_hits(octree, ground.camera)
-    light = hits.luminance if octree.chroma is None else hit_colors(octree, hits)
-    return opaque(ground.picture(light, hits.hit.astype(np.float32)))
+    ground = Ground(camera, background, octree.exposure)
+
+    def traced() -> np.ndarray:
+        hits = first_hits(octree, camera)
+        light = hits.luminance if octree.chroma is None else hit_colors(octree, hits)
+        return opaque(ground.picture(light, hits.hit.astype(np.float32)))
+
+    picture = yield from computed(traced, Progress(0, 1, f"{camera.name}: Tracing the preview"))
+    meanwhile(Unfinished(camera.name, title, picture))
 
 
 def stand_in_look(
@@ -101,17 +100,14 @@ def shown_meanwhile(
 ) -> Steps[RefinedPicture]:
     """Pass on the steps of a refinement; now and then the picture that they work on, once it has `begun`, is shown."""
     last = time.monotonic()
-    try:
-        while True:
-            report = next(steps)
-            if begun and time.monotonic() - last > _SHOWN_S:
-                light = begun[0].luminance if begun[0].colors is None else begun[0].colors
-                picture = opaque(ground.picture(light, begun[0].alpha))
-                meanwhile(Unfinished(ground.camera.name, f"refining, {report.fraction:.0%}", picture))
-                last = time.monotonic()
-            yield report
-    except StopIteration as stop:
-        finished: RefinedPicture = stop.value
-        return finished
-    finally:
-        steps.close()
+
+    def shown(report: Progress) -> Progress:
+        nonlocal last
+        if begun and time.monotonic() - last > _SHOWN_S:
+            light = begun[0].luminance if begun[0].colors is None else begun[0].colors
+            picture = opaque(ground.picture(light, begun[0].alpha))
+            meanwhile(Unfinished(ground.camera.name, f"refining, {report.fraction:.0%}", picture))
+            last = time.monotonic()
+        return report
+
+    return changed(steps, shown)

@@ -128,13 +128,13 @@ def view(
     if compare:
         known = yield from _traced(coded, camera, strategies, reference=True)
         buffers = replace(known, importance=buffers.importance, unrefined=settings.unrefined)
-    measuring = Progress(0, 1, f"{camera.name}: {'Preparing pictures' if not compare else 'Measuring errors'}")
-    made = yield from computed(
-        lambda: _measured(
-            coded.octree, camera, _rankings(buffers, strategies, ranking), refined, settings, ground.background
-        ),
-        measuring,
-    )
+    measuring = Progress(0, 1, f"{camera.name}: {'Measuring errors' if compare else 'Preparing pictures'}")
+
+    def measure() -> View:
+        rankings = _rankings(buffers, strategies, ranking)
+        return _measured(coded.octree, ground, rankings, refined, settings)
+
+    made = yield from computed(measure, measuring)
     made = replace(made, warnings=(*made.warnings, *background.warnings))
     if compare:
         uniform = run_in_worker(lambda: uniform_report(coded.octree, camera, buffers), measuring)
@@ -180,11 +180,7 @@ def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfini
 
 
 def _refined(
-    octree: Octree,
-    ranking: Ranking,
-    settings: ViewSettings,
-    meanwhile: Meanwhile | None,
-    ground: Ground,
+    octree: Octree, ranking: Ranking, settings: ViewSettings, meanwhile: Meanwhile | None, ground: Ground
 ) -> Steps[RefinedPicture]:
     """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
     begun: list[RefinedPicture] = []
@@ -203,16 +199,15 @@ def _refined(
 
 def _measured(
     octree: Octree,
-    camera: Camera,
+    ground: Ground,
     rankings: Mapping[str, Mapping[str, Ranking]],
     refined: RefinedPicture,
     settings: ViewSettings,
-    background: np.ndarray | None,
 ) -> View:
     """Figures and pictures of a refined view; errors of the preview are reported whatever unrefined pixels show."""
     from ...patchnet_addon.tracing.empty_view import why_unseen
 
-    chosen = rankings[settings.unrefined][settings.strategy]
+    camera, chosen = ground.camera, rankings[settings.unrefined][settings.strategy]
     buffers = chosen.buffers
     seen = (buffers.preview, refined.luminance, *([] if buffers.reference is None else [buffers.reference]))
     unseen = why_unseen(octree, camera, buffers.hits, max(float(values.max()) for values in seen))
@@ -226,7 +221,7 @@ def _measured(
     report["refined"] = asked | samples_report(chosen, refined)
     if settings.importance is not None:
         report["refinable_pixels"] = refinable(buffers)
-    made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,), background)
+    made = View(octree, camera, chosen, refined, {}, report, () if unseen is None else (unseen,), ground.background)
     return replace(made, pictures=_pictures(made, settings))
 
 
@@ -253,9 +248,8 @@ def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
     }
     if buffers.reference is not None and made.errors is not None:
         before, after = (picture(np.abs(values - buffers.reference)) for values in (buffers.shown, refined.luminance))
-        pictures["error"] = error_picture(
-            before, after, ERROR_MAXIMUM, made.errors, map_name=ramp, unrefined=settings.unrefined
-        )
+        unrefined = settings.unrefined
+        pictures["error"] = error_picture(before, after, ERROR_MAXIMUM, made.errors, map_name=ramp, unrefined=unrefined)
     return pictures
 
 
@@ -268,13 +262,12 @@ def _lit_pictures(made: View) -> dict[str, np.ndarray]:
         "refined": (refined.luminance, refined.colors, refined.alpha),
         "reference": (buffers.reference, buffers.reference_color, buffers.reference_alpha),
     }
-    pictures = {}
-    for item, (gray, color, alpha) in looks.items():
-        if gray is not None:
-            assert alpha is not None  # known with the light
-            light = gray if color is None else color
-            pictures[item] = buffers.picture(encoded(light, alpha, made.background, made.octree.exposure))
-    return pictures
+    ground = made.background, made.octree.exposure
+    return {
+        item: buffers.picture(encoded(gray if color is None else color, alpha, *ground))
+        for item, (gray, color, alpha) in looks.items()
+        if gray is not None and alpha is not None  # both are known, or neither
+    }
 
 
 def overview(views: Sequence[View]) -> np.ndarray:
@@ -288,8 +281,7 @@ def overview(views: Sequence[View]) -> np.ndarray:
     rows = [[opaque(item.pictures[name]) for name in titles] for item in views]
     names = []
     for item in views:
-        errors = item.errors
-        figures = "" if errors is None else ": error x 10,000 {} -> {}".format(*map(error_text, errors))
+        figures = ": error x 10,000 {} -> {}".format(*map(error_text, item.errors)) if item.errors else ""
         names.append(item.camera.name + figures)
     return contact_sheet(rows, names, tuple(titles.values()))
 

@@ -57,16 +57,6 @@ def share(
     return number(name, description, default, bounds, subtype="FACTOR", update=update)
 
 
-def automatic_at_zero(name: str, description: str, bounds: Bounds, **others: Any) -> Any:
-    """Property for a number of the table that is found where it is 0, as it is from the start."""
-    return FloatProperty(name=name, description=description, default=0.0, min=0.0, max=_inside(bounds)[1], **others)
-
-
-def relative_path(name: str, description: str, subtype: str) -> Any:
-    """Property for a file ("FILE_PATH") or a folder ("DIR_PATH"); // stands for the folder of the .blend file."""
-    return StringProperty(name=name, description=description, subtype=subtype, options={"PATH_SUPPORTS_BLEND_RELATIVE"})
-
-
 def property_of(row: Setting) -> Any:
     """Make the Blender property of a setting."""
     words, more = {"name": row.label, "description": row.description}, dict(row.widget)
@@ -79,13 +69,14 @@ def property_of(row: Setting) -> Any:
             more |= {"search": camera_candidates, "search_options": {"SUGGESTION"}}
         return StringProperty(**words, **more)
     if row.kind in (Kind.FILE, Kind.FOLDER):
-        return relative_path(row.label, row.description, "FILE_PATH" if row.kind is Kind.FILE else "DIR_PATH")
+        subtype = "FILE_PATH" if row.kind is Kind.FILE else "DIR_PATH"
+        return StringProperty(**words, subtype=subtype, options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     assert row.bounds is not None
     if row.kind is Kind.PAIR:
         low, high = int(row.bounds.low), int(row.bounds.high)
         return IntVectorProperty(**words, size=2, default=row.default, min=low, max=high, **more)
     if row.kind is Kind.AUTOMATIC:
-        return automatic_at_zero(row.label, row.description, row.bounds, **more)
+        return FloatProperty(**words, default=0.0, min=0.0, max=_inside(row.bounds)[1], **more)
     make = share if row.kind is Kind.SHARE else number
     return make(row.label, row.description, row.default, row.bounds, **more)
 

@@ -37,28 +37,22 @@ class CameraProperties:
     __annotations__ = properties_of(CAMERAS)
 
 
-class ImportanceProperties:
-    """Importance: what matters to the user, painted."""
+class ViewProperties:
+    """View: what is refined first, what matters to the user, and how it is shown."""
 
-    __annotations__ = properties_of(IMPORTANCE)
-
-
-class ViewProperties(ImportanceProperties):
-    """View: what is refined first, and how it is shown."""
-
-    __annotations__ = properties_of(VIEW)
-
-
-class OutputProperties:
-    """Output: where files go."""
-
-    __annotations__ = properties_of(OUTPUT)
+    __annotations__ = properties_of(VIEW, IMPORTANCE)
 
 
 class CyclesRefineProperties:
     """Refinement of a preview with Cycles."""
 
     __annotations__ = properties_of(REFINEMENT)
+
+
+class OutputProperties:
+    """Output: where files go."""
+
+    __annotations__ = properties_of(OUTPUT)
 
 
 class JobProperties(

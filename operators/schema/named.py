@@ -12,15 +12,12 @@ from typing import Any
 from .setting import Kind, Setting
 from .table import TABLE
 
-
-def _named_values() -> dict[str, tuple[Setting, Any]]:
-    on_and_off = ((True, "On", ""), (False, "Off", ""))
-    choices = {row: row.choices if row.kind is Kind.CHOICE else on_and_off for row in TABLE.values()}
-    rows = [row for row in choices if row.kind in (Kind.CHOICE, Kind.SWITCH)]
-    return {f"{row.label}: {label}": (row, value) for row in rows for value, label, _ in choices[row]}
-
-
-_NAMED = _named_values()
+_VALUES = {Kind.SWITCH: ((True, "On", ""), (False, "Off", ""))}
+_NAMED: dict[str, tuple[Setting, Any]] = {
+    f"{row.label}: {label}": (row, value)
+    for row in TABLE.values()
+    for value, label, _ in row.choices or _VALUES.get(row.kind, ())
+}
 _WORDS = re.compile("|".join(re.escape(words) for words in sorted(_NAMED, key=len, reverse=True)))
 
 
@@ -31,7 +28,6 @@ def named_settings(text: str) -> dict[str, tuple[Setting, Any]]:
 
 def with_flags(text: str) -> str:
     """Add to each setting that a sentence names the flag of the command line: "Gloss: Automatic (--gloss auto)"."""
-
 
     def flagged(match: re.Match[str]) -> str:
         row, value = _NAMED[match[0]]

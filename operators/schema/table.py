@@ -3,8 +3,7 @@
 
 Properties of scenes and operators (`properties/`), arguments of commands (`commands/shared/job_arguments.py`), checks
 of numbers (`settings/groups.py`), what makes a step stale (`settings/job_settings.py`) and keys of caches are derived.
-The group of each row is that of the field that holds it: `GROUP_OF` of `settings/job_settings.py` (this module cannot
-import the groups, whose defaults and bounds it holds).
+The group of each row is that of the field that holds it: `SETTING_PATHS` of `settings/job_settings.py`.
 """
 
 from __future__ import annotations

@@ -8,9 +8,8 @@ moment after a file was opened.
 
 from __future__ import annotations
 
-import itertools
 import os
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -27,14 +26,11 @@ from .staleness import look_again
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
-    from ...patchnet_addon.network.weights import Weights
     from ..state.scene_state import SceneState
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
 _AFTER_OPENING_S = 0.1
-_saving = threading.Lock()
-_numbers = itertools.count()
-_newest: dict[str, int] = {}  # number of the last entry of each key that was to be written
+_writer = ThreadPoolExecutor(1, "PatchNet cache")  # one entry after the other: an older one never ends last
 _looked: set[int] = set()  # scenes of the open file that were looked for, by session_uid
 
 
@@ -45,17 +41,8 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
     cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
     if bpy.app.background:
         cache.save(key, entry)
-        return
-    _newest[key] = number = next(_numbers)
-    threading.Thread(target=_save, args=(cache, key, entry, number), name="PatchNet cache").start()
-
-
-def _save(cache: OctreeCache, key: str, entry: CachedOctree, number: int) -> None:
-    """Write an entry if no newer one of its key waits; one after the other, lest an older one end last."""
-    with _saving:
-        if _newest.get(key) == number:
-            cache.save(key, entry)
-            _newest.pop(key, None)
+    else:
+        _writer.submit(cache.save, key, entry)
 
 
 def restore(scene: bpy.types.Scene) -> bool:
@@ -76,10 +63,12 @@ def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
     cache, fingerprint = _cache(), _fingerprint(scene)
     if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
         return None  # found out without looking at the scene's contents
+    from ..pipeline.stages import load_network
+    from ..properties import scene_settings
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
-    found = cache.load(_key(state), _weights(scene))
+    found = cache.load(_key(state), load_network(scene_settings(scene).network))
     if found is None:
         return None
     if (names := found.notes.get("chosen")) is not None:  # selected may be others by now
@@ -116,7 +105,7 @@ def _cache() -> OctreeCache:
 
 def _key(state: SceneState) -> str:
     """Key of what an octree depends on beside the settings it was last made with, which stand in the entry."""
-    from ..animation.frame_key import code_hash
+    from ..animation.frame_record import code_hash
 
     return state.identity(code_hash(), bpy.app.version_string)
 
@@ -130,26 +119,22 @@ def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
 def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     from ...patchnet_addon.codes.octree_cache import CachedOctree
 
+    state, chosen = result.state, None  # names of the objects that have voxels, None for all
+    if state is not None and state.chosen is not None:
+        chosen = [item.name_full for item in scene.objects if item.session_uid in state.chosen]
     notes = {
         "fingerprint": _fingerprint(scene),
         "scope": result.scope,
-        "chosen": _names(result.state, scene),
+        "chosen": chosen,
         "light": result.light,
         "seconds": result.seconds,
         "encoder": result.encoder,
         "made_with": result.made_with,
         "made_by": result.made_by,
         "notes": results.without_view(result).notes,
-        "gloss_from": "" if result.state is None else result.state.gloss_from,
+        "gloss_from": "" if state is None else state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
-
-
-def _names(state: SceneState | None, scene: bpy.types.Scene) -> list[str] | None:
-    """Names of the objects that have voxels, None for all."""
-    if state is None or state.chosen is None:
-        return None
-    return [item.name_full for item in scene.objects if item.session_uid in state.chosen]
 
 
 def _result(found: CachedOctree, state: SceneState) -> SceneResult:
@@ -171,13 +156,6 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         notes={step: tuple(texts) for step, texts in notes.get("notes", {}).items()},
         state=replace(state, gloss_from=notes.get("gloss_from", "")),
     )
-
-
-def _weights(scene: bpy.types.Scene) -> Weights:
-    from ..pipeline.stages import load_network
-    from ..properties import scene_settings
-
-    return load_network(scene_settings(scene).network)
 
 
 @persistent

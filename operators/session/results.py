@@ -16,10 +16,8 @@ from ..scene_access.lengths import length_text
 from ..settings.job_settings import recorded
 from ..state.watch import changes_meanwhile
 from .scene_result import SceneResult
-from .scene_session import in_main_thread, open_sessions, session_of
+from .scene_session import in_main_thread, session_of
 
-if TYPE_CHECKING:
-    from .scene_result import SceneResult
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
     from ..pipeline.estimate import Estimate
@@ -27,14 +25,13 @@ if TYPE_CHECKING:
 
 _LIGHTS = {"none": "none, the surface's own color", "cycles": "Cycles", "two-lights": "Two Lights"}
 _STEPS = {
-    "read": "Reading",
-    "depth": "Depth",
-    "voxelize": "Voxels",
-    "light": "Light",
-    "denoise": "Denoising",
-    "codes": "Look-ahead",
-    "views": "Views",
-}
+    "read": "Reading", "depth": "Depth", "voxelize": "Voxels", "light": "Light", "denoise": "Denoising",
+    "codes": "Look-ahead", "views": "Views",
+}  # fmt: skip
+NO_VOXELS = "There are no voxels yet: run Voxelize first"
+NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
+# Called with a scene and its result after a step that is worth keeping.
+listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
 
 def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
@@ -57,11 +54,6 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
     spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
     return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
 
-
-NO_VOXELS = "There are no voxels yet: run Voxelize first"
-NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
-# Called with a scene and its result after a step that is worth keeping.
-listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
@@ -86,10 +78,7 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
 
 
 def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: JobSettings | None = None) -> None:
-    """Replace what is there for `scene`. `steps`: those that were done now, of "octree", "light", "codes", "view".
-
-    settings: of the job.
-    """
+    """Replace what is there for `scene`. `steps`: done now by `settings`, of "octree", "light", "codes", "view"."""
     if settings is not None:
         result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
@@ -132,13 +121,3 @@ def redraw_viewports() -> None:
 def estimate_of(scene: bpy.types.Scene) -> Estimate | None:
     """Last estimate for `scene`, or None."""
     return session_of(scene).estimate
-
-
-def keep_estimate(scene: bpy.types.Scene, estimate: Estimate) -> None:
-    """Replace the estimate for `scene`."""
-    session_of(scene).estimate = estimate
-
-
-def held_bytes() -> int:
-    """Bytes that the results of all scenes hold."""
-    return sum(session.result.nbytes for session in open_sessions() if session.result is not None)

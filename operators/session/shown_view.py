@@ -22,8 +22,6 @@ from .scene_result import Comparison, Row, SceneResult
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
-if TYPE_CHECKING:
-    from ..pipeline.views import View
 
 
 def attach_view_stats(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
@@ -163,12 +161,5 @@ def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> S
     shown = [name for name in (PREVIEW, PREDICTED, REFINED, REFERENCE) if name.lower() in view.pictures]
     looks = {name: to_bytes(view.pictures[name.lower()]) for name in shown}
     maximum = settings.heatmap_maximum or view.ranking.strategy.maximum
-    return ShownView(
-        view.camera,
-        {PRIORITY: view.priority, **values},
-        looks,
-        view.strategy,
-        maximum,
-        chosen_maximum,
-        ref(view.octree),
-    )
+    values[PRIORITY] = view.priority
+    return ShownView(view.camera, values, looks, view.strategy, maximum, chosen_maximum, ref(view.octree))

@@ -13,20 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Iterator
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..scene_access.images import is_shown
 from ..scene_access.own import is_quiet
+from ..state.gloss_view import GLOSS_MOVED
+from ..state.scene_state import LIGHT, SURFACE, Change, SceneState, scene_state
 from ..state.watch import watches_of
 from . import results
 from .scene_result import SceneResult
 from .scene_session import in_main_thread
-
-if TYPE_CHECKING:
-    from ..state.scene_state import Change, SceneState
 
 _MAX_UPDATES = 1000  # compared one by one after one change
 _QUICK_S = 0.5  # a comparison of everything may take so long while the user works
@@ -90,8 +89,6 @@ def changes(
 
 def _of_scene(state: SceneState, scene: bpy.types.Scene, known: Collection[Hashable]) -> Iterator[Change]:
     """Compare what no data-block's own report tells."""
-    from ..state.scene_state import Change
-
     yield from _gloss(state, scene)
     found = state.differences_of_scene(scene)
     again = {key for key in known if state.is_of_scene(key)} - {change.key for change in found}
@@ -99,9 +96,6 @@ def _of_scene(state: SceneState, scene: bpy.types.Scene, known: Collection[Hasha
 
 
 def _gloss(state: SceneState, scene: bpy.types.Scene) -> Iterator[Change]:
-    from ..state.gloss_view import GLOSS_MOVED
-    from ..state.scene_state import LIGHT, Change
-
     if state.gloss_from:
         yield Change(GLOSS_MOVED, (LIGHT,) if state.gloss_has_moved(scene) else (), GLOSS_MOVED)
 
@@ -111,8 +105,6 @@ def _look_at_layers(result: SceneResult, scene: bpy.types.Scene) -> None:
 
     Of a large scene nothing is said: all its objects would be looked at after each change.
     """
-    from ..state.scene_state import SURFACE, Change
-
     assert result.state is not None
     shown = [window.view_layer.name for window in bpy.context.window_manager.windows if window.scene == scene]
     fits = not shown or result.state.layer in shown
@@ -135,8 +127,6 @@ def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
 
 def recheck(result: SceneResult, scene: bpy.types.Scene) -> None:
     """Compare all of a scene with what the result was made of: mark what does not fit, and unmark what does."""
-    from ..state.scene_state import LIGHT, SURFACE, scene_state
-
     if result.state is None or any(item.mode == "EDIT" for item in scene.objects):  # data are empty until its end
         return
     before, now = result.state, scene_state(scene, result.state.layer, result.state.chosen)
@@ -174,8 +164,6 @@ def look() -> None:
 
 def _recheck_if_quick(result: SceneResult, scene: bpy.types.Scene, reason: str) -> None:
     """Recheck a result, or of a large scene mark all as changed, for that `reason`, until the state is needed."""
-    from ..state.scene_state import LIGHT, SURFACE, Change
-
     if result.state is not None and result.state.seconds < _QUICK_S:
         recheck(result, scene)
         return

@@ -27,7 +27,7 @@ from ..scene.fingerprint import world_hash
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.window_job import BAKE, in_window, job_is_running
-from .results import listeners
+from .results import listeners, redraw_viewports
 from .scene_session import KeyedMap, session_of
 
 _AGAIN_S, _BETWEEN_S = 0.5, 0.2
@@ -167,10 +167,7 @@ def _kept(scene: bpy.types.Scene, seen: SeenWorld, key: str) -> Steps[None]:
     except PatchNetError as error:
         session.world = KeyedMap(key, None, str(error))
         event("warning", _UNSEEN.format(error), logging.WARNING)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    redraw_viewports()
 
 
 def _after_step(scene: bpy.types.Scene, _result: object) -> None:

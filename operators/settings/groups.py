@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -94,9 +95,7 @@ class LightSettings:
         _check_numbers(self)
         if self.kind not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
-        known = [value for value, _, _ in TABLE["gloss"].choices]
-        if self.gloss not in known:
-            raise SettingError(f"There is no gloss {self.gloss!r}: choose one of {', '.join(known)}")
+        _check_choice("gloss", self.gloss, [value for value, _, _ in TABLE["gloss"].choices])
 
     @property
     def is_baked(self) -> bool:
@@ -106,10 +105,7 @@ class LightSettings:
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Settings of the network that looks ahead.
-
-    weights: file; None for the shipped ones.
-    """
+    """Settings of the network that looks ahead. weights: file; None for the shipped ones."""
 
     weights: Path | None = None
 
@@ -147,11 +143,8 @@ class ViewSettings:
         strategy(self.strategy)
         check_unrefined(self.unrefined)
         _check_numbers(self)
-        known = [value for value, _, _ in TABLE["background"].choices]
-        if self.background not in known:
-            raise SettingError(f"There is no background {self.background!r}: choose one of {', '.join(known)}")
-        if self.colormap not in COLORMAPS:
-            raise SettingError(f"There is no color map {self.colormap!r}: choose one of {', '.join(COLORMAPS)}")
+        _check_choice("background", self.background, [value for value, _, _ in TABLE["background"].choices])
+        _check_choice("color map", self.colormap, COLORMAPS)
 
     @property
     def has_reference(self) -> bool:
@@ -181,8 +174,7 @@ class ComputeSettings:
 
     def __post_init__(self) -> None:
         _check_numbers(self)
-        if self.device not in DEVICES:
-            raise SettingError(f"There is no device {self.device!r}: choose one of {', '.join(DEVICES)}")
+        _check_choice("device", self.device, DEVICES)
         read_device(self.torch_device, NETWORK_DEVICE)
 
     @property
@@ -194,6 +186,11 @@ class ComputeSettings:
 def fields_by_flat_name(group: Any) -> dict[str, str]:
     """Names of a group's fields, by the names that they have among all settings."""
     return {item.metadata.get(_FLAT, item.name): item.name for item in fields(group)}
+
+
+def _check_choice(what: str, value: str, known: Iterable[str]) -> None:
+    if value not in known:
+        raise SettingError(f"There is no {what} {value!r}: choose one of {', '.join(known)}")
 
 
 def _check_numbers(group: Any) -> None:

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ..schema.setting import Effect, Setting
+from ..schema.setting import Effect
 from ..schema.table import CAMERAS, CYCLES, IMPORTANCE, LIGHT, OCTREE, TABLE, VIEW, result_fields, rows
 from .groups import (
     ComputeSettings,
@@ -88,11 +87,11 @@ class JobSettings:
         for name, value in values.items():
             if name not in SETTING_PATHS:
                 raise TypeError(f"A job has no setting {name!r}: its settings are {', '.join(SETTING_PATHS)}")
-            of_groups.setdefault(SETTING_PATHS[name].group, {})[SETTING_PATHS[name].field] = value
+            group, field_name = SETTING_PATHS[name]
+            of_groups.setdefault(group, {})[field_name] = value
         own = of_groups.pop("", {})
-        return replace(
-            self, **own, **{group: replace(getattr(self, group), **mine) for group, mine in of_groups.items()}
-        )
+        groups = {group: replace(getattr(self, group), **mine) for group, mine in of_groups.items()}
+        return replace(self, **own, **groups)
 
     def key(self, stage: str) -> str:
         """All values that results of a stage depend on, "octree", "light" or "codes", as text."""
@@ -102,45 +101,15 @@ class JobSettings:
     def flat(self) -> dict[str, Any]:
         """All values by their flat names."""
         return {
-            name: getattr(getattr(self, path.group) if path.group else self, path.field)
-            for name, path in SETTING_PATHS.items()
+            name: getattr(getattr(self, group) if group else self, field_name)
+            for name, (group, field_name) in SETTING_PATHS.items()
         }
 
 
-class SettingPath(NamedTuple):
-    """Path to a setting: the group that holds it, "" for `JobSettings` itself, and its field there."""
-
-    group: str
-    field: str
-
-
-def setting_paths(groups: dict[str, Any], own: Iterable[str]) -> dict[str, SettingPath]:
-    """Path to each setting by its flat name; raises TypeError for a name that stands in two groups.
-
-    groups: dataclass of each group, by its name. own: names that stand in no group.
-    """
-    found = {name: SettingPath("", name) for name in own}
-    for group, kind in groups.items():
-        for name, field_name in fields_by_flat_name(kind).items():
-            if name in found:
-                both = f"{found[name].group!r} and in {group!r}"
-                raise TypeError(f"Setting {name!r} stands in {both}: rename one of them")
-            found[name] = SettingPath(group, field_name)
-    return found
-
-
-def groups_of_rows(rows: Iterable[Setting], known: dict[str, SettingPath]) -> dict[str, str]:
-    """Group of each row of the table by its name; raises TypeError for a row that stands in none."""
-    found = {}
-    for row in rows:
-        if row.job_field not in known:
-            raise TypeError(f"Setting {row.name!r} of the table has no field {row.job_field!r} in a group: add one")
-        found[row.name] = known[row.job_field].group
-    return found
-
-
-SETTING_PATHS = setting_paths(
-    {item.name: item.default_factory for item in fields(JobSettings) if item.default_factory is not MISSING},
-    [item.name for item in fields(JobSettings) if item.default_factory is MISSING],
-)
-GROUP_OF = groups_of_rows(TABLE.values(), SETTING_PATHS)  # by name of the row; "" for the output folder
+# Path to each setting by its flat name: the group that holds it, "" for `JobSettings` itself, and its field there.
+SETTING_PATHS: dict[str, tuple[str, str]] = {
+    name: (item.name, field_name)
+    for item in fields(JobSettings)
+    if item.default_factory is not MISSING
+    for name, field_name in fields_by_flat_name(item.default_factory).items()
+} | {"out": ("", "out")}

@@ -65,6 +65,3 @@ def register() -> None:
 def unregister() -> None:
     """Take them away."""
     bpy.utils.unregister_preset_path(str(Path(__file__).parent))
-
-
-CLASSES = (PATCHNET_OT_apply_preset, PATCHNET_OT_add_preset)

@@ -30,19 +30,9 @@ def test_folders_differ_for_every_file_system() -> None:
     assert folders["A_b"] == "A_b" and folders["Camera_001"] == "Camera_001", "a name that can stay does"
     assert folders["con"] != "con"
     assert camera_folders(reversed(ALIKE)) == folders
-
-
-def test_a_camera_alone_has_its_own_name() -> None:
     assert camera_folders(["Camera.001", "Eye", "漢字"]) == {"Camera.001": "Camera_001", "Eye": "Eye", "漢字": "漢字"}
-
-
-def test_names_that_a_hash_could_make_are_no_trap() -> None:
     trap = camera_folders(["A/b", "A?b"])["A/b"]
-    folders = camera_folders(["A/b", "A?b", trap])
-    assert len(set(folders.values())) == 3 and folders[trap] == trap
-
-
-def test_long_names_are_cut() -> None:
+    assert len(set(camera_folders(["A/b", "A?b", trap]).values())) == 3, "a name that a hash could make"
     folders = camera_folders(["漢" * 80, "漢" * 81])
     assert len(set(folders.values())) == 2 and all(len(folder.encode()) < 200 for folder in folders.values())
 
@@ -89,13 +79,6 @@ def test_a_rerun_with_fewer_cameras_leaves_no_folders_that_its_report_omits(
     assert [path.name for path in (out / folders["A/b"]).iterdir()] == ["notes.txt"]
     assert [path.name for path in (out / folders["Cam"]).iterdir()] == ["preview.png"]
     assert (out / "mine" / "preview.png").exists()
-
-
-def test_frames_name_their_folders(scene: Path, tmp_path: Path, weights: Path) -> None:
-    report = run(scene, tmp_path, weights, "--cameras", "Cam,cam", "--frames", "1")
-    views = report["frames"][0]["views"]
-    assert len({view["folder"].casefold() for view in views}) == 2
-    assert folders_in(tmp_path / "frame-0001") == {view["folder"] for view in views}
 
 
 def test_pictures_by_cycles_are_foreseen(scene: Path, tmp_path: Path, weights: Path) -> None:

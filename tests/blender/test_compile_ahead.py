@@ -12,7 +12,7 @@ import pytest
 
 import patchnet
 from patchnet.operators.jobs import compile_ahead as ahead
-from patchnet.operators.jobs.compile_ahead import compiled_ahead, small_jobs_path
+from patchnet.operators.jobs.compile_ahead import compiled_ahead
 from patchnet.operators.pipeline import kernels_beside
 from patchnet.patchnet_addon.runtime import kernels
 from patchnet.patchnet_addon.runtime.errors import SceneError
@@ -50,16 +50,6 @@ def test_once_on_a_machine(folder: Path, other: Callable[[str], SimpleNamespace]
     assert len(started.processes) == 1 and len(list(folder.glob("all-*"))) == 1
 
 
-def test_progress_counts_kernels(folder: Path, other: Callable[[str], SimpleNamespace]) -> None:
-    other("import time; time.sleep(0.3)")
-    (folder / "tracing").mkdir()
-    for number in range(41):
-        (folder / "tracing" / f"{number}.nbc").touch()
-    reports = []
-    drain(compiled_ahead(), reports.append)
-    assert reports[-1].done == 41 and reports[-1].total == ahead.ABOUT and reports[-1].waiting
-
-
 def test_a_failure_is_told_once_and_stops_nothing(
     folder: Path, other: Callable[[str], SimpleNamespace], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -84,7 +74,7 @@ def test_stopping_ends_the_other_process(folder: Path, other: Callable[[str], Si
 
 
 def test_small_jobs_call_the_kernels(tmp_path: Path) -> None:
-    words = [sys.executable, small_jobs_path(), "--", "patchnet", Path(patchnet.__file__).parent, *sys.path]
+    words = [sys.executable, ahead.SCRIPT, "--", "patchnet", Path(patchnet.__file__).parent, *sys.path]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stdout + done.stderr
 
@@ -119,14 +109,9 @@ def test_beside_a_job_that_calls_none_of_them(second: SimpleNamespace) -> None:
         second.processes[1].kill()
         second.processes[1].wait()
     assert not second.mark.exists(), "it failed"
-
-
-def test_beside_a_job_that_fails(second: SimpleNamespace) -> None:
-    for _ in range(2):
-        with pytest.raises(SceneError), kernels_beside.compiling_beside():
-            raise SceneError("nothing to see")
-    assert len(second.processes) == 2 and not second.mark.exists()
-    assert all(process.poll() is not None for process in second.processes)
+    with pytest.raises(SceneError), kernels_beside.compiling_beside():
+        raise SceneError("nothing to see")
+    assert not second.mark.exists() and all(process.poll() is not None for process in second.processes)
 
 
 def test_nothing_is_started_beside_a_job_on_one_core_or_without_a_python(
@@ -145,6 +130,6 @@ def test_nothing_is_started_beside_a_job_on_one_core_or_without_a_python(
 
 
 def test_the_second_python_calls_the_kernels() -> None:
-    words = [sys.executable, kernels_beside.calling_path(), "patchnet", Path(patchnet.__file__).parent, *sys.path]
+    words = [sys.executable, kernels_beside.SCRIPT, "patchnet", Path(patchnet.__file__).parent, *sys.path]
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr

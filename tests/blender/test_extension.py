@@ -117,31 +117,3 @@ def test_enable_disable_enable(repository: Path) -> None:
 def test_enabling_is_light_and_clean(repository: Path) -> None:
     state = in_fresh_blender(ENABLE, repository)
     assert state == {"warnings": {}, "enabled": True, "heavy": [], "kernels": True, "named": []}
-
-
-# Things of every kind, left behind by an add-on that forgets them.
-FORGETFUL = """
-import bpy.utils
-
-def patchnet_forgotten(*values):
-    pass
-
-patchnet_forgotten.__module__ = "patchnet.forgetful"
-bpy.types.Scene.patchnet_left = bpy.props.IntProperty()
-bpy.app.handlers.load_post.append(patchnet_forgotten)
-bpy.app.timers.register(patchnet_forgotten, first_interval=60.0)
-bpy.types.VIEW3D_MT_add.append(patchnet_forgotten)
-bpy.types.RENDER_PT_output.COMPAT_ENGINES.add("PATCHNET")
-handle = bpy.types.SpaceView3D.draw_handler_add(patchnet_forgotten, (), "WINDOW", "POST_PIXEL")
-command = bpy.utils.register_cli_command("patchnet_left", patchnet_forgotten)
-bpy.msgbus.subscribe_rna(key=(bpy.types.Object, "name"), owner=handle, args=(), notify=patchnet_forgotten)
-print(json.dumps(traces()))
-bpy.app.timers.unregister(patchnet_forgotten)
-bpy.utils.unregister_cli_command(command)
-"""
-
-
-def test_what_is_left_behind_is_seen(repository: Path) -> None:
-    left = in_fresh_blender(FORGETFUL, repository)
-    assert set(left) == {"properties", "handlers", "timers", "drawn by", "engines", "held"}
-    assert left["held"] == ["SpaceView3D", "command", "message bus"]

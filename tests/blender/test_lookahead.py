@@ -7,14 +7,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.operators.pipeline.estimate import estimate_job
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import tracing_camera
-from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.render import first_hits
@@ -69,16 +66,6 @@ def test_leaves_follow_the_weights(weights: Path, near: Path) -> None:
     assert one.look_ahead(2)[hits.node[hits.hit]].mean() < 0.5
 
 
-def test_voxelize_follows_the_weights_of_the_scene(registered: None, weights: Path, near: Path) -> None:
-    found = []
-    for path in (weights, near):
-        build()
-        bpy.context.scene.patchnet.weights = str(path)
-        bpy.ops.patchnet.voxelize(size=SIZE)
-        found.append(results.voxels_of(bpy.context.scene).octree.depth)
-    assert found[1] == found[0] - 1
-
-
 def test_a_given_depth_needs_no_weights(registered: None, tmp_path: Path) -> None:
     build()
     bpy.context.scene.patchnet.weights = str(tmp_path / "none.safetensors")
@@ -98,12 +85,3 @@ def test_estimate_follows_the_weights(weights: Path, near: Path) -> None:
     same = estimated(weights, depth=one.depth), estimated(near, depth=one.depth)
     assert same[0].lookahead_share < same[1].lookahead_share
     assert same[1].codes_bytes == pytest.approx(4 * same[0].codes_bytes, abs=4)
-
-
-def test_info_counts_the_look_ahead_of_weights(near: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    octree = ran(near, depth=6).coded.octree
-    save_octree(octree, tmp_path / "octree.safetensors")
-    for words, lookahead in (([], 2), (["--weights", str(near)], 1)):
-        assert commands.main(["info", str(tmp_path / "octree.safetensors"), *words]) == 0
-        share = octree.look_ahead(lookahead).mean()
-        assert f"look-ahead at {share:.1%} of them" in capsys.readouterr().out

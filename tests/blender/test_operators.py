@@ -63,8 +63,10 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     assert_unchanged(before)
 
 
-def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: Path) -> None:
-    assert run_small() == {"FINISHED"}
+def test_operator_script_and_files_have_the_same_pictures(
+    scene: bpy.types.Scene, weights: Path, tmp_path: Path
+) -> None:
+    assert run_small(out=str(tmp_path)) == {"FINISHED"}
     shown = {name: pixels(bpy.data.images[image_name("Eye", name)])[..., :3] for name in PICTURES}
     raw = pixels(bpy.data.images["PatchNet Eye priority"])[..., 0]
     settings = JobSettings.of(depth=7, size=(24, 16), light="two-lights", weights=weights, reference=True)
@@ -72,6 +74,8 @@ def test_operator_and_script_do_the_same(scene: bpy.types.Scene, weights: Path) 
     np.testing.assert_array_equal(raw, view.priority)
     for name, picture in shown.items():
         np.testing.assert_allclose(picture, view.pictures[name], atol=0.51 / 255)
+        written = pixels(bpy.data.images.load(str(tmp_path / "Eye" / f"{name}.png")))[..., :3]
+        np.testing.assert_allclose(written, picture, atol=1e-6)
 
 
 def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: Path) -> None:
@@ -128,25 +132,6 @@ def test_the_reference_is_traced_where_it_is_asked_for(scene: bpy.types.Scene, t
     assert raw in bpy.data.images and results.voxels_of(scene).comparison is None
 
 
-def test_pictures_are_written_as_they_are_shown(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    run_small(out=str(tmp_path))
-    for name in PICTURES:
-        saved = bpy.data.images.load(str(tmp_path / "Eye" / f"{name}.png"))
-        np.testing.assert_allclose(
-            pixels(saved)[..., :3], pixels(bpy.data.images[image_name("Eye", name)])[..., :3], atol=1e-6
-        )
-
-
-def test_scene_without_light_is_lit_and_says_so(weights: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    build(light=False)
-    before = scene_snapshot()
-    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(16, 0), weights=str(weights)) == {"FINISHED"}
-    assert results.voxels_of(bpy.context.scene).octree.luminance.any()
-    drop_result_images()
-    assert_unchanged(before)
-    assert "sun and a sky" in capfd.readouterr().out
-
-
 def test_scope(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.voxelize(depth=5)  # in background all visible objects
     everything = results.voxels_of(scene).octree.area_world[0]
@@ -167,11 +152,6 @@ def test_settings_of_the_scene_hold_unless_given(scene: bpy.types.Scene) -> None
     assert scene.patchnet.depth == 4
 
 
-def test_automatic_depth_gives_look_ahead(scene: bpy.types.Scene) -> None:
-    assert bpy.ops.patchnet.run_all(light="two-lights", size=(48, 48), cameras="auto") == {"FINISHED"}
-    assert results.voxels_of(scene).lookahead_share >= 0.95
-
-
 def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
         bpy.ops.patchnet.bake_light()
@@ -183,6 +163,15 @@ def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
         bpy.ops.patchnet.clear_results()
 
 
+def test_memory_is_freed(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=4)
+    assert bpy.ops.patchnet.clear_results() == {"FINISHED"}
+    assert results.result_of(scene) is None
+    bpy.ops.patchnet.voxelize(depth=4)
+    build()
+    assert not any(session.result for session in open_sessions())
+
+
 def test_light_is_baked_on_what_was_voxelized(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.voxelize(depth=4, scope="SELECTED")
     area = results.voxels_of(scene).octree.area_world[0]
@@ -192,32 +181,6 @@ def test_light_is_baked_on_what_was_voxelized(scene: bpy.types.Scene) -> None:
     bpy.context.view_layer.update()
     with pytest.raises(RuntimeError, match="run Voxelize again"):
         bpy.ops.patchnet.bake_light(light="two-lights")
-
-
-def test_memory_is_freed(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.voxelize(depth=4)
-    assert bpy.ops.patchnet.clear_results() == {"FINISHED"}
-    assert results.result_of(scene) is None
-    bpy.ops.patchnet.voxelize(depth=4)
-    build()
-    assert not any(session.result for session in open_sessions()) and results.held_bytes() == 0
-
-
-def test_changes_make_results_stale(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.voxelize(depth=4)
-    bpy.ops.patchnet.bake_light(light="two-lights")
-    assert results.voxels_of(scene).stale == set()
-    scene.camera.location.x += 1.0
-    bpy.context.view_layer.update()
-    assert results.voxels_of(scene).stale == set()
-    bpy.data.lights["Lamp"].energy = 1.0
-    bpy.context.view_layer.update()
-    assert results.voxels_of(scene).stale == {"light"}
-    bpy.data.objects["Slab"].location.x += 1.0
-    bpy.context.view_layer.update()
-    assert results.voxels_of(scene).stale == {"light", "surface"}
-    bpy.ops.patchnet.voxelize(depth=4)
-    assert results.voxels_of(scene).stale == set()
 
 
 @pytest.mark.parametrize(

@@ -12,18 +12,14 @@ from patchnet import commands
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
-from patchnet.operators.render_engine.passes import combined
-from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.session.shown_view import comparison_of, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.operators.ui.tab import stale_text
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.quantities import error_text
-from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -77,14 +73,6 @@ def test_figures_of_the_preview_stay_beside_the_others(scene: bpy.types.Scene) -
     )
 
 
-def test_samples_are_spent_on_what_is_shown(scene: bpy.types.Scene) -> None:
-    found = seen(scene, unrefined="predicted", spp=5.0)
-    samples, single = found.refined.samples, found.refined.samples == 1
-    assert set(samples.tolist()) <= {1, 16, 64, 256, 1024} and samples[found.buffers.active].mean() <= 5.0
-    np.testing.assert_array_equal(found.refined.luminance[single], found.buffers.predicted[single])
-    assert found.errors == (found.report["predicted"]["mse_unrefined"], found.report["refined"]["mse"])
-
-
 def test_overlay_has_the_predicted_picture_and_its_error(scene: bpy.types.Scene) -> None:
     found = seen(scene)
     shown = view_to_show(found, ViewSettings(size=SIZE), 0.0)
@@ -113,29 +101,6 @@ def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
     labels = drawn(PATCHNET_PT_compare)
     assert "Preview, unrefined" in labels and "Predicted, unrefined" in labels
-
-
-def test_command(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["run", str(scene_file), "--weights", str(weights), *QUICK, "--reference"]
-    frames = {}
-    for name in ("preview", "predicted"):
-        out = tmp_path / name
-        assert commands.main([*words, "--out", str(out), "--unrefined", name]) == 0
-        report = json.loads((out / "report.json").read_text())
-        assert "Eye/predicted.png" in report["files"] and (out / "Eye" / "predicted.png").is_file()
-        (frames[name],) = report["frames"]
-        printed = capsys.readouterr().out
-        shown = frames[name] if name == "preview" else frames[name]["predicted"]
-        assert f"error {error_text(shown['mse_unrefined'])} (mean squared" in printed and "after 30% of" in printed
-        assert f"predicted {error_text(frames[name]['predicted']['mse_unrefined'])}, 2 x 2 rays" in printed
-    assert frames["predicted"] == frames["preview"] | {
-        "unrefined": "predicted", "refined": frames["predicted"]["refined"],
-    }  # fmt: skip
-    pictures = {name: (tmp_path / name / "Eye" / "refined.png").read_bytes() for name in frames}
-    assert pictures["preview"] != pictures["predicted"]
-    with pytest.raises(SystemExit, match="2"):
-        commands.main([*words, "--out", str(tmp_path / "bad"), "--unrefined", "both"])
-    assert "--unrefined" in capsys.readouterr().err and not (tmp_path / "bad").exists()
 
 
 def test_it_stands_beside_regions_by_cycles(
@@ -201,25 +166,3 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     np.testing.assert_allclose(pixels[:, :3], shown, atol=1e-5)
     np.testing.assert_allclose(pixels[:, 3], alpha if transparent else 1.0, atol=1e-6)
     assert ((alpha > 0) & (alpha < 1)).any(), "edges are soft before anything is refined"
-
-
-def test_slices_of_a_viewport_end_with_the_picture_of_a_render(scene: bpy.types.Scene) -> None:
-    found = seen(scene)
-    coded = results.codes_of(scene)
-
-    def picture() -> AdaptivePicture:
-        return AdaptivePicture(coded.octree, found.camera, CHOSEN, coded, unrefined="predicted")
-
-    world = np.array(WORLD, np.float32)
-    preview, whole = ViewportPreview(picture(), 0.4, world), picture()
-    while not preview.done:
-        preview.work(0.0)
-    drain(whole.trace())
-    drain(whole.refine(0.4))
-    np.testing.assert_array_equal(preview.picture.samples, whole.samples)
-    np.testing.assert_array_equal(preview.pixels().reshape(-1, 4), combined(whole, world))
-
-
-def test_a_name_that_there_is_not() -> None:
-    with pytest.raises(SettingError, match="choose one of preview, predicted"):
-        ViewSettings(unrefined="guessed")

@@ -116,13 +116,6 @@ def test_another_python_encodes(weights: Path) -> None:
     assert other.warnings == mine.warnings
 
 
-def test_another_python_is_used_only_where_one_is_named() -> None:
-    assert preferences.Preferences().torch_python == "" and JobSettings.of().compute.torch_python is None
-    assert "default" not in preferences.PatchNetPreferences.__annotations__["torch_python"]  # which leaves it empty
-    with chosen_encoder(Weights.random(3), JobSettings.of().compute) as chosen:
-        assert "another Python" not in chosen.text and chosen.warnings == ()
-
-
 def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None:
     missing = tmp_path / "python"
     weights = Weights.random(3)

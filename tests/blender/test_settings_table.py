@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Table of settings, and what is derived from it: keys, what makes steps stale, properties and arguments."""
 
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import bpy
 import pytest
 
-from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine.frame_octree import surface_key
 from patchnet.operators.schema.setting import Effect
 from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, TABLE, rows
@@ -18,7 +18,7 @@ from patchnet.operators.settings.groups import (
     SurfaceSettings,
     ViewSettings,
 )
-from patchnet.operators.settings.job_settings import GROUP_OF, JobSettings, groups_of_rows, recorded, setting_paths
+from patchnet.operators.settings.job_settings import SETTING_PATHS, JobSettings, recorded
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build
 
@@ -55,12 +55,6 @@ def test_devices_change_no_key() -> None:
     assert repr(other) == repr(settings)
 
 
-def test_devices_of_the_network_as_torch_names_them() -> None:
-    given = ("AUTO", "CPU", "GPU", "auto", "cpu", "cuda", "cuda:1")
-    found = [ComputeSettings(network_device=name).torch_device for name in given]
-    assert found == ["auto", "cpu", "cuda", "auto", "cpu", "cuda", "cuda:1"]
-
-
 def test_every_setting_is_a_property_and_a_field() -> None:
     properties = bpy.context.scene.patchnet.bl_rna.properties
     names = JobSettings().flat()
@@ -70,11 +64,8 @@ def test_every_setting_is_a_property_and_a_field() -> None:
 
 
 def test_flat_names_are_sorted_into_groups() -> None:
-    assert {GROUP_OF[name] for name in TABLE} == {"surface", "light", "network", "view", "compute", ""}
-    of_groups = {
-        name: GROUP_OF[name] for name in ("resolution", "light", "weights", "importance_image", "device", "out")
-    }
-    assert list(of_groups.values()) == ["surface", "light", "network", "view", "compute", ""]
+    groups = [kind for item in fields(JobSettings) if (kind := item.default_factory) is not MISSING]
+    assert len(SETTING_PATHS) == 1 + sum(len(fields(kind)) for kind in groups), "a name stands in two groups"
     settings = JobSettings.of(depth=5, light="two-lights", weights=Path("w"), size=(3, 2), device="CPU", out=Path("o"))
     assert settings == JobSettings(
         SurfaceSettings(depth=5),
@@ -90,15 +81,6 @@ def test_flat_names_are_sorted_into_groups() -> None:
         JobSettings.of(sample=3)
 
 
-def test_a_setting_stands_in_one_group() -> None:
-    known = setting_paths({"light": LightSettings}, ["out"])
-    assert known["light"] == ("light", "kind") and known["out"] == ("", "out")
-    with pytest.raises(TypeError, match="Setting 'samples' stands in 'light' and in 'cycles': rename one of them"):
-        setting_paths({"light": LightSettings, "cycles": CyclesSettings}, [])
-    with pytest.raises(TypeError, match="Setting 'scope' of the table has no field 'scope' in a group: add one"):
-        groups_of_rows(TABLE.values(), known)
-
-
 @pytest.mark.parametrize(
     ("group", "values", "sentence"),
     [
@@ -108,6 +90,7 @@ def test_a_setting_stands_in_one_group() -> None:
         (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
+        (ViewSettings, {"unrefined": "guessed"}, "choose one of preview, predicted"),
         (ViewSettings, {"colormap": "gray"}, "There is no color map 'gray'"),
         (
             ComputeSettings,
@@ -135,11 +118,3 @@ def test_settings_that_do_not_count_make_nothing_stale() -> None:
     assert recorded(values, LIGHT) == before
     values.light = "cycles"
     assert recorded(values, LIGHT) != before and "device" not in recorded(values, LIGHT)
-
-
-def test_scene_and_table_have_the_same_defaults() -> None:
-    build()
-    bpy.context.scene.property_unset("patchnet")
-    found = scene_settings(bpy.context.scene)
-    assert found.view.budget == pytest.approx(0.3), "Blender keeps single precision"
-    assert found.changed(budget=ViewSettings.budget) == JobSettings()
