@@ -99,7 +99,7 @@ def _of_scene(state: SceneState, scene: bpy.types.Scene, known: Collection[Hasha
 
 
 def _gloss(state: SceneState, scene: bpy.types.Scene) -> Iterator[Change]:
-    from ..state.gloss_view import GLOSS_MOVED
+    from ..state.block_hashes import GLOSS_MOVED
     from ..state.scene_state import LIGHT, Change
 
     if state.gloss_from:

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
-from patchnet.operators.session.staleness import look_again, recheck
+from patchnet.operators.session.staleness import recheck
 from patchnet.tests.blender.job_scene import SMALL, random_weights
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -108,15 +108,3 @@ def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     bpy.ops.render.render()
     assert result().octree is octree and result().stale == set()
-
-
-def test_settings_that_blender_does_not_report_are_seen_by_a_render() -> None:
-    run()
-    scene = bpy.context.scene
-    scene.cycles.diffuse_bounces = 0
-    bpy.context.view_layer.update()
-    look_again(result(), scene)
-    assert result().stale == {"light"} and result().why("light") == "world or render settings changed"
-    scene.cycles.diffuse_bounces = 4
-    look_again(result(), scene)
-    assert result().stale == set()
