@@ -22,16 +22,9 @@ _ATTRIBUTES = {
 _SKIPPED_COLLECTIONS = {"screens", "window_managers", "workspaces", "brushes", "palettes", "rna_type", "libraries"}
 # Pointers between data-blocks and views of them; the data-blocks appear on their own.
 _SKIPPED_PROPERTIES = {
-    "rna_type",
-    "original",
-    "session_uid",
-    "id_data",
-    "is_evaluated",
-    "preview",
-    "users",
-    "depsgraph",
+    "rna_type", "original", "session_uid", "id_data", "is_evaluated", "preview", "users", "depsgraph",
     "is_library_indirect",  # Blender 5.3 makes it false where a script sets what it was, and true again in each save
-}
+}  # fmt: skip
 # Blender 4.5 makes the lists of what is selected in a UV map when they are read, named by memory that it has freed.
 _SKIPPED_OF_UV_MAPS = {"vertex_selection", "edge_selection", "pin"}
 # Notes of a simulation's cache about the frames that were seen. Any jump to another frame makes and changes them.

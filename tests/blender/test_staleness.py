@@ -7,21 +7,11 @@ import bmesh
 import bpy
 import pytest
 
-from patchnet.operators.session import results
-from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.scene_state import scene_state
-from patchnet.tests.blender.job_scene import SMALL, box, principled
+from patchnet.tests.blender.job_scene import box, principled, result, run_small
 
 pytestmark = pytest.mark.usefixtures("scene")
-
-
-def run(**values: object) -> None:
-    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
-
-
-def result() -> SceneResult:
-    return results.voxels_of(bpy.context.scene)
 
 
 def add_collection() -> None:
@@ -49,7 +39,7 @@ REPORTS: dict[str, Callable[[], object]] = {
 
 
 def test_reports_without_a_change_make_nothing_stale() -> None:
-    run()
+    run_small()
     for name, report in REPORTS.items():
         assert "view" not in result().reasons
         report()
@@ -60,7 +50,7 @@ def test_reports_without_a_change_make_nothing_stale() -> None:
 
 def test_another_view_layer_is_shown() -> None:
     """One with the same objects fits; one without some does not, until the first is shown again."""
-    run()
+    run_small()
     scene, window = bpy.context.scene, bpy.context.window
     first, other = window.view_layer, scene.view_layers.new("Other")
     window.view_layer = other
@@ -74,7 +64,7 @@ def test_another_view_layer_is_shown() -> None:
     lath = bpy.data.objects["Lath 1"]
     laths.objects.link(lath)
     scene.collection.objects.unlink(lath)
-    run()
+    run_small()
     assert result().stale == set()
     for layer, stale in ((other, {"surface"}), (first, set())):
         window.view_layer = layer
@@ -292,7 +282,7 @@ def full() -> None:
 def test_table_of_what_is_said_and_taken_back() -> None:
     """One result goes through all: after each change that is set back by hand nothing is marked."""
     full()
-    run(depth=5)
+    run_small(depth=5)
     wrong = []
     for name, (actions, expected) in TABLE.items():
         change, back = actions()
@@ -341,7 +331,7 @@ def richer() -> None:
 
 
 def test_keys_make_an_object_stale_at_another_frame() -> None:
-    run()
+    run_small()
     key_and_go()
     bpy.context.view_layer.update()
     assert "'Lath 2'" in result().why("surface")
