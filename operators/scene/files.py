@@ -83,55 +83,26 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
         image = getattr(node, "image", None)
         if image is None or image.source not in _FROM_FILES or image.packed_files or image.is_dirty:
             continue
-        for name in _files_of(node, image):
+        for tile in image.tiles:  # of images without tiles a single one
+            name = image.filepath.replace("<UDIM>", str(tile.number))
             if name and not os.path.exists(path := _path(name, image.library)):
                 yield path
-
-
-def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
-    """Files that an image is read from at the present frame."""
-    if image.source == "TILED":
-        return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
-    if image.source == "SEQUENCE":
-        return [_file_of_sequence(image, _number_in_sequence(node.image_user))]
-    return [image.filepath]
-
-
-def _number_in_sequence(user: bpy.types.ImageUser) -> int:
-    """Number of a sequence's file at the present frame, as Blender finds it: only evaluated nodes hold it."""
-    number = bpy.context.scene.frame_current - user.frame_start + 1
-    length = user.frame_duration
-    if length > 0 and user.use_cyclic:
-        number = number % length or length
-    return min(max(number, 0), length) + user.frame_offset
-
-
-def _file_of_sequence(image: bpy.types.Image, number: int) -> str:
-    """Path of a file of a sequence: the last digits of the name are its number."""
-    found = re.fullmatch(r"(.*?)(\d+)(\D*)", os.path.basename(image.filepath))
-    if found is None:
-        return image.filepath
-    before, digits, after = found.groups()
-    return image.filepath.removesuffix(os.path.basename(image.filepath)) + f"{before}{number:0{len(digits)}d}{after}"
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:
     return os.path.normpath(bpy.path.abspath(name, library=library))
 
 
-# Extension -> names of import operators, the first one that exists is used, and the add-on that brings them.
-_IMPORTERS: dict[str, tuple[tuple[str, ...], str]] = {
-    ".glb": (("import_scene.gltf",), "io_scene_gltf2"),
-    ".gltf": (("import_scene.gltf",), "io_scene_gltf2"),
-    ".obj": (("wm.obj_import",), ""),
-    ".ply": (("wm.ply_import",), ""),
-    ".stl": (("wm.stl_import",), ""),
-    ".fbx": (("wm.fbx_import", "import_scene.fbx"), "io_scene_fbx"),
-    ".usd": (("wm.usd_import",), ""),
-    ".usda": (("wm.usd_import",), ""),
-    ".usdc": (("wm.usd_import",), ""),
-    ".usdz": (("wm.usd_import",), ""),
-    ".abc": (("wm.alembic_import",), ""),
+# Extension -> import operator.
+_IMPORTERS = {
+    ".glb": "import_scene.gltf",
+    ".gltf": "import_scene.gltf",
+    ".obj": "wm.obj_import",
+    ".ply": "wm.ply_import",
+    ".stl": "wm.stl_import",
+    ".fbx": "wm.fbx_import",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "wm.usd_import"),
+    ".abc": "wm.alembic_import",
 }
 
 
@@ -178,32 +149,22 @@ def _has_surface(item: bpy.types.Object) -> bool:
 
 
 def _importer(path: Path, extension: str) -> Any:
-    """Import operator for an extension, its add-on enabled if need be."""
+    """Import operator for an extension; the add-on for glTF is enabled if need be."""
     if extension not in _IMPORTERS:
         known = ", ".join([".blend", *_IMPORTERS])
         raise SceneError(f"Scene file {path} has the unknown extension '{extension}': choose one of {known}")
-    names, addon = _IMPORTERS[extension]
-    operator = _first_operator(names)
-    if operator is None and addon:
+    module, name = _IMPORTERS[extension].split(".")
+    if module == "import_scene":
         import addon_utils
 
-        addon_utils.enable(addon, default_set=False)
-        operator = _first_operator(names)
-    if operator is None:
-        raise SceneError(f"This Blender cannot import {extension} files: convert {path} to .glb or .blend")
+        if not addon_utils.check("io_scene_gltf2")[1]:
+            addon_utils.enable("io_scene_gltf2", default_set=False)
+    operator = getattr(getattr(bpy.ops, module), name)
+    try:
+        operator.get_rna_type()
+    except KeyError:  # Blender can be built without it
+        raise SceneError(f"This Blender cannot import {extension} files: convert {path} to .glb or .blend") from None
     return operator
-
-
-def _first_operator(names: tuple[str, ...]) -> Any | None:
-    for name in names:
-        module, function = name.split(".")
-        operator = getattr(getattr(bpy.ops, module), function)
-        try:
-            operator.get_rna_type()
-        except KeyError:
-            continue
-        return operator
-    return None
 
 
 def _run(path: Path, operator: Any, **arguments: object) -> None:

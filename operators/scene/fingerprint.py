@@ -13,8 +13,7 @@ import bpy
 import numpy as np
 
 from ..scene_access.own import is_own
-from ..state.digest import Digest, names
-from ..state.unsteady import origin_of_corners
+from ..state.digest import Digest, names, origin_of_corners
 from .local_mesh import LocalMesh
 from .read import read_scene
 from .scene_mesh import SceneMesh

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
+from ..state.digest import ATTRIBUTE_KINDS, values_of
 from .layer_names import all_nodes
-from .local_mesh import ATTRIBUTE_KINDS
 
 _MASK = 0xFFFFFFFF
 _LONGEST = 60  # of a layer's name that Blender 4.5 keeps whole
@@ -153,9 +153,8 @@ def _instance_attribute(parent: bpy.types.Object, name: str) -> np.ndarray | Non
     if not attribute or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
     key, width, dtype = ATTRIBUTE_KINDS[attribute.data_type]
-    values: np.ndarray = np.empty(len(attribute.data) * width, dtype)
-    attribute.data.foreach_get(key, values)
-    return np.array([_color(row) for row in values.reshape(-1, width)], np.float32)
+    rows = values_of(attribute.data, key, width, dtype).reshape(-1, width)
+    return np.array([_color(row) for row in rows], np.float32)
 
 
 def _property(owner: bpy.types.ID, name: str) -> tuple[float, ...] | None:

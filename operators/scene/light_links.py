@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import bpy
 
 # Receiver collections of which something is a member, by full name, and how: "INCLUDE" or "EXCLUDE".
 Links = frozenset[tuple[str, str]]
 
 
-def emitters() -> Iterator[bpy.types.Object]:
+def emitters() -> list[bpy.types.Object]:
     """Objects that shine on what their receiver collection says."""
-    for item in bpy.data.objects:
-        if item.light_linking.receiver_collection:
-            yield item
+    return [item for item in bpy.data.objects if item.light_linking.receiver_collection]
 
 
 def members(collection: bpy.types.Collection) -> dict[bpy.types.Object, str]:

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
+from ..state.digest import ATTRIBUTE_KINDS, values_of
 from .images import srgb_to_linear
 from .layer_names import DEFAULT_COLOR, GENERATED
 
@@ -55,35 +56,28 @@ def read_local_mesh(
     Raises GeometryError if a coordinate is not finite.
     """
     mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    if count == 0:
+    if not len(mesh.loop_triangles):
         return None
-    loops = _read(mesh.loop_triangles, "loops", (count, 3), np.int32)
-    vertices = _read(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32)
+    loops = values_of(mesh.loop_triangles, "loops", 3, np.int32).reshape(-1, 3)
+    vertices = values_of(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
     vertices, triangles = _used(vertices, _vertex_of_loop(mesh)[loops])
     if not np.isfinite(vertices).all():
         raise GeometryError(
             f"Object '{name}' has vertices that are not finite numbers (NaN or infinite): "
             "repair or remove them, or leave the object out of the selection"
         )
-    slots = _read(mesh.loop_triangles, "material_index", (count,), np.int32).astype(np.int16)
+    slots = values_of(mesh.loop_triangles, "material_index", 1, np.int32).astype(np.int16)
     uv_layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     return LocalMesh(
         name=name,
         vertices=vertices,
         triangles=triangles,
-        uvs=_uvs(uv_layer, len(mesh.loops))[loops] if uv_layer else None,
+        uvs=_uvs(uv_layer)[loops] if uv_layer else None,
         slots=slots if slots.any() else None,
         normals=_normals(mesh, loops),
         layers={key: values[loops] for key in sorted(layer_names) if (values := _layer(mesh, key)) is not None},
         origin=origin,
     )
-
-
-def _read(collection: bpy.types.bpy_prop_collection, key: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    values: np.ndarray = np.empty(int(np.prod(shape)), dtype)
-    collection.foreach_get(key, values)
-    return values.reshape(shape)
 
 
 def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,17 +90,16 @@ def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
     return vertices[used], renumbered[triangles]
 
 
-def _uvs(layer: bpy.types.MeshUVLoopLayer, loop_count: int) -> np.ndarray:
+def _uvs(layer: bpy.types.MeshUVLoopLayer) -> np.ndarray:
     """(L, 2) float32; coordinates that are not finite become 0."""
-    return np.nan_to_num(_read(layer.uv, "vector", (loop_count, 2), np.float32), posinf=0.0, neginf=0.0)
+    return np.nan_to_num(values_of(layer.uv, "vector", 2, np.float32).reshape(-1, 2), posinf=0.0, neginf=0.0)
 
 
 def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
     """(T, 3, 3) int16 shading normals, or None if every face is flat."""
     if mesh.normals_domain == "FACE":
         return None
-    normals = _read(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
-    return packed_normals(normals)[loops]
+    return packed_normals(values_of(mesh.corner_normals, "vector", 3, np.float32).reshape(-1, 3))[loops]
 
 
 def packed_normals(normals: np.ndarray) -> np.ndarray:
@@ -117,45 +110,31 @@ def packed_normals(normals: np.ndarray) -> np.ndarray:
 
 def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     """UV map (L, 2), colours (L, 4), vectors (L, 3) or numbers (L, 1), by name, at the corners."""
-    if name == GENERATED:
-        return _generated(mesh)
+    if name == GENERATED:  # of the mesh before modifiers
+        points = values_of(mesh.vertices, "undeformed_co", 3, np.float32).reshape(-1, 3)
+        return generated_from_position(mesh, points)[_vertex_of_loop(mesh)]
     if name in mesh.uv_layers:
-        return _uvs(mesh.uv_layers[name], len(mesh.loops))
+        return _uvs(mesh.uv_layers[name])
     attribute = mesh.attributes.get(mesh.attributes.default_color_name if name == DEFAULT_COLOR else name)
     if attribute is None or attribute.data_type not in ATTRIBUTE_KINDS:
         return None
     key, width, dtype = ATTRIBUTE_KINDS[attribute.data_type]
-    values = _read(attribute.data, key, (len(attribute.data), width), dtype)
+    values = values_of(attribute.data, key, width, dtype).reshape(-1, width)
     if attribute.domain == "EDGE":
         values = _at_vertices(mesh, values, attribute)
     values = values.astype(np.float32)
     if attribute.domain in ("POINT", "EDGE"):
         return values[_vertex_of_loop(mesh)]
     if attribute.domain == "FACE":
-        return np.repeat(values, _read(mesh.polygons, "loop_total", (len(mesh.polygons),), np.int32), axis=0)
+        return np.repeat(values, values_of(mesh.polygons, "loop_total", 1, np.int32), axis=0)
     return values if attribute.domain == "CORNER" else None
-
-
-# Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
-ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
-    "FLOAT": ("value", 1, np.float32),
-    "INT": ("value", 1, np.int32),
-    "INT8": ("value", 1, np.int8),
-    "BOOLEAN": ("value", 1, np.bool_),
-    "FLOAT_VECTOR": ("vector", 3, np.float32),
-    "FLOAT2": ("vector", 2, np.float32),
-    "FLOAT_COLOR": ("color", 4, np.float32),
-    "BYTE_COLOR": ("color", 4, np.float32),
-    "QUATERNION": ("value", 4, np.float32),
-    "FLOAT4": ("vector", 4, np.float32),
-}
 
 
 def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.Attribute) -> np.ndarray:
     """Means (V, C) at vertices of an attribute's values (E, C) at edges, as Blender mixes its type."""
     if attribute.data_type == "BYTE_COLOR":
-        values = _read(attribute.data, "color_srgb", values.shape, np.float32)
-    ends = _read(mesh.edges, "vertices", (len(mesh.edges), 2), np.int32)
+        values = values_of(attribute.data, "color_srgb", 4, np.float32).reshape(-1, 4)
+    ends = values_of(mesh.edges, "vertices", 2, np.int32).reshape(-1, 2)
     sums, counts = np.zeros((len(mesh.vertices), values.shape[1]), np.float32), np.zeros(len(mesh.vertices), np.float32)
     np.add.at(sums, ends, values[:, None])
     np.add.at(counts, ends, 1.0)
@@ -172,18 +151,12 @@ def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.
     return means
 
 
-def _generated(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Generated coordinates (L, 3): the mesh before modifiers, in its texture space, [0, 1]^3."""
-    points = _read(mesh.vertices, "undeformed_co", (len(mesh.vertices), 3), np.float32)
-    return generated_from_position(mesh, points)[_vertex_of_loop(mesh)]
-
-
 def generated_from_position(mesh: bpy.types.Mesh, points: np.ndarray) -> np.ndarray:
-    """Generated coordinates (N, 3) float32 of points (N, 3) in a mesh's texture space."""
+    """Generated coordinates (N, 3) float32 of points (N, 3) in a mesh's texture space, which is [0, 1]^3 of them."""
     size = np.array(mesh.texspace_size, np.float32)
     scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
     return (points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5)
 
 
 def _vertex_of_loop(mesh: bpy.types.Mesh) -> np.ndarray:
-    return _read(mesh.loops, "vertex_index", (len(mesh.loops),), np.int32)
+    return values_of(mesh.loops, "vertex_index", 1, np.int32)

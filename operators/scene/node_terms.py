@@ -4,21 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.surface.chroma import BLUE, GREEN, RED
-from .images import ImageReader
-from .node_links import Input
 
 REC709 = (RED, GREEN, BLUE)
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 MISSING: Rgb = (1.0, 0.0, 1.0)  # what Cycles shows of an image that is not there
-
-
 Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
@@ -93,25 +88,3 @@ def number(value: object) -> float:
     if isinstance(value, float | int):
         return float(value)
     return float(np.dot(rgb(value), REC709))
-
-
-class NodeEvaluator(Protocol):
-    """Evaluator of sockets, which the rules of nodes ask for the inputs of their node.
-
-    notes: noun phrases for whatever was left out.
-    """
-
-    images: ImageReader
-    notes: list[str]
-
-    def color(self, at: Input) -> ColorTerm:
-        """Evaluate a colour input; raises NotUnderstoodError."""
-
-    def number(self, at: Input) -> NumberTerm:
-        """Evaluate a float input; raises NotUnderstoodError."""
-
-    def constant_number(self, at: Input) -> float:
-        """Evaluate a float input that must not vary; raises NotUnderstoodError if it does."""
-
-    def constant_color(self, term: ColorTerm) -> Rgb:
-        """Mean of a colour over its texture."""

@@ -9,10 +9,21 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from .color_rules import COLOR_RULES, is_missing, texture_use
-from .images import ImageReader
+from .images import ImageReader, usable
 from .node_links import Input, Output, source
-from .node_terms import MISSING, REC709, ColorTerm, NodeEvaluator, NotUnderstoodError, NumberTerm, Rgb, number, rgb
+from .node_terms import (
+    MISSING,
+    REC709,
+    WHITE,
+    ColorTerm,
+    NotUnderstoodError,
+    NumberTerm,
+    Rgb,
+    TextureUse,
+    Transform,
+    number,
+    rgb,
+)
 
 
 @dataclass
@@ -27,7 +38,7 @@ class NodeValues:
         found = source(at)
         if isinstance(found, Input):
             return ColorTerm(rgb(found.value))
-        rule = COLOR_RULES.get(found.node.type)
+        rule = _COLOR_RULES.get(found.node.type)
         if rule is None:
             raise NotUnderstoodError(f"node '{found.node.name}'")
         return rule(self, found)
@@ -37,7 +48,7 @@ class NodeValues:
         found = source(at)
         if isinstance(found, Input):
             return NumberTerm(number(found.value))
-        rule = NUMBER_RULES.get(found.node.type)
+        rule = _NUMBER_RULES.get(found.node.type)
         if rule is not None:
             return rule(self, found)
         color = self.color(at)  # a colour on a float socket counts by its luminance
@@ -62,19 +73,168 @@ class NodeValues:
         return r, g, b
 
 
-def _vertex_number(values: NodeEvaluator, output: Output) -> NumberTerm:
+def _texture_use(values: NodeValues, output: Output) -> TextureUse:
+    node = output.node
+    if not usable(node.image):
+        if node.image and node.image.source in ("SEQUENCE", "MOVIE"):
+            raise NotUnderstoodError(f"image '{node.image.name}', whose frames are not read")
+        raise NotUnderstoodError(f"image '{node.image.name}', which is tiled")
+    if node.projection != "FLAT":
+        raise NotUnderstoodError(f"the {node.projection.lower()} projection of image '{node.image.name}'")
+    closest = node.interpolation == "Closest"
+    return TextureUse(node.image, node.extension, *_uv_transform(output.input("Vector")), closest)
+
+
+def _uv_transform(at: Input) -> tuple[Transform | None, str]:
+    """Transform from a UV map to texture coordinates, None for the map itself, and the map's name."""
+    found = source(at)
+    if isinstance(found, Input):
+        return None, ""
+    node = found.node
+    if node.type == "MAPPING":
+        inner, uv_map = _uv_transform(found.input("Vector"))
+        matrix = _mapping_matrix(found)
+        if inner is not None:
+            matrix = matrix @ np.vstack([inner, [0, 0, 1]])
+        (a, b, c), (d, e, f) = matrix[:2]
+        return ((float(a), float(b), float(c)), (float(d), float(e), float(f))), uv_map
+    if not getattr(node, "from_instancer", False):
+        if node.type == "TEX_COORD" and found.socket.name == "UV":
+            return None, ""
+        if node.type == "UVMAP":
+            return None, node.uv_map
+    if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY" and found.socket.name in ("Vector", "Color"):
+        return None, node.attribute_name
+    raise NotUnderstoodError(f"texture coordinates from node '{node.name}'")
+
+
+def _mapping_matrix(output: Output) -> np.ndarray:
+    """(3, 3) float64 of a Mapping node in the plane of the texture."""
+    node = output.node
+    names = ("Location", "Rotation", "Scale") if node.vector_type == "POINT" else ("Rotation", "Scale")
+    found = [source(output.input(name)) for name in names]
+    values = [np.array(rgb(each.value)) for each in found if isinstance(each, Input)]
+    if node.vector_type not in ("POINT", "VECTOR") or len(values) < len(names) or abs(values[-2][:2]).max() > 1e-6:
+        raise NotUnderstoodError(f"node '{node.name}'")
+    *moved, rotation, scale = values
+    offset = moved[0] if moved else np.zeros(3)
+    cosine, sine = np.cos(rotation[2]), np.sin(rotation[2])
+    return np.array(
+        [[cosine * scale[0], -sine * scale[1], offset[0]], [sine * scale[0], cosine * scale[1], offset[1]], [0, 0, 1]]
+    )
+
+
+def _is_missing(values: NodeValues, node: bpy.types.Node) -> bool:
+    """Return whether an image node has no image to show: Cycles then shows `MISSING`, opaque. A note says so."""
+    image = node.image
+    if usable(image) or (image is not None and image.source in ("SEQUENCE", "MOVIE", "TILED")):
+        return False
+    name = f"image '{image.name}'" if image else f"node '{node.name}'"
+    values.notes.append(f"{name} has no pixels, and is pink as in Cycles")
+    return True
+
+
+def _image_color(values: NodeValues, output: Output) -> ColorTerm:
+    if _is_missing(values, output.node):
+        return ColorTerm(WHITE if output.socket.name == "Alpha" else MISSING)
+    texture = _texture_use(values, output)
+    if output.socket.name == "Alpha":
+        raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a color")
+    return ColorTerm(WHITE, texture)
+
+
+def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
+    node = output.node
+    if node.type == "MIX":
+        if node.data_type != "RGBA":
+            raise NotUnderstoodError(f"node '{node.name}'")
+        factor_at, a_at, b_at = _mix_inputs(output, "Color")
+    else:
+        factor_at, a_at, b_at = (output.input(index) for index in range(3))
+    factor_value = values.constant_number(factor_at)
+    if node.blend_type not in ("MIX", "MULTIPLY"):
+        raise NotUnderstoodError(f"blend mode {node.blend_type.lower()} of node '{node.name}'")
+    if factor_value <= 0.0:
+        return values.color(a_at)
+    first, second = values.color(a_at), values.color(b_at)
+    if node.blend_type == "MULTIPLY":
+        return _product(values, first, second, factor_value)
+    return _blend(values, first, second, factor_value)
+
+
+def _mix_inputs(output: Output, kind: str) -> list[Input]:
+    """Factor, A and B of a Mix node for a kind of data: sockets of all kinds share names."""
+    inputs = {socket.identifier: socket for socket in output.node.inputs}
+    return [Input(inputs[name], output.groups) for name in ("Factor_Float", f"A_{kind}", f"B_{kind}")]
+
+
+def _mean(values: NodeValues, term: ColorTerm) -> Rgb:
+    """Mean of a colour; a note names its image."""
+    if term.texture is not None:
+        values.notes.append(f"image '{term.texture.image.name}' counts by its mean color")
+    return values.constant_color(term)
+
+
+def _product(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+    """first * lerp(1, second, factor)."""
+    if second.texture is not None and first.texture is None and factor >= 1.0:
+        first, second = second, first
+    r, g, b = (1.0 - factor + factor * each for each in _mean(values, second))
+    return first.scaled((r, g, b))
+
+
+def _blend(values: NodeValues, first: ColorTerm, second: ColorTerm, factor: float) -> ColorTerm:
+    """lerp(first, second, factor)."""
+    if factor >= 1.0:
+        return second
+    r, g, b = (a + factor * (b - a) for a, b in zip(_mean(values, first), _mean(values, second), strict=True))
+    return ColorTerm((r, g, b))
+
+
+def _vertex_color(values: NodeValues, output: Output) -> ColorTerm:
+    values.notes.append("vertex colors are left out")
+    return ColorTerm()
+
+
+def _ramp(values: NodeValues, output: Output) -> ColorTerm:
+    color = output.node.color_ramp.evaluate(values.constant_number(output.input("Fac")))
+    return ColorTerm(rgb(color))
+
+
+def _adjusted(values: NodeValues, output: Output) -> ColorTerm:
+    values.notes.append(f"node '{output.node.name}' is left out")
+    return values.color(output.input("Color"))
+
+
+_COLOR_RULES: dict[str, Callable[[NodeValues, Output], ColorTerm]] = {
+    "TEX_IMAGE": _image_color,
+    "RGB": lambda values, output: ColorTerm(rgb(output.socket.default_value)),
+    "VALUE": lambda values, output: ColorTerm(rgb(output.socket.default_value)),
+    "MIX": _mix_color,
+    "MIX_RGB": _mix_color,
+    "VALTORGB": _ramp,
+    "VERTEX_COLOR": _vertex_color,
+    "ATTRIBUTE": _vertex_color,
+    "GAMMA": _adjusted,
+    "BRIGHTCONTRAST": _adjusted,
+    "HUE_SAT": _adjusted,
+    "CURVE_RGB": _adjusted,
+}
+
+
+def _vertex_number(values: NodeValues, output: Output) -> NumberTerm:
     values.notes.append("vertex colors are left out")
     return NumberTerm(1.0)
 
 
-def _image_number(values: NodeEvaluator, output: Output) -> NumberTerm:
-    if is_missing(values, output.node):
+def _image_number(values: NodeValues, output: Output) -> NumberTerm:
+    if _is_missing(values, output.node):
         return NumberTerm(1.0 if output.socket.name == "Alpha" else number(MISSING))
-    texture = texture_use(values, output)
+    texture = _texture_use(values, output)
     return NumberTerm(0.0, 1.0, texture, "A" if output.socket.name == "Alpha" else "Y")
 
 
-def _separated(values: NodeEvaluator, output: Output) -> NumberTerm:
+def _separated(values: NodeValues, output: Output) -> NumberTerm:
     node = output.node
     if getattr(node, "mode", "RGB") != "RGB":
         raise NotUnderstoodError(f"node '{node.name}'")
@@ -85,16 +245,15 @@ def _separated(values: NodeEvaluator, output: Output) -> NumberTerm:
     return NumberTerm(0.0, color.factor[channel], color.texture, "RGB"[channel])
 
 
-def _light_path(values: NodeEvaluator, output: Output) -> NumberTerm:
+def _light_path(values: NodeValues, output: Output) -> NumberTerm:
     """Evaluate a light path node as the camera sees it."""
     return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
 
 
-def _mix_number(values: NodeEvaluator, output: Output) -> NumberTerm:
+def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
     if output.node.data_type != "FLOAT":
         raise NotUnderstoodError(f"node '{output.node.name}'")
-    inputs = {socket.identifier: socket for socket in output.node.inputs}
-    factor, a, b = (Input(inputs[name], output.groups) for name in ("Factor_Float", "A_Float", "B_Float"))
+    factor, a, b = _mix_inputs(output, "Float")
     weight = values.constant_number(factor)
     if weight in (0.0, 1.0):
         return values.number(b if weight else a)
@@ -106,7 +265,7 @@ def _mix_number(values: NodeEvaluator, output: Output) -> NumberTerm:
     raise NotUnderstoodError(f"two textures in node '{output.node.name}'")
 
 
-def _math(values: NodeEvaluator, output: Output) -> NumberTerm:
+def _math(values: NodeValues, output: Output) -> NumberTerm:
     node = output.node
     a = values.number(output.input(0))
     if node.operation == "ROUND":
@@ -137,7 +296,7 @@ def _constant(term: NumberTerm) -> float:
     return term.offset
 
 
-def _multiply(values: NodeEvaluator, a: NumberTerm, b: NumberTerm) -> NumberTerm:
+def _multiply(values: NodeValues, a: NumberTerm, b: NumberTerm) -> NumberTerm:
     if a.constant:
         a, b = b, a
     if b.constant and a.threshold is not None and b.offset != 1.0:
@@ -169,7 +328,7 @@ def _step(term: NumberTerm, threshold: float, above: bool) -> NumberTerm:
     return replace(term.affine(-1.0, 1.0), threshold=1.0 - threshold)
 
 
-NUMBER_RULES: dict[str, Callable[[NodeEvaluator, Output], NumberTerm]] = {
+_NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "TEX_IMAGE": _image_number,
     "VALUE": lambda values, output: NumberTerm(float(output.socket.default_value)),
     "MATH": _math,

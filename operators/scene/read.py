@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -15,7 +14,7 @@ from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError,
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
-from ..state.unsteady import origin_of_corners
+from ..state.digest import origin_of_corners
 from .files import missing_files, missing_libraries
 from .gloss import Gloss, read_gloss
 from .images import ImageReader
@@ -30,6 +29,10 @@ from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read
 from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
+_NOTHING = {
+    SELECTED: "No selected object has a surface: select a mesh, curve or text, or choose all visible objects",
+    VISIBLE: "No visible object has a surface: show a mesh, curve or text and enable it for renders",
+}
 LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
@@ -41,7 +44,7 @@ def read_scene(
     chosen: session_uids of objects that count as the selected ones. Raises EmptySelectionError if nothing in scope has
     a surface, GeometryError if the surface has no area or coordinates that are not finite.
     """
-    if scope not in (SELECTED, VISIBLE):
+    if scope not in _NOTHING:
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     reader = _Reader(depsgraph.scene.frame_current_final, hair=depsgraph.view_layer.use_strand)
     with render_geometry(depsgraph):
@@ -50,7 +53,7 @@ def read_scene(
     parts, notes = reader.parts()
     notes += reader.left_out()
     if not parts:
-        raise EmptySelectionError(". ".join([_nothing(scope), *notes, *missing_libraries()]))
+        raise EmptySelectionError(". ".join([_NOTHING[scope], *notes, *missing_libraries()]))
     readings, gloss = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
@@ -90,20 +93,12 @@ def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
 
 def _not_found(names: set[str]) -> list[str]:
     """Sentence about attributes of objects and instances that materials ask for in vain."""
-    if not names:
-        return []
     listed = named_list(sorted(names))
-    return [f"Materials ask objects or instances for {listed}, which none was found to have: it counts as 0"]
+    found = f"Materials ask objects or instances for {listed}, which none was found to have: it counts as 0"
+    return [found] if names else []
 
 
-def _nothing(scope: str) -> str:
-    if scope == SELECTED:
-        return "No selected object has a surface: select a mesh, curve or text, or choose all visible objects"
-    return "No visible object has a surface: show a mesh, curve or text and enable it for renders"
-
-
-@dataclass(frozen=True, eq=False)
-class _Placed:
+class _Placed(NamedTuple):
     """Row of `MeshInstances`."""
 
     name: str
@@ -111,10 +106,6 @@ class _Placed:
     slots: tuple[int, ...]
     values: dict[Asked, tuple[float, ...]]
     links: int
-
-    def padded_slots(self, width: int) -> tuple[int, ...]:
-        """Pad to `width` slots, the last one repeated, as Blender does for faces beyond the slots."""
-        return (*self.slots, *(self.slots[-1:] * (width - len(self.slots))))
 
 
 class _Reader:
@@ -137,10 +128,11 @@ class _Reader:
         """Read what the instance shows: its mesh, strands or points, and its hair."""
         item = instance.object
         layers = self._needs_of(item)[0]
+        shared = item.data and item.data.as_pointer(), layers  # objects that have both alike share a mesh
         if shows_mesh(instance):
-            self._add(instance, self._key(instance), partial(_read_mesh, instance, layers))
+            self._add(instance, shared, partial(_read_mesh, instance, layers))
         elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
-            self._add(instance, self._key(instance), partial(read_strands, item, layers))
+            self._add(instance, shared, partial(read_strands, item, layers))
         elif shows_itself(instance) and item.type in LEFT_OUT:
             self._left_out.setdefault(item.type, set()).add(item.name)
         owner = instance.instance_object if instance.is_instance else item
@@ -175,11 +167,6 @@ class _Reader:
                 )
             )
 
-    def _key(self, instance: bpy.types.DepsgraphObjectInstance) -> tuple[object, ...]:
-        """Objects share a mesh if they share evaluated data and the layers that their materials name."""
-        item = instance.object
-        return item.data.as_pointer(), self._needs_of(item)[0]
-
     def _needs_of(self, item: bpy.types.Object) -> tuple[frozenset[str], frozenset[Asked]]:
         """Layers that the materials of an object name, and values that they ask of it."""
         layers: frozenset[str] = frozenset()
@@ -211,13 +198,14 @@ class _Reader:
         meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
         for key, placed in self._placed.items():
             mesh = meshes[key]
-            width = max(len(each.slots) for each in placed)
+            width = max(len(each.slots) for each in placed)  # the last slot is repeated, as for faces beyond the slots
+            slots = [(*each.slots, *(each.slots[-1:] * (width - len(each.slots)))) for each in placed]
             parts.append(
                 MeshInstances(
                     mesh=mesh,
                     objects=tuple(each.name for each in placed),
                     matrices_world=np.stack([each.matrix_world for each in placed]),
-                    materials=np.array([each.padded_slots(width) for each in placed], np.int32),
+                    materials=np.array(slots, np.int32),
                     values=_values(placed),
                     links=np.array([each.links for each in placed], np.int32),
                 )
@@ -245,19 +233,12 @@ def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
 def _read_mesh(instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[str]) -> LocalMesh | None:
     """Mesh of an instance as arrays."""
     item = instance.object
-    with _evaluated_mesh(instance) as mesh:
-        return mesh and read_local_mesh(mesh, item.name, layers, origin_of_corners(item))
-
-
-@contextmanager
-def _evaluated_mesh(instance: bpy.types.DepsgraphObjectInstance) -> Iterator[bpy.types.Mesh | None]:
-    """Mesh of an instance."""
-    item = instance.object
+    origin = origin_of_corners(item)
     if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
-        yield item.data  # it may belong to no object: geometry nodes instance meshes, curves evaluate to them
-        return
+        # It may belong to no object: geometry nodes instance meshes, curves evaluate to them.
+        return read_local_mesh(item.data, item.name, layers, origin)
     mesh = item.to_mesh()
     try:
-        yield mesh
+        return mesh and read_local_mesh(mesh, item.name, layers, origin)
     finally:
         item.to_mesh_clear()

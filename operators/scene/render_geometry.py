@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -26,14 +26,7 @@ def hide_from_renders(texts: Sequence[str]) -> list[str]:
 def keep_hidden(texts: Sequence[str]) -> None:
     """Hide them at every frame that the scene goes to: their keys may show them again."""
     if texts:
-        bpy.app.handlers.frame_change_post.append(_hider(texts))
-
-
-def _hider(texts: Sequence[str]) -> Callable[..., None]:
-    def hide(*_: object) -> None:
-        hide_from_renders(texts)
-
-    return hide
+        bpy.app.handlers.frame_change_post.append(lambda *_: hide_from_renders(texts))
 
 
 _OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modifiers

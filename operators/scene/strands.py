@@ -20,9 +20,9 @@ from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.surface.tubes import curve_middles, segments, sphere_triangles, spheres, tube_triangles, tubes
 from ..scene_access.blender_version import POLYLINES_ARE_STRAIGHT
-from ..state.digest import values_of
+from ..state.digest import ATTRIBUTE_KINDS, values_of
 from .layer_names import GENERATED
-from .local_mesh import ATTRIBUTE_KINDS, LocalMesh, generated_from_position, packed_normals
+from .local_mesh import LocalMesh, generated_from_position, packed_normals
 
 Key = tuple[object, ...]
 STRANDS = frozenset({"CURVES", "POINTCLOUD"})  # types of objects
@@ -159,6 +159,8 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
     first = np.arange(count + 1) if spheres else values_of(data.curve_offset_data, "value", 1, np.int32).astype(int)
     lengths = np.diff(first)
     radii = _attribute(data, "radius", lengths)
+    kinds = data.attributes.get("curve_type")
+    polylines = kinds is not None and kinds.data[0].value == _POLYLINE  # Cycles goes by the first strand
     return _checked(
         Strands(
             item.name,
@@ -168,15 +170,9 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
             _first_uvs(data, lengths),
             {name: values for name in sorted(names) if (values := _attribute(data, name, lengths)) is not None},
             spheres=spheres,
-            straight=not spheres and _is_straight(data),
+            straight=not spheres and polylines and POLYLINES_ARE_STRAIGHT,
         )
     )
-
-
-def _is_straight(data: bpy.types.Curves) -> bool:
-    """Return whether Cycles draws straight lines: where the first strand is a polyline."""
-    kinds = data.attributes.get("curve_type")
-    return POLYLINES_ARE_STRAIGHT and kinds is not None and kinds.data[0].value == _POLYLINE
 
 
 def _checked(strands: Strands) -> Strands | None:

@@ -68,9 +68,7 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
 
 def _renders(item: bpy.types.Object) -> bool:
     """Test for rendered objects; voxels that we show are no surface, also where a user has them rendered."""
-    if is_own(item):
-        return False
-    return not item.hide_render and not item.is_holdout and _is_seen(item)
+    return not (is_own(item) or item.hide_render or item.is_holdout) and _is_seen(item)
 
 
 def _is_seen(item: bpy.types.Object) -> bool:

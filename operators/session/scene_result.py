@@ -7,7 +7,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..state.gloss_view import GLOSS_MOVED
+from ..state.block_hashes import GLOSS_MOVED
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree

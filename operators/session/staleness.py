@@ -20,7 +20,7 @@ from bpy.app.handlers import persistent
 
 from ..scene_access.images import is_shown
 from ..scene_access.own import is_quiet
-from ..state.gloss_view import GLOSS_MOVED
+from ..state.block_hashes import GLOSS_MOVED
 from ..state.scene_state import LIGHT, SURFACE, Change, SceneState, scene_state
 from ..state.watch import watches_of
 from . import results

@@ -34,6 +34,7 @@ MOVES_BY_ITSELF = frozenset(
 )  # fmt: skip
 _POSITION = "position"
 _KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
+GLOSS_MOVED = "the camera that gloss is seen from moved"
 
 
 class Part(NamedTuple):
@@ -87,7 +88,7 @@ class BlockReader:
         # compared then, and what moves them need not be part of the surface.
         moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
         for matrix in moved_by:
-            surface.text(tuple(tuple(row) for row in matrix))
+            surface.text(_rows(matrix))
         surface.text(*(getattr(item, name) for name in _OF_OBJECTS), tuple(item.color))
         for name in _REFERRED:
             (light if name == "data" and item.type in LAMPS else surface).block(getattr(item, name))
@@ -150,3 +151,28 @@ def passed_over(block: bpy.types.ID) -> bool:
 def is_camera(block: bpy.types.ID) -> bool:
     """Return whether a data-block is a camera, as object or as its data."""
     return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
+
+
+def place_of_gloss(scene: bpy.types.Scene) -> str:
+    """32 hex digits over what says where the active camera of a scene stands; other words without one.
+
+    Cycles bakes gloss as a perspective camera sees it from its place, whichever way it looks, and as an orthographic
+    one sees it from its direction. Objects that the camera follows are part of the surface, but for other cameras.
+    """
+    item = scene.camera
+    if item is None or item.type != "CAMERA":
+        return "no camera"
+    digest, local = Digest(), item.matrix_basis
+    from_afar = item.data.type == "ORTHO"
+    digest.text(from_afar, tuple(local.col[2].xyz.normalized() if from_afar else local.translation))
+    for constraint in item.constraints:
+        digest.struct(constraint, depth=2)
+    while item.parent is not None:
+        digest.text(item.parent.name_full, item.parent_type, item.parent_bone, _rows(item.matrix_parent_inverse))
+        item = item.parent
+        digest.text(_rows(item.matrix_basis))
+    return digest.hexdigest()
+
+
+def _rows(matrix: object) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix)  # type: ignore[attr-defined]

@@ -42,17 +42,24 @@ _IMAGE_KEYS = (
 _SKIPPED_OF_MODIFIERS = names(
     "name show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
 )
-_ATTRIBUTES = {
+# Data type of an attribute that Cycles evaluates -> key of its values, their width and type.
+ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
     "FLOAT": ("value", 1, np.float32), "FLOAT2": ("vector", 2, np.float32), "FLOAT_VECTOR": ("vector", 3, np.float32),
     "FLOAT_COLOR": ("color", 4, np.float32), "BYTE_COLOR": ("color", 4, np.float32), "INT": ("value", 1, np.int32),
-    "INT8": ("value", 1, np.int32), "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int32),
-    "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32), "FLOAT4X4": ("value", 16, np.float32),
+    "INT8": ("value", 1, np.int32), "BOOLEAN": ("value", 1, np.bool_), "QUATERNION": ("value", 4, np.float32),
+    "FLOAT4": ("vector", 4, np.float32),
+}  # fmt: skip
+_ATTRIBUTES = ATTRIBUTE_KINDS | {
+    "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int32), "FLOAT4X4": ("value", 16, np.float32),
 }  # fmt: skip
 _OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
 _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
 _CORNERS = ".corner_vert"
 _DEPTH = 6
 _MAX_TEXTS = 4096
+# Modifiers that give corners UV coordinates and colours whose last bits differ each time Blender evaluates an object:
+# means of what meets at a vertex, in an order that follows addresses in memory.
+_UNSTEADY = frozenset({"BEVEL"})
 
 
 class Digest:
@@ -271,6 +278,21 @@ class Digest:
             "loops", values_of(*((corners.data, "value") if corners else (data.loops, "vertex_index")), 1, np.int32)
         )
         self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
+
+
+def origin_of_corners(item: bpy.types.Object) -> str:
+    """32 hex digits over the user's own mesh and the modifiers of an evaluated object; "" where values are steady.
+
+    Hashes of an object with unsteady corner values hold it in their place: the same scene has the same key in each
+    process, and a bake that was stopped goes on there.
+    """
+    if not any(modifier.type in _UNSTEADY for modifier in item.modifiers):
+        return ""
+    digest = Digest()
+    digest.block(item.original.data)
+    for modifier in item.modifiers:
+        digest.modifier(modifier)
+    return digest.hexdigest()
 
 
 # By type, for as long as a hash is computed: asking for them takes longer than for values. Types may change later, when

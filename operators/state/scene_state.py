@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import bpy
 
-from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, is_camera, passed_over
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, is_camera, passed_over, place_of_gloss
 from .digest import Digest, render_keys
-from .gloss_view import place_of_gloss
 
 SURFACE, LIGHT, VIEW = "surface", "light", "view"
 STEPS = (SURFACE, LIGHT, VIEW)  # each needs those after it anew, too

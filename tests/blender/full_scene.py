@@ -7,8 +7,6 @@ import bpy
 
 from patchnet.tests.blender.job_scene import box, build
 
-MODES = ("OBJECT", "EDIT", "SCULPT", "WEIGHT_PAINT")
-
 
 def build_full(folder: Path, mode: str = "OBJECT") -> None:
     """Replace what is open; `folder` takes the file of a library. The slab is active, in `mode`."""

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import bpy
 
+from patchnet.operators.session import results
+from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 
 SMALL = {"depth": 7, "size": (24, 16)}
@@ -80,3 +82,13 @@ def drop_result_images() -> None:
     for image in list(bpy.data.images):
         if image.get("patchnet_result"):
             bpy.data.images.remove(image)
+
+
+def run_small(**values: object) -> None:
+    """Run all stages on the open scene, in the two lights unless `values` say otherwise."""
+    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
+
+
+def result() -> SceneResult:
+    """What the open scene has of such a job."""
+    return results.voxels_of(bpy.context.scene)

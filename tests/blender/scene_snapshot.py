@@ -22,16 +22,9 @@ _ATTRIBUTES = {
 _SKIPPED_COLLECTIONS = {"screens", "window_managers", "workspaces", "brushes", "palettes", "rna_type", "libraries"}
 # Pointers between data-blocks and views of them; the data-blocks appear on their own.
 _SKIPPED_PROPERTIES = {
-    "rna_type",
-    "original",
-    "session_uid",
-    "id_data",
-    "is_evaluated",
-    "preview",
-    "users",
-    "depsgraph",
+    "rna_type", "original", "session_uid", "id_data", "is_evaluated", "preview", "users", "depsgraph",
     "is_library_indirect",  # Blender 5.3 makes it false where a script sets what it was, and true again in each save
-}
+}  # fmt: skip
 # Blender 4.5 makes the lists of what is selected in a UV map when they are read, named by memory that it has freed.
 _SKIPPED_OF_UV_MAPS = {"vertex_selection", "edge_selection", "pin"}
 # Notes of a simulation's cache about the frames that were seen. Any jump to another frame makes and changes them.
@@ -181,19 +174,15 @@ def _tree(tree: bpy.types.NodeTree) -> dict[str, Any]:
 
 
 def _node(node: bpy.types.Node) -> dict[str, Any]:
-    inputs = {socket.identifier: str(getattr(socket, "default_value", None)) for socket in node.inputs}
-    values = {
-        socket.identifier: tuple(socket.default_value)
-        for socket in node.inputs
-        if socket.type in ("RGBA", "VECTOR") and hasattr(socket, "default_value")
-    }
+    values = {socket.identifier: getattr(socket, "default_value", None) for socket in node.inputs}
+    inputs = {key: tuple(value) if hasattr(value, "__len__") else str(value) for key, value in values.items()}
     image = getattr(node, "image", None)
     return {
         "settings": _settings(node, 2),
         "type": node.bl_idname,
         "select": node.select,
         "mute": node.mute,
-        "inputs": {key: value for key, value in inputs.items() if key not in values} | values,
+        "inputs": inputs,
         "image": image.name_full if image else None,
     }
 
@@ -210,13 +199,4 @@ def _mesh(mesh: bpy.types.Mesh) -> dict[str, Any]:
             values = np.empty(len(attribute.data) * kind[1], kind[2])
             attribute.data.foreach_get(kind[0], values)
             arrays[f"values of {attribute.name}"] = hashlib.sha256(values).hexdigest()
-    for collection, key, width, dtype in (
-        ("vertices", "co", 3, np.float32),
-        ("loops", "vertex_index", 1, np.int32),
-        ("polygons", "material_index", 1, np.int32),
-    ):
-        items = getattr(mesh, collection)
-        values = np.empty(len(items) * width, dtype)
-        items.foreach_get(key, values)
-        arrays[key] = hashlib.sha256(values).hexdigest()
     return arrays

@@ -62,14 +62,17 @@ def test_projection_is_blenders(camera: bpy.types.Object, kind: str, fit: str, s
         np.testing.assert_allclose(picture_point(ours, point), expected, rtol=2e-5, atol=2e-5)
 
 
-def test_scale_of_the_object_does_not_matter(camera: bpy.types.Object) -> None:
+@pytest.mark.parametrize(("scale", "right"), [((0.3, 2.0, 5.0), 1), ((-2.0, 2.0, 2.0), -1)])
+def test_of_the_scale_of_the_object_a_mirroring_sign_matters(
+    camera: bpy.types.Object, scale: tuple[float, float, float], right: int
+) -> None:
     bpy.context.view_layer.update()
     before = tracing_camera(camera, bpy.context.scene)
-    camera.scale = (0.3, 2.0, 5.0)
+    camera.scale = scale
     bpy.context.view_layer.update()
     after = tracing_camera(camera, bpy.context.scene)
-    for name in ("right", "up", "forward", "position_world"):
-        np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-6)
+    for name, sign in {"right": right, "up": 1, "forward": 1, "position_world": 1}.items():
+        np.testing.assert_allclose(getattr(after, name), sign * getattr(before, name), atol=1e-6)
     np.testing.assert_allclose(np.stack([after.right, after.up, after.forward]) @ after.forward, [0, 0, 1], atol=1e-9)
 
 
@@ -175,8 +178,15 @@ def test_a_camera_by_numbers(camera: bpy.types.Object) -> None:
             choose_cameras(depsgraph, (text,), (64, 32), bounds)
 
 
-@pytest.mark.parametrize("hidden", ["excluded collection", "disabled in viewports", "hidden"])
-@pytest.mark.parametrize("active", [True, False])
+@pytest.mark.parametrize(
+    ("hidden", "active"),
+    [
+        ("excluded collection", False),
+        ("excluded collection", True),
+        ("disabled in viewports", False),
+        ("hidden", False),
+    ],
+)
 def test_cameras_that_the_view_layer_leaves_out(
     camera: bpy.types.Object, hidden: str, active: bool, tmp_path: Path
 ) -> None:

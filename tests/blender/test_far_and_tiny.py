@@ -45,7 +45,7 @@ def at_home(tmp_path_factory: pytest.TempPathFactory, weights: Path) -> np.ndarr
 
 
 @pytest.mark.parametrize(
-    ("offset", "scale"), [(1e4, 1.0), (0.0, 1e-6), (0.0, 1e9), (1e9, 1e9)], ids=["far", "tiny", "huge", "huge and far"]
+    ("offset", "scale"), [(1e4, 1.0), (0.0, 1e-6), (1e9, 1e9)], ids=["far", "tiny", "huge and far"]
 )
 def test_same_picture_as_at_home(offset: float, scale: float, at_home: np.ndarray, weights: Path) -> None:
     """Within what single precision does to the camera's place: some rays pass an edge on its other side."""
@@ -55,25 +55,12 @@ def test_same_picture_as_at_home(offset: float, scale: float, at_home: np.ndarra
     assert not [text for text in result.warnings if "origin" in text]
 
 
-def test_objects_of_a_billionth_are_voxels_as_any(at_home: np.ndarray, weights: Path) -> None:
-    """Cameras cut what is nearer than a millionth, so this one looks through the longest lens."""
-    placed(0.0, 1e-9)
-    eye = bpy.context.scene.camera
-    eye.matrix_world = Matrix.Translation((0.0, -1.1e-6, 0.0)) @ Matrix.Rotation(np.pi / 2, 4, "X")
-    eye.data.lens, eye.data.clip_start = 5000.0, 1e-6
-    bpy.context.view_layer.update()
-    result = look(weights)
-    assert result.views[0].report["active_pixels"] > 10
-    assert result.report["octree"]["leaves"] > 300
-
-
-@pytest.mark.parametrize("light", ["two-lights", "cycles"])
-def test_far_from_the_origin_nothing_is_left_of_it(light: str, weights: Path) -> None:
+def test_far_from_the_origin_nothing_is_left_of_it(weights: Path) -> None:
     placed(1e9)
     with pytest.raises(
         GeometryError, match=r"Object '(Slab|Lath \d)' lies 1e\+09 from the origin, where Blender's num"
     ):
-        look(weights, light)
+        look(weights)
 
 
 @pytest.mark.parametrize(
@@ -95,14 +82,6 @@ def test_what_is_coarser_than_a_voxel_is_said(weights: Path) -> None:
     placed(1.5e6)
     (warning,) = [text for text in look(weights).warnings if "origin" in text]
     assert "numbers are 0.12 apart, more than a voxel (0.063)" in warning and "to the origin" in warning
-
-
-@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
-def test_vertices_that_are_not_finite_name_their_object(value: float, weights: Path) -> None:
-    build()
-    bpy.data.objects["Lath 2"].data.vertices.foreach_set("co", [value] * 24)  # one by one they are clamped
-    with pytest.raises(GeometryError, match="Object 'Lath 2' has vertices that are not finite numbers"):
-        look(weights)
 
 
 def test_vertices_that_no_number_can_place_name_their_object(weights: Path) -> None:

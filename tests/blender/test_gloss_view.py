@@ -11,7 +11,7 @@ from patchnet.operators.render_engine import render_frame
 from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
-from patchnet.operators.state.gloss_view import GLOSS_MOVED, place_of_gloss
+from patchnet.operators.state.block_hashes import GLOSS_MOVED, place_of_gloss
 from patchnet.operators.ui.tab import stale_text
 from patchnet.tests.blender.job_scene import principled, saved
 

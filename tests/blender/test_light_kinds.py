@@ -38,7 +38,6 @@ def test_sun_with_an_angle() -> None:
     ("kind", "settings"),
     [
         ("POINT", {"shadow_soft_size": 0.1}),
-        ("AREA", {"size": 0.6}),
         ("AREA", {"size": 0.6, "spread": 0.6}),
         ("AREA", {"shape": "DISK", "size": 0.8}),
         ("SPOT", {"spot_size": 1.0, "spot_blend": 0.1, "shadow_soft_size": 0.02}),
@@ -83,13 +82,6 @@ def test_photometric_profile(tmp_path: Path) -> None:
     assert_agrees(compare(), contrast=0.9)
 
 
-def test_constant_world() -> None:
-    slab()
-    pane("Roof", grey(0.0))
-    world().nodes["Background"].inputs["Color"].default_value = (0.5, 0.8, 1.0, 1.0)
-    assert_agrees(compare(256), contrast=0.3)
-
-
 def test_sky_texture() -> None:
     """The newest kind that this Blender has, sun disc included."""
     slab()
@@ -102,15 +94,14 @@ def test_sky_texture() -> None:
     assert_agrees(compare(256), contrast=0.3)
 
 
-@pytest.mark.parametrize("ending", ["hdr", "exr"])
-def test_environment_picture(ending: str, tmp_path: Path) -> None:
+def test_environment_picture(tmp_path: Path) -> None:
     """A bright spot near the horizon on a dim sky, from a file."""
     sky = np.full((32, 64, 4), 0.1, np.float32)
     sky[22:26, 40:46, :3] = (60.0, 30.0, 10.0)
     picture = bpy.data.images.new("Sky", 64, 32, float_buffer=True)
     picture.pixels.foreach_set(sky.ravel())
-    picture.filepath_raw = str(tmp_path / f"sky.{ending}")
-    picture.file_format = {"hdr": "HDR", "exr": "OPEN_EXR"}[ending]
+    picture.filepath_raw = str(tmp_path / "sky.hdr")
+    picture.file_format = "HDR"
     picture.save()
     slab()
     wall = pane("Wall", grey(0.0))
@@ -120,12 +111,6 @@ def test_environment_picture(ending: str, tmp_path: Path) -> None:
     node.image = bpy.data.images.load(picture.filepath_raw)
     tree.links.new(node.outputs[0], tree.nodes["Background"].inputs["Color"])
     assert_agrees(compare(512), contrast=0.3)
-
-
-def test_emitting_mesh_that_is_not_selected() -> None:
-    slab()
-    pane("Emitter", simple("Emission", Strength=4.0), scale=(0.3, 0.3, 1)).rotation_euler.x = np.pi
-    assert_agrees(compare(128), contrast=0.5)
 
 
 def test_light_from_a_coloured_wall_and_back() -> None:
@@ -148,17 +133,15 @@ def transparent_pane(kind: str) -> bpy.types.Material:
         tree.links.new(checker.outputs["Fac"] if "Fac" in checker.outputs else checker.outputs[1], mix.node.inputs[0])
         shown(tree, mix)
         return result
-    if kind == "alpha":
-        return simple("BsdfPrincipled", "Alpha", Alpha=0.3)
-    if kind == "tinted":
-        return simple("BsdfTransparent", "Tinted", Color=(0.2, 0.6, 0.9, 1.0))
-    if kind == "translucent":
-        return simple("BsdfTranslucent", "Paper", Color=(0.8, 0.8, 0.8, 1.0))
-    if kind == "glass":
-        return simple("BsdfGlass", "Glass", IOR=1.45, Roughness=0.0)
-    if kind == "refraction":
-        return simple("BsdfRefraction", "Refraction", IOR=1.3, Roughness=0.2)
-    return simple("BsdfPrincipled", "Clear", Transmission_Weight=1.0, Roughness=0.3)
+    shader_name, inputs = {
+        "alpha": ("BsdfPrincipled", {"Alpha": 0.3}),
+        "tinted": ("BsdfTransparent", {"Color": (0.2, 0.6, 0.9, 1.0)}),
+        "translucent": ("BsdfTranslucent", {"Color": (0.8, 0.8, 0.8, 1.0)}),
+        "glass": ("BsdfGlass", {"IOR": 1.45, "Roughness": 0.0}),
+        "refraction": ("BsdfRefraction", {"IOR": 1.3, "Roughness": 0.2}),
+        "transmission": ("BsdfPrincipled", {"Transmission_Weight": 1.0, "Roughness": 0.3}),
+    }[kind]
+    return simple(shader_name, kind, **inputs)
 
 
 @pytest.mark.parametrize("kind", ["holes", "alpha", "tinted", "translucent"])
@@ -194,8 +177,9 @@ def test_translucent_leaves() -> None:
     assert_agrees(compare(512, ("Leaf",)), contrast=0.8)
 
 
-@pytest.mark.parametrize("kind", ["glass", "refraction", "transmission"])
-@pytest.mark.parametrize("source", ["world", "lamp"])
+@pytest.mark.parametrize(
+    ("kind", "source"), [("glass", "world"), ("glass", "lamp"), ("refraction", "world"), ("transmission", "lamp")]
+)
 def test_light_through_transmission(kind: str, source: str) -> None:
     """Paths that leave the surface, pass the pane and meet a large lamp or the world: caustics, as the settings say."""
     slab()

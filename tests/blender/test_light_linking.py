@@ -43,13 +43,6 @@ def assert_halves(lit: int) -> None:
     assert means[lit] > 2.0 * means[1 - lit]
 
 
-@pytest.mark.parametrize("state", ["INCLUDE", "EXCLUDE"])
-def test_receivers_of_a_sun(state: str) -> None:
-    left, _ = halves()
-    lamp("SUN", 3.0, angle=0.0).light_linking.receiver_collection = receivers([left], state)
-    assert_halves(0 if state == "INCLUDE" else 1)
-
-
 def test_receivers_in_a_nested_collection() -> None:
     """Objects in a child have the state of the child."""
     left, right = halves()

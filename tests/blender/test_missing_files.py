@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that a scene names and that are not there are warned of with their paths."""
 
-import json
 from pathlib import Path
 
 import bpy
 import pytest
 
-from patchnet import commands
 from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
-from patchnet.tests.blender.job_scene import QUICK, build, saved
+from patchnet.tests.blender.job_scene import build, saved
 
 
 def warnings() -> str:
@@ -77,20 +75,6 @@ def test_missing_library_is_named_where_nothing_is_left(linked: tuple[Path, Path
     bpy.ops.wm.open_mainfile(filepath=str(user))
     with pytest.raises(EmptySelectionError, match=f"Linked libraries are missing: {library}"):
         warnings()
-
-
-def test_command_says_and_reports_what_is_missing(
-    linked: tuple[Path, Path], weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    library, user = linked
-    bpy.ops.mesh.primitive_cube_add(size=2.0)
-    saved(user)
-    library.unlink()
-    out = tmp_path / "out"
-    assert commands.main(["run", str(user), *QUICK, "--weights", str(weights), "--out", str(out)]) == 0
-    said = f"Linked libraries are missing: {library}; what they hold is left out"
-    assert f"Note: {said}" in capsys.readouterr().err
-    assert any(text.startswith(said) for text in json.loads((out / "report.json").read_text())["warnings"])
 
 
 def test_data_that_a_library_lacks_is_named(linked: tuple[Path, Path]) -> None:

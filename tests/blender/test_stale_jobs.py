@@ -6,20 +6,10 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.session import results
-from patchnet.operators.session.scene_result import SceneResult
-from patchnet.operators.session.staleness import look_again, recheck
-from patchnet.tests.blender.job_scene import SMALL, random_weights
+from patchnet.operators.session.staleness import recheck
+from patchnet.tests.blender.job_scene import random_weights, result, run_small
 
 pytestmark = pytest.mark.usefixtures("scene")
-
-
-def run(**values: object) -> None:
-    assert bpy.ops.patchnet.run_all(**{"light": "two-lights", **SMALL, **values}) == {"FINISHED"}
-
-
-def result() -> SceneResult:
-    return results.voxels_of(bpy.context.scene)
 
 
 def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, tmp_path: Path) -> None:
@@ -30,12 +20,12 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
         """Whether voxels stay, their grid, and look-ahead."""
         before = result()
         wanted.update(values)
-        run(**wanted)
+        run_small(**wanted)
         now = result()
         assert now.stale == set() and now.pictures
         return now.octree is before.octree, now.octree.grid == before.octree.grid, now.coded is before.coded
 
-    run(**wanted)
+    run_small(**wanted)
     assert made() == (True, True, True)
     assert made(budget=0.1) == (True, True, True)
     bpy.data.objects["Eye"].location.x += 0.1
@@ -60,7 +50,7 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
 
 def test_edit_mode_says_nothing_before_its_end() -> None:
     """Data-blocks are empty meanwhile; what was changed is said afterwards."""
-    run()
+    run_small()
     bpy.context.view_layer.objects.active = bpy.data.objects["Slab"]
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.context.view_layer.update()
@@ -75,7 +65,7 @@ def test_edit_mode_says_nothing_before_its_end() -> None:
 
 def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:
     """A lamp is what one has selected after one has moved it."""
-    run(scope="SELECTED")
+    run_small(scope="SELECTED")
     before = result().octree.leaf_count
     for item in bpy.context.selected_objects:
         item.select_set(False)
@@ -86,17 +76,17 @@ def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told
     assert result().octree.leaf_count == before and result().stale == set()
     bpy.data.lights["Lamp"].energy = 5.0
     bpy.context.view_layer.update()
-    run(scope="SELECTED")
+    run_small(scope="SELECTED")
     assert result().octree.leaf_count == before and not any("are there now" in text for text in result().all_notes)
     bpy.data.objects["Lath 4"].select_set(True)
-    run(scope="SELECTED")
+    run_small(scope="SELECTED")
     assert result().octree.leaf_count != before
     assert [text for text in result().all_notes if text.startswith("Voxels of 1 selected object are there now")]
 
 
 def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
     """Marked by a change, and disproved by a comparison when a frame is rendered."""
-    run()
+    run_small()
     octree = result().octree
     slab = bpy.data.objects["Slab"]
     slab.location.x += 0.5
@@ -108,15 +98,3 @@ def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     bpy.ops.render.render()
     assert result().octree is octree and result().stale == set()
-
-
-def test_settings_that_blender_does_not_report_are_seen_by_a_render() -> None:
-    run()
-    scene = bpy.context.scene
-    scene.cycles.diffuse_bounces = 0
-    bpy.context.view_layer.update()
-    look_again(result(), scene)
-    assert result().stale == {"light"} and result().why("light") == "world or render settings changed"
-    scene.cycles.diffuse_bounces = 4
-    look_again(result(), scene)
-    assert result().stale == set()
