@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Build the courtyard scene and save it."""
+"""Courtyard: its parts, sun and sky, cameras at the distances that look-ahead needs, and its file."""
 
 from __future__ import annotations
 
@@ -8,12 +8,22 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
-from . import furniture, ironwork, masonry, plants, roofs
-from .cameras import build_cameras
-from .lighting import build_light
-from .materials import make_materials, make_pictures
+from ..scene_access.blender_version import start_nodes
+from . import furniture, ironwork, masonry, plants
+from .geometry import add_object
+from .materials import linear, make_materials, make_pictures
+
+FIELD_OF_VIEW = float(np.radians(50.0))
+# Name: (position, target) in metres. Far and Middle are at distances that look-ahead needs at 192 pixels.
+VIEWS = {
+    "Far": ((3.4, -15.4, 7.3), (0.1, 0.4, 2.35)),
+    "Middle": ((1.6, -10.85, 3.6), (-0.4, 0.6, 1.95)),
+    "Close": ((0.15, -5.3, 2.0), (-1.6, -0.6, 1.0)),
+}
+TO_SUN = (0.62, -0.66, 0.86)  # direction from the courtyard to the sun
 
 
 def courtyard_pictures(seed: int = 1) -> dict[str, np.ndarray]:
@@ -35,13 +45,15 @@ def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str
     """
     streams = iter(_streams(seed)[1:])
     materials = make_materials(pictures or courtyard_pictures(seed))
-    parts = {name: _part(scene, name) for name in ("Masonry", "Ironwork", "Furniture", "Plants", "Light", "Cameras")}
-    stone, iron, furnishing, green = (parts[name] for name in ("Masonry", "Ironwork", "Furniture", "Plants"))
+    names = ("Masonry", "Ironwork", "Furniture", "Plants", "Light", "Cameras")
+    stone, iron, furnishing, green, light, cameras = (bpy.data.collections.new(name) for name in names)
+    for part in (stone, iron, furnishing, green, light, cameras):
+        scene.collection.children.link(part)
     masonry.build_floor(stone, materials, next(streams))
     masonry.build_steps(stone, materials)
     masonry.build_walls(stone, materials)
     masonry.build_arcade(stone, materials)
-    roofs.build_roofs(stone, materials, next(streams))
+    masonry.build_roofs(stone, materials, next(streams))
     ironwork.build_fence(iron, materials)
     ironwork.build_gate(iron, materials)
     ironwork.build_grilles(iron, materials)
@@ -53,9 +65,12 @@ def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str
     plants.build_pots(green, materials, next(streams))
     plants.build_tree(green, materials, next(streams), 4.05, -1.3)
     plants.build_bougainvillea(green, materials, next(streams))
-    build_light(scene, parts["Light"])
-    build_cameras(scene, parts["Cameras"])
-    _render_settings(scene)
+    build_light(scene, light)
+    build_cameras(scene, cameras)
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = 64, True
+    scene.view_settings.view_transform = "Standard"
+    scene.unit_settings.system = "METRIC"
 
 
 def save_demo_scene(path: Path, seed: int = 1) -> None:
@@ -67,15 +82,56 @@ def save_demo_scene(path: Path, seed: int = 1) -> None:
         bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), compress=True)
 
 
-def _part(scene: bpy.types.Scene, name: str) -> bpy.types.Collection:
-    collection = bpy.data.collections.new(name)
-    scene.collection.children.link(collection)
-    return collection
+def build_light(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Afternoon sun from the front right, and a sky that is blue above and sandy below the horizon."""
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy, sun.angle, sun.color = 3.6, 0.012, (1.0, 0.91, 0.78)
+    item = add_object(collection, "Sun", sun)
+    item.rotation_euler = Vector(TO_SUN).to_track_quat("Z", "Y").to_euler()
+    item.location = Vector(TO_SUN) * 8.0
+    scene.world = _sky()
 
 
-def _render_settings(scene: bpy.types.Scene) -> None:
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples = 64
-    scene.cycles.use_denoising = True
-    scene.view_settings.view_transform = "Standard"
-    scene.unit_settings.system = "METRIC"
+def _sky() -> bpy.types.World:
+    world = bpy.data.worlds.new("Sky")
+    tree = start_nodes(world)
+    nodes, links = tree.nodes, tree.links
+    nodes.clear()
+    place = nodes.new("ShaderNodeTexCoord")
+    split = nodes.new("ShaderNodeSeparateXYZ")
+    height = nodes.new("ShaderNodeMapRange")
+    height.inputs["From Min"].default_value, height.inputs["From Max"].default_value = -1.0, 1.0
+    ramp, background = nodes.new("ShaderNodeValToRGB"), nodes.new("ShaderNodeBackground")
+    output = nodes.new("ShaderNodeOutputWorld")
+    stops = [
+        (0.0, (0.60, 0.56, 0.51)), (0.38, (0.76, 0.74, 0.71)), (0.5, (0.87, 0.88, 0.88)), (0.62, (0.66, 0.79, 0.91)),
+        (1.0, (0.28, 0.49, 0.78)),
+    ]  # fmt: skip
+    ramp.color_ramp.elements.remove(ramp.color_ramp.elements[1])
+    for number, (position, colour) in enumerate(stops):
+        stop = ramp.color_ramp.elements[0] if number == 0 else ramp.color_ramp.elements.new(position)
+        stop.position, stop.color = position, (*linear(colour), 1.0)
+    background.inputs["Strength"].default_value = 0.9
+    links.new(place.outputs["Generated"], split.inputs["Vector"])
+    links.new(split.outputs["Z"], height.inputs["Value"])
+    links.new(height.outputs["Result"], ramp.inputs["Fac"])
+    links.new(ramp.outputs["Color"], background.inputs["Color"])
+    links.new(background.outputs["Background"], output.inputs["Surface"])
+    for number, node in enumerate((place, split, height, ramp, background, output)):
+        node.location = (220 * number - 900, 0)
+    return world
+
+
+def build_cameras(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
+    """Add the views for square pictures; Middle becomes the scene's camera."""
+    for name, (position, target) in VIEWS.items():
+        data = bpy.data.cameras.new(name)
+        data.sensor_fit, data.angle = "AUTO", FIELD_OF_VIEW
+        item = add_object(collection, name, data)
+        item.location = position
+        item.rotation_euler = (Vector(position) - Vector(target)).to_track_quat("Z", "Y").to_euler()
+        if name == "Middle":
+            scene.camera = item
+    render = scene.render
+    render.resolution_x = render.resolution_y = 512
+    render.resolution_percentage = 100

@@ -6,8 +6,22 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .geometry import Shape, add_object, array, ball, bevel, box, curve, join, lathe, place, sheet, solidify, tube
-from .instancing import show_collection
+from .geometry import (
+    Shape,
+    add_object,
+    array,
+    ball,
+    bevel,
+    box,
+    curve,
+    join,
+    lathe,
+    place,
+    sheet,
+    show_collection,
+    solidify,
+    tube,
+)
 from .masonry import ARCADE_Y, INSIDE, PLINTH, Materials
 
 TABLE = (-1.7, -1.35)
@@ -19,22 +33,15 @@ _GAP = 0.007  # the cloth lies this far above the table
 def build_table(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
     """Dark table with a white cloth that hangs over three of its edges, chairs around it."""
     x, y = TABLE
-    plank = place(
-        collection, "Table top", box((-_HALF[0], 0, 0), (_HALF[0], 0.2, 0.04)), materials["table"], repeat=0.9
-    )
+    top = box((-_HALF[0], 0, 0), (_HALF[0], 0.2, 0.04))
+    plank = place(collection, "Table top", top, materials["table"], repeat=0.9)
     plank.location = (x, y - _HALF[1], _TOP - 0.04)
     bevel(plank, 0.005)
     array(plank, 5, (0, 0.21, 0))
     leg = [
-        (0.03, 0.03),
-        (0.042, 0.06),
-        (0.03, 0.1),
-        (0.036, 0.3),
-        (0.05, 0.42),
-        (0.032, 0.5),
-        (0.05, 0.54),
+        (0.03, 0.03), (0.042, 0.06), (0.03, 0.1), (0.036, 0.3), (0.05, 0.42), (0.032, 0.5), (0.05, 0.54),
         (0.05, 0.74),
-    ]
+    ]  # fmt: skip
     legs = [lathe(leg, 20).moved((x + sx * 0.9, y + sy * 0.4, 0)) for sx in (-1, 1) for sy in (-1, 1)]
     place(collection, "Table legs", join(legs), materials["table"], smooth=True)
     apron = [box((x - 0.9, y + s * 0.4 - 0.015, 0.64), (x + 0.9, y + s * 0.4 + 0.015, 0.74)) for s in (-1, 1)]
@@ -72,43 +79,23 @@ def _cloth(rng: np.random.Generator) -> Shape:
 def _set_table(collection: bpy.types.Collection, materials: Materials, x: float, y: float, z: float) -> None:
     """Bottle, glasses, plates and a bowl of lemons."""
     bottle = [
-        (0.036, 0),
-        (0.037, 0.01),
-        (0.037, 0.17),
-        (0.03, 0.2),
-        (0.014, 0.235),
-        (0.013, 0.29),
-        (0.016, 0.3),
+        (0.036, 0), (0.037, 0.01), (0.037, 0.17), (0.03, 0.2), (0.014, 0.235), (0.013, 0.29), (0.016, 0.3),
         (0.012, 0.302),
-    ]
+    ]  # fmt: skip
     place(collection, "Bottle", lathe(bottle, 24).moved((x + 0.12, y + 0.1, z)), materials["glass"], smooth=True)
     plate = [(0.02, 0), (0.07, 0.002), (0.1, 0.014), (0.125, 0.02), (0.123, 0.024), (0.07, 0.008), (0.01, 0.006)]
     spots = [(-0.5, -0.32), (0.45, -0.32), (-0.45, 0.32), (0.5, 0.32)]
     for dx, dy in spots:
         place(collection, "Plate", lathe(plate, 32).moved((x + dx, y + dy, z)), materials["white"], smooth=True)
     jug = [
-        (0.05, 0),
-        (0.075, 0.03),
-        (0.085, 0.09),
-        (0.06, 0.16),
-        (0.045, 0.2),
-        (0.055, 0.23),
-        (0.048, 0.23),
+        (0.05, 0), (0.075, 0.03), (0.085, 0.09), (0.06, 0.16), (0.045, 0.2), (0.055, 0.23), (0.048, 0.23),
         (0.04, 0.19),
-    ]
+    ]  # fmt: skip
     place(collection, "Jug", lathe(jug, 28).moved((x - 0.75, y + 0.06, z)), materials["door"], smooth=True)
     bowl = [(0.06, 0), (0.065, 0.012), (0.13, 0.06), (0.16, 0.1), (0.152, 0.1), (0.12, 0.06), (0.01, 0.03)]
     place(collection, "Bowl", lathe(bowl, 32).moved((x - 0.22, y, z)), materials["clay"], smooth=True)
-    lemons = [
-        ball(0.038, 14).moved((x - 0.22 + dx, y + dy, z + dz))
-        for dx, dy, dz in (
-            (0, 0.01, 0.125),
-            (0.07, 0.03, 0.09),
-            (-0.06, 0.05, 0.09),
-            (-0.03, -0.07, 0.09),
-            (0.05, -0.05, 0.09),
-        )
-    ]
+    heap = ((0, 0.01, 0.125), (0.07, 0.03, 0.09), (-0.06, 0.05, 0.09), (-0.03, -0.07, 0.09), (0.05, -0.05, 0.09))
+    lemons = [ball(0.038, 14).moved((x - 0.22 + dx, y + dy, z + dz)) for dx, dy, dz in heap]
     place(collection, "Lemons", join(lemons), materials["lemon"], smooth=True)
     cup = [(0.022, 0), (0.03, 0.004), (0.034, 0.08), (0.031, 0.08), (0.027, 0.01), (0.005, 0.008)]
     cups = [lathe(cup, 20).moved((x + dx * 0.6, y + dy * 0.8 + 0.05, z)) for dx, dy in spots]
@@ -142,30 +129,12 @@ def build_fountain(collection: bpy.types.Collection, materials: Materials, x: fl
     rim = lathe([(0.66, 0.1), (0.66, 0.42), (0.66, 0.49), (0.92, 0.49), (0.92, 0.42), (0.86, 0.42)][::-1], 8)
     stone = place(collection, "Basin rim", rim.turned(np.pi / 8).moved((x, y, 0)), materials["stone"])
     bevel(stone, 0.015, 3)
-    place(
-        collection,
-        "Water",
-        lathe([(0.02, 0.36), (0.68, 0.36)][::-1], 8).turned(np.pi / 8).moved((x, y, 0)),
-        materials["water"],
-    )
+    water = lathe([(0.68, 0.36), (0.02, 0.36)], 8).turned(np.pi / 8).moved((x, y, 0))
+    place(collection, "Water", water, materials["water"])
     foot = [
-        (0.17, 0.3),
-        (0.17, 0.4),
-        (0.1, 0.46),
-        (0.075, 0.6),
-        (0.09, 0.75),
-        (0.07, 0.86),
-        (0.12, 0.92),
-        (0.36, 1.02),
-        (0.42, 1.08),
-        (0.4, 1.09),
-        (0.3, 1.05),
-        (0.06, 1.03),
-        (0.05, 1.2),
-        (0.08, 1.26),
-        (0.05, 1.33),
-        (0.005, 1.37),
-    ]
+        (0.17, 0.3), (0.17, 0.4), (0.1, 0.46), (0.075, 0.6), (0.09, 0.75), (0.07, 0.86), (0.12, 0.92), (0.36, 1.02),
+        (0.42, 1.08), (0.4, 1.09), (0.3, 1.05), (0.06, 1.03), (0.05, 1.2), (0.08, 1.26), (0.05, 1.33), (0.005, 1.37),
+    ]  # fmt: skip
     place(collection, "Fountain", lathe(foot, 36).moved((x, y, 0)), materials["stone"], smooth=True)
 
 

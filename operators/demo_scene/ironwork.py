@@ -55,8 +55,7 @@ def _picket() -> Shape:
     """Square bar with a collar and a spear head, 1.43 m high."""
     head = lathe([(0.008, 1.27), (0.016, 1.285), (0.008, 1.30), (0.024, 1.335), (0.016, 1.37), (0.001, 1.43)], 8)
     collar = lathe([(0.008, 0.42), (0.017, 0.435), (0.008, 0.45)], 8)
-    shapes = [box((-0.007, -0.007, 0), (0.007, 0.007, 1.28)), head, collar]
-    return join(shapes)
+    return join([box((-0.007, -0.007, 0), (0.007, 0.007, 1.28)), head, collar])
 
 
 def _post(collection: bpy.types.Collection, materials: Materials, x: float) -> None:
@@ -100,17 +99,8 @@ def _on_arch(radius: float, angles: np.ndarray) -> np.ndarray:
 
 
 def _leaf_frame(width: float) -> list[np.ndarray]:
-    low, high = 0.1, 1.64
-    return [
-        np.linspace(a, b, 2)
-        for a, b in (
-            ((0, 0, low), (0, 0, high)),
-            ((width, 0, low), (width, 0, high)),
-            ((0, 0, low), (width, 0, low)),
-            ((0, 0, high), (width, 0, high)),
-            ((0, 0, low), (width, 0, high)),
-        )
-    ]
+    corners = np.array([(x, 0, z) for x in (0, width) for z in (0.1, 1.64)])
+    return [corners[[start, end]] for start, end in ((0, 1), (2, 3), (0, 2), (1, 3), (0, 3))]
 
 
 def _chain_link(width: float, height: float, mesh: float = 0.05) -> list[np.ndarray]:
@@ -119,8 +109,7 @@ def _chain_link(width: float, height: float, mesh: float = 0.05) -> list[np.ndar
     z = np.linspace(0, height, links + 1)
     paths = []
     for k in range(count):
-        swing = np.where(np.arange(links + 1) % 2 == 0, -1.0, 1.0)
-        swing = swing * (1 - 2 * (k % 2))
+        swing = np.where(np.arange(links + 1) % 2 == 0, -1.0, 1.0) * (1 - 2 * (k % 2))
         x = (k + 0.5 + 0.53 * swing) * width / count
         paths.append(np.stack([np.clip(x, 0, width), 0.004 * swing, z], -1))
     return paths

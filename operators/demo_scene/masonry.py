@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Masonry of the courtyard: floor, steps, walls and arcade."""
+"""Masonry of the courtyard: floor, steps, walls, arcade and roofs."""
 
 from __future__ import annotations
 
 import bpy
 import numpy as np
 
-from .geometry import Shape, array, bevel, box, join, lathe, place, sheet
-from .instancing import scatter
+from .geometry import Shape, array, bevel, box, join, lathe, place, scatter, sheet, solidify
 
 Materials = dict[str, bpy.types.Material]
 
@@ -39,8 +38,7 @@ def arch_wall(
         pieces.append(_rectangle(edge, centre - radius, z0, z1))
         if sill > z0:
             pieces.append(_rectangle(centre - radius, centre + radius, z0, sill))
-        angles = np.linspace(np.pi, 0, 25)
-        arch = np.stack([centre + radius * np.cos(angles), 0 * angles, spring + radius * np.sin(angles)], -1)
+        arch = _arch(centre, radius, spring, np.linspace(np.pi, 0, 25))
         pieces.append(sheet(np.stack([arch, np.stack([arch[:, 0], arch[:, 1], np.full(25, z1)], -1)])))
         edge = centre + radius
     pieces.append(_rectangle(edge, x1, z0, z1))
@@ -63,33 +61,27 @@ def _rectangle(x0: float, x1: float, z0: float, z1: float) -> Shape:
 
 def _outline(centre: float, radius: float, sill: float, spring: float, floor: bool) -> np.ndarray:
     """Edge of an opening (n, 3), from its right foot over the arch to the left one, and back along a sill."""
-    angles = np.linspace(0, np.pi, 25)
-    arch = np.stack([centre + radius * np.cos(angles), 0 * angles, spring + radius * np.sin(angles)], -1)
+    arch = _arch(centre, radius, spring, np.linspace(0, np.pi, 25))
     feet = np.array([[centre + radius, 0, sill], [centre - radius, 0, sill]])
     parts = [feet[:1]] * (spring > sill) + [arch] + [feet[1:]] * (spring > sill)
     return np.concatenate(parts + ([feet[:1]] if floor else []))
 
 
+def _arch(centre: float, radius: float, spring: float, angles: np.ndarray) -> np.ndarray:
+    return np.stack([centre + radius * np.cos(angles), 0 * angles, spring + radius * np.sin(angles)], -1)
+
+
 def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
     """Kerb around, and within instanced tiles in a chequer of warm tones."""
-    edges = [
-        ((-6, FRONT - 0.22), (6, FRONT)),
-        ((-6, FRONT), (-INSIDE - 0.25, 5.7)),
-        ((INSIDE + 0.25, FRONT), (6, 5.7)),
-    ]
+    edges = [((-6, FRONT - 0.22), (6, FRONT)), ((-6, FRONT), (-INSIDE - 0.25, 5.7)), ((INSIDE + 0.25, FRONT), (6, 5.7))]
     kerbs = [box((*low, -0.2), (*high, 0), False) for low, high in edges]
     place(collection, "Kerb", join(kerbs), materials["stone"], repeat=2.5)
     size = 0.3
     prototypes = []
     hidden = bpy.data.collections.new("Floor tile prototypes")
     for number in range(4):
-        half = size / 2
-        tile = place(
-            hidden,
-            f"Floor tile {number + 1}",
-            box((-half, -half, 0), (half, half, 0.01), False),
-            materials[f"floor{number}"],
-        )
+        shape = box((-size / 2, -size / 2, 0), (size / 2, size / 2, 0.01), False)
+        tile = place(hidden, f"Floor tile {number + 1}", shape, materials[f"floor{number}"])
         bevel(tile, 0.007)
         prototypes.append(tile)
     i, j = (axis.ravel() for axis in np.meshgrid(np.arange(36), np.arange(24), indexing="ij"))
@@ -141,8 +133,7 @@ def build_walls(collection: bpy.types.Collection, materials: Materials) -> None:
     for x, _, sill, _ in windows:
         frame = box((x - 0.56, INSIDE - 0.07, sill - 0.09), (x + 0.56, INSIDE + 0.1, sill))
         bevel(place(collection, "Window sill", frame, materials["stone"]), 0.015)
-    cornice = _cornice()
-    place(collection, "Cornice", cornice, materials["stone"], repeat=2.0)
+    place(collection, "Cornice", _cornice(), materials["stone"], repeat=2.0)
     rooms = [box((x - 0.45, INSIDE + WALL, 5.6), (x + 0.45, INSIDE + WALL + 0.02, 6.7)) for x, _, _, _ in windows]
     place(collection, "Dark rooms", join(rooms), materials["dark"])
 
@@ -193,16 +184,9 @@ def _arch_stones() -> Shape:
     stones = []
     for number, (start, end) in enumerate(zip(edges[:-1] + 0.006, edges[1:] - 0.006, strict=True)):
         outer = ARCH_RADIUS + (0.36 if number == 8 else 0.24)
-        ring = [
-            (radius * np.cos(angle), radius * np.sin(angle))
-            for radius, angle in (
-                (ARCH_RADIUS - 0.012, start),
-                (outer, start),
-                (outer, end),
-                (ARCH_RADIUS - 0.012, end),
-            )
-        ]
-        front = np.array([(x, 0, z) for x, z in ring])
+        inner = ARCH_RADIUS - 0.012
+        ring = ((inner, start), (outer, start), (outer, end), (inner, end))
+        front = np.array([(radius * np.cos(angle), 0, radius * np.sin(angle)) for radius, angle in ring])
         shape = sheet(np.stack([front + (0, 0.2, 0), front]), closed=True)
         stones.append(Shape(shape.vertices, shape.faces + [(4, 5, 6, 7)[::-1], (0, 1, 2, 3)]))
     return join(stones)
@@ -211,24 +195,64 @@ def _arch_stones() -> Shape:
 def _column() -> Shape:
     """Column of 2 m with base, swelling shaft and capital."""
     base = [
-        (0.24, 0.12),
-        (0.245, 0.15),
-        (0.24, 0.18),
-        (0.2, 0.2),
-        (0.2, 0.22),
-        (0.215, 0.24),
-        (0.2, 0.27),
-        (0.17, 0.29),
-    ]
+        (0.24, 0.12), (0.245, 0.15), (0.24, 0.18), (0.2, 0.2), (0.2, 0.22), (0.215, 0.24), (0.2, 0.27), (0.17, 0.29),
+    ]  # fmt: skip
     shaft = [(0.165 - 0.03 * t**1.8, 0.3 + 1.24 * t) for t in np.linspace(0, 1, 12)]
     capital = [
-        (0.155, 1.56),
-        (0.16, 1.58),
-        (0.14, 1.6),
-        (0.14, 1.66),
-        (0.15, 1.7),
-        (0.18, 1.77),
-        (0.22, 1.82),
+        (0.155, 1.56), (0.16, 1.58), (0.14, 1.6), (0.14, 1.66), (0.15, 1.7), (0.18, 1.77), (0.22, 1.82),
         (0.24, 1.86),
-    ]
+    ]  # fmt: skip
     return lathe(base + shaft + capital, 32)
+
+
+def build_roofs(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
+    """Instanced clay tiles on the arcade and on the house, on boards and beams."""
+    hidden = bpy.data.collections.new("Roof tile prototypes")
+    prototypes = []
+    for number in range(3):
+        tile = place(hidden, f"Roof tile {number + 1}", _roof_tile(), materials[f"roof{number}"], smooth=True)
+        solidify(tile, 0.014, rim_only=True)
+        prototypes.append(tile)
+    slopes = {"Arcade": ((2.32, 4.33), (5.4, 5.28)), "House": ((5.05, 7.14), (5.75, 7.42))}
+    for name, (front, back) in slopes.items():
+        width = INSIDE + WALL + 0.12
+        boards = np.array([[(-width, *front), (width, *front)], [(-width, *back), (width, *back)]])
+        place(collection, f"{name} boards", sheet(boards), materials["clay"])
+        _lay_tiles(collection, name, prototypes, front, back, width, rng)
+    beam = place(collection, "Beams", box((-0.06, -0.05, -0.14), (0.06, 3.1, 0)), materials["oak"], repeat=0.8)
+    beam.location, beam.rotation_euler = (-5.1, 2.36, 4.28), (np.arctan2(0.95, 3.08), 0, 0)
+    array(beam, 13, (0.85, 0, 0))
+    bevel(beam, 0.01)
+
+
+def _roof_tile() -> Shape:
+    """Half round clay tile along y, tapered, 0.46 m long, lower end in the origin."""
+    angles, t = np.linspace(0, np.pi, 13), np.linspace(0, 1, 4)[:, None]
+    radius = 0.105 - 0.02 * t
+    rows = np.stack([radius * np.cos(angles), 0 * angles + 0.46 * t, radius * np.sin(angles)], -1)
+    return sheet(rows[:, ::-1])
+
+
+def _lay_tiles(
+    collection: bpy.types.Collection,
+    name: str,
+    prototypes: list[bpy.types.Object],
+    front: tuple[float, float],
+    back: tuple[float, float],
+    width: float,
+    rng: np.random.Generator,
+) -> None:
+    """Columns of overlapping tiles up a slope from `front` to `back` (y, z)."""
+    run = np.subtract(back, front)
+    length, slope = float(np.hypot(*run)), float(np.arctan2(run[1], run[0]))
+    rows = int(length / 0.37)
+    columns = int(2 * width / 0.225)
+    i, j = (axis.ravel() for axis in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
+    along = (i * length / rows - 0.06) / length
+    across = (j - (columns - 1) / 2) * 2 * width / columns
+    points = np.stack([across, front[0] + along * run[0], front[1] + along * run[1] + 0.012 * (i > 0)], -1)
+    angles = np.stack([slope + rng.normal(-0.035, 0.008, len(i)), 0 * i, rng.normal(0, 0.015, len(i))], -1)
+    kind = rng.integers(0, len(prototypes), len(i))
+    for number, tile in enumerate(prototypes):
+        mine = kind == number
+        scatter(collection, f"{name} roof {number + 1}", tile, points[mine], angles[mine])

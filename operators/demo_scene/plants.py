@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from .geometry import Shape, ball, join, lathe, place, solidify, tube
-from .instancing import show_collection
+from .geometry import Shape, ball, join, lathe, place, show_collection, solidify, tube
 from .masonry import ARCADE_Y, INSIDE, PLINTH, Materials
 
 
@@ -64,31 +63,19 @@ def fronds(rng: np.random.Generator, count: int, centre: Sequence[float], length
     angle = np.arange(count) * 2.39996 + rng.normal(0, 0.1, count)
     rise = rng.uniform(0.5, 2.4, count)
     directions = np.stack([np.cos(angle), np.sin(angle), rise], -1)
-    return cards(
-        np.tile(centre, (count, 1)).astype(float),
-        directions,
-        length * rng.uniform(0.75, 1.1, count),
-        0.36,
-        rng.uniform(0.5, 0.9, count),
-        rng,
-    )
-
-
-def _pot(collection: bpy.types.Collection, materials: Materials, radius: float, height: float) -> None:
-    profile = [(0.66, 0.0), (0.7, 0.02), (0.93, 0.78), (1.0, 0.82), (1.06, 0.85), (1.06, 0.98), (1.0, 1.0)]
-    pot = place(
-        collection, "Pot", lathe([(radius * r, height * z) for r, z in profile], 32), materials["clay"], smooth=True
-    )
-    solidify(pot, 0.02, rim_only=True)
-    soil = lathe([(radius * 0.98, 0.9 * height), (radius * 0.5, 0.93 * height), (0.01, 0.95 * height)], 20)
-    place(collection, "Soil", soil, materials["soil"], smooth=True)
+    roots = np.tile(centre, (count, 1)).astype(float)
+    return cards(roots, directions, length * rng.uniform(0.75, 1.1, count), 0.36, rng.uniform(0.5, 0.9, count), rng)
 
 
 def _potted(
     name: str, materials: Materials, leaves: list[tuple[str, Shape]], radius: float, height: float
 ) -> bpy.types.Collection:
     plant = bpy.data.collections.new(name)
-    _pot(plant, materials, radius, height)
+    profile = [(0.66, 0.0), (0.7, 0.02), (0.93, 0.78), (1.0, 0.82), (1.06, 0.85), (1.06, 0.98), (1.0, 1.0)]
+    shape = lathe([(radius * r, height * z) for r, z in profile], 32)
+    solidify(place(plant, "Pot", shape, materials["clay"], smooth=True), 0.02, rim_only=True)
+    soil = lathe([(radius * 0.98, 0.9 * height), (radius * 0.5, 0.93 * height), (0.01, 0.95 * height)], 20)
+    place(plant, "Soil", soil, materials["soil"], smooth=True)
     for key, shape in leaves:
         place(plant, f"{name} {key}", shape, materials[key])
     return plant
@@ -101,14 +88,10 @@ def make_pots(materials: Materials, rng: np.random.Generator) -> dict[str, bpy.t
     lavender.vertices[:, 2] += 0.35 * (lavender.vertices[:, 2] - 0.32)
     green = bush(rng, 170, (0.24, 0.24, 0.16), (0, 0, 0.42), 0.17)
     red = bush(rng, 70, (0.27, 0.27, 0.2), (0, 0, 0.5), 0.13)
-    olive_trunk = tube(
-        np.array([(0, 0, 0.4), (0.02, 0.01, 0.8), (-0.02, 0.02, 1.2), (0, 0, 1.5)]),
-        np.array([0.045, 0.04, 0.035, 0.02]),
-        8,
-    )
-    olive = _potted(
-        "Olive", materials, [("olive", bush(rng, 820, (0.46, 0.46, 0.5), (0, 0, 1.72), 0.205, 0.6))], 0.27, 0.46
-    )
+    crown = bush(rng, 820, (0.46, 0.46, 0.5), (0, 0, 1.72), 0.205, 0.6)
+    olive = _potted("Olive", materials, [("olive", crown)], 0.27, 0.46)
+    trunk = np.array([(0, 0, 0.4), (0.02, 0.01, 0.8), (-0.02, 0.02, 1.2), (0, 0, 1.5)])
+    olive_trunk = tube(trunk, np.array([0.045, 0.04, 0.035, 0.02]), 8)
     place(olive, "Olive trunk", olive_trunk, materials["bark"], smooth=True)
     return {
         "box": _potted("Box", materials, [("citrus", box_ball)], 0.25, 0.44),
@@ -124,9 +107,7 @@ def build_pots(collection: bpy.types.Collection, materials: Materials, rng: np.r
     pots = make_pots(materials, rng)
     spots = [
         *[
-            ("olive", -3.55, 1.85, 1.15),
-            ("olive", 3.55, 1.85, 1.1),
-            ("fern", -4.75, 1.95, 1.1),
+            ("olive", -3.55, 1.85, 1.15), ("olive", 3.55, 1.85, 1.1), ("fern", -4.75, 1.95, 1.1),
             ("fern", 4.8, 0.4, 1.1),
         ],
         *[("geranium", -2.65, 1.92, 1.0), ("geranium", 2.62, 1.98, 1.05), ("geranium", 4.3, 1.7, 0.9)],
@@ -176,21 +157,16 @@ def build_bougainvillea(collection: bpy.types.Collection, materials: Materials, 
     corner = (INSIDE - 0.15, ARCADE_Y - 0.22)
     up = np.array([(corner[0], corner[1], z) for z in (0.4, 1.2, 2.2, 3.2, 4.3)])
     eaves = np.array([(x, 2.25, z) for x, z in ((5.2, 4.35), (4.4, 4.5), (3.5, 4.48), (2.6, 4.4), (1.9, 4.3))])
-    wall = np.array(
-        [(INSIDE + 0.05, y, z) for y, z in ((2.4, 2.55), (1.6, 2.45), (0.8, 2.3), (0.0, 2.25), (-0.8, 2.15))]
-    )
+    heights = ((2.4, 2.55), (1.6, 2.45), (0.8, 2.3), (0.0, 2.25), (-0.8, 2.15))
+    wall = np.array([(INSIDE + 0.05, y, z) for y, z in heights])
     stems = [tube(path + rng.normal(0, 0.05, path.shape), np.linspace(0.035, 0.01, 5), 7) for path in (up, eaves, wall)]
     place(collection, "Bougainvillea stems", join(stems), materials["bark"], smooth=True)
-    blossoms = [
-        _cascade(rng, path, count, spread)
-        for path, count, spread in ((up[1:], 150, 0.22), (eaves, 520, 0.3), (wall, 400, 0.26))
-    ]
-    leaves = [
-        _cascade(rng, path, count, spread)
-        for path, count, spread in ((up[1:], 120, 0.2), (eaves, 260, 0.27), (wall, 220, 0.24))
-    ]
-    place(collection, "Bougainvillea blossoms", join(blossoms), materials["bougainvillea"])
-    place(collection, "Bougainvillea leaves", join(leaves), materials["citrus"])
+    for name, material, clusters in (
+        ("blossoms", "bougainvillea", ((up[1:], 150, 0.22), (eaves, 520, 0.3), (wall, 400, 0.26))),
+        ("leaves", "citrus", ((up[1:], 120, 0.2), (eaves, 260, 0.27), (wall, 220, 0.24))),
+    ):
+        cards_around = join(_cascade(rng, *cluster) for cluster in clusters)
+        place(collection, f"Bougainvillea {name}", cards_around, materials[material])
 
 
 def _cascade(rng: np.random.Generator, path: np.ndarray, count: int, spread: float) -> Shape:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from . import textures
-from .cameras import FIELD_OF_VIEW
+from .courtyard import FIELD_OF_VIEW
 from .geometry import Shape, add_object, ball, box, place
 from .materials import principled
 

@@ -1,27 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Importance of the pixels of a view."""
+"""Importance of the pixels of a view, from an image that is stretched over it or from the weights of a vertex group.
+
+Of a group, the centre of a voxel that a pixel shows looks for the nearest painted triangle, no farther than the voxel's
+corners. So the weight follows what the preview shows, cut-outs and instances included, and no weight has to be stored
+with the octree. Where a voxel holds painted and other surfaces, the painted one counts.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.surface.chroma import REC709
 from ..scene.render_geometry import render_geometry
+from ..scene.surface_instances import shown_instances, shows_mesh
 from .painted import Importance
 
-if TYPE_CHECKING:
-    from .vertex_group import PaintedSurface
+_LABEL = "Looking up importance"
+_PER_STEP = 4096
+_HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, and what rounding adds
 
 
 def painted_image(name: str) -> np.ndarray:
@@ -73,8 +80,6 @@ class Strokes:
     def weights(self, grid: Grid, buffers: PixelBuffers, rect: PixelRect | None = None) -> Steps[np.ndarray]:
         """(P,) float32 in [0, 1] for the pixels of a view of an octree; `rect`: what an image is stretched over."""
         if self.surface is not None:
-            from .vertex_group import vertex_group_weights
-
             weights = yield from vertex_group_weights(self.surface, grid, buffers)
             return beside_hits(buffers.picture(weights), buffers.picture(buffers.hit)).ravel()
         assert self.picture is not None
@@ -90,8 +95,6 @@ def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgr
     A render may call this in its own thread: it only reads, meshes of its own graph, and images the way Cycles does.
     """
     if importance.vertex_group:
-        from .vertex_group import PaintedSurface
-
         with render_geometry(depsgraph):
             return Strokes(surface=PaintedSurface(depsgraph, scope, importance.vertex_group))
     file = importance.file
@@ -110,8 +113,6 @@ def importance_key(importance: Importance | None) -> str:
         return ""
     digest = hashlib.blake2b(digest_size=16)
     if importance.vertex_group:
-        from .vertex_group import group_weights
-
         for item in bpy.data.objects:
             if isinstance(item.data, bpy.types.Mesh) and importance.vertex_group in item.vertex_groups:
                 digest.update(item.name_full.encode())
@@ -121,3 +122,90 @@ def importance_key(importance: Importance | None) -> str:
         values = painted_image(importance.image) if file is None else painted_file(file)
         digest.update(repr(values.shape).encode() + np.ascontiguousarray(values, np.float32).data)
     return digest.hexdigest()
+
+
+class PaintedSurface:
+    """Triangles of all objects that have a vertex group, in world units."""
+
+    def __init__(self, depsgraph: bpy.types.Depsgraph, scope: str, group: str) -> None:
+        """Read the group through `depsgraph`, as renders see it; raises SettingError if no object in scope has it."""
+        points, triangles, weights, first = [], [], [], 0
+        for instance in shown_instances(depsgraph, scope):
+            if not shows_mesh(instance) or group not in instance.object.vertex_groups:
+                continue
+            part = _triangles(instance, group)
+            points.append(part[0])
+            triangles.append(part[1] + first)
+            weights.append(part[2])
+            first += len(part[0])
+        if not points:
+            raise SettingError(f"No voxelized object has the vertex group '{group}': paint one, or choose another")
+        self._points, self._triangles = np.concatenate(points), np.concatenate(triangles)
+        self._weights = np.concatenate(weights)
+        self._tree = BVHTree.FromPolygons(self._points.tolist(), self._triangles.tolist(), all_triangles=True)
+
+    def weight(self, point: np.ndarray, reach: float) -> float:
+        """Interpolated weight of the surface nearest to a point (3,), 0 where there is none within `reach`."""
+        found, _normal, index, _distance = self._tree.find_nearest(point.tolist(), reach)
+        if found is None:
+            return 0.0
+        corners = self._triangles[index]
+        return float(_barycentric(np.array(found), self._points[corners]) @ self._weights[corners])
+
+
+def vertex_group_weights(surface: PaintedSurface, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
+    """(P,) float32: the weight of the surface in each pixel's voxel; 0 for a miss."""
+    weights = np.zeros(len(buffers.preview), np.float32)
+    pixels = np.flatnonzero(buffers.hit)
+    nodes, pick, rows = np.unique(buffers.hits.node[pixels], return_index=True, return_inverse=True)
+    levels, cells = buffers.hits.level[pixels][pick], buffers.hits.cell[pixels][pick]
+    sides = np.exp2(-levels.astype(np.float64))[:, None]
+    centres = grid.to_world((cells + 0.5) * sides)
+    reaches = sides[:, 0] * grid.side_world * _HALF_DIAGONAL
+    of_node = np.zeros(len(nodes), np.float32)
+    for start in range(0, len(nodes), _PER_STEP):
+        yield Progress(start, len(nodes), _LABEL)
+        for index in range(start, min(start + _PER_STEP, len(nodes))):
+            of_node[index] = surface.weight(centres[index], reaches[index])
+    weights[pixels] = of_node[rows.reshape(-1)]
+    return weights
+
+
+def group_weights(item: bpy.types.Object, mesh: bpy.types.Mesh, group: str) -> np.ndarray:
+    """(V,) float32 weights of a mesh's vertices in a group of its object."""
+    number = item.vertex_groups[group].index
+    weights = np.zeros(len(mesh.vertices), np.float32)
+    for index, vertex in enumerate(mesh.vertices):
+        for element in vertex.groups:
+            if element.group == number:
+                weights[index] = element.weight
+                break
+    return weights
+
+
+def _triangles(instance: bpy.types.DepsgraphObjectInstance, group: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """World points (V, 3), triangles (T, 3) and weights (V,) of an instance."""
+    item = instance.object
+    mesh = item.data
+    assert isinstance(mesh, bpy.types.Mesh)
+    points = np.empty(len(mesh.vertices) * 3, np.float32)
+    mesh.vertices.foreach_get("co", points)
+    triangles = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+    mesh.loop_triangles.foreach_get("vertices", triangles)
+    matrix = np.array(instance.matrix_world, np.float64)
+    world = points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return world, triangles.reshape(-1, 3), group_weights(item, mesh, group)
+
+
+def _barycentric(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(3,) shares of a point (3,) on a triangle (3, 3); a third each where the triangle has no area."""
+    edges = corners[1:] - corners[0]
+    gram = edges @ edges.T
+    determinant = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
+    if determinant <= 0.0:
+        return np.full(3, 1.0 / 3.0)
+    along = edges @ (point - corners[0])
+    second = (gram[1, 1] * along[0] - gram[0, 1] * along[1]) / determinant
+    third = (gram[0, 0] * along[1] - gram[0, 1] * along[0]) / determinant
+    shares = np.clip([1.0 - second - third, second, third], 0.0, 1.0)
+    return shares / shares.sum()

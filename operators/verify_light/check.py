@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import bpy
 import numpy as np
@@ -29,9 +29,6 @@ from ..scene.cameras import camera_size_px, looking_cameras
 from ..scene_access.images import save_png
 from ..schema.table import GLOSS_OFF
 from ..settings.job_settings import JobSettings
-
-if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
 
 @dataclass(frozen=True)
@@ -97,31 +94,22 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
     A check that is stopped finds the pages of light that it has baked when it is started again.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
-
-    with BakePageCache() as kept:
-        return (yield from _compared(context, settings, kept))
-
-
-def _compared(context: bpy.types.Context, settings: CheckSettings, kept: BakePageCache) -> Steps[LightCheck]:
-    clock = StageClock()
-    made = yield from build_lit_octree(context, settings.job, clock, kept)
-    octree = made.octree
-    cameras = yield from _cameras(context, octree, settings, made.source.bounds_world)
-    checks = []
-    for camera in cameras:
-        with clock.stage("cameras"):
-            steps = check_camera(context, octree, camera, settings)
-            checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
-    unseen = [text for check in checks if (text := _why_unseen(octree, check)) is not None]
-    warnings = (*made.warnings, *unseen)
-    return LightCheck(octree, tuple(checks), _report(octree, checks, settings, clock.seconds, warnings))
-
-
-def _why_unseen(octree: Octree, check: CameraCheck) -> str | None:
     from ...patchnet_addon.tracing.empty_view import why_unseen
     from ...patchnet_addon.tracing.render import first_hits
 
-    return why_unseen(octree, check.camera, first_hits(octree, check.camera), float(check.octree.max()))
+    clock, checks, warnings = StageClock(), [], []
+    with BakePageCache() as kept:
+        made = yield from build_lit_octree(context, settings.job, clock, kept)
+        octree = made.octree
+        for camera in (yield from _cameras(context, octree, settings, made.source.bounds_world)):
+            with clock.stage("cameras"):
+                steps = check_camera(context, octree, camera, settings)
+                checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
+            brightest = float(checks[-1].octree.max())
+            if unseen := why_unseen(octree, camera, first_hits(octree, camera), brightest):
+                warnings.append(unseen)
+    report = _report(octree, checks, settings, clock.seconds, [*made.warnings, *warnings])
+    return LightCheck(octree, tuple(checks), report)
 
 
 def _cameras(
@@ -150,47 +138,36 @@ def check_camera(
     if settings.compares_all_light:
         first, second = halves
         halves = replace(first, luminance=first.combined), replace(second, luminance=second.combined)
-    report = _figures(mine, halves, octree.exposure) | _noise(halves, octree.exposure) | _placed(camera)
+    exposure = octree.exposure
+    report = _figures(mine, halves, exposure) | _noise_and_place(halves, exposure, camera)
     if whole is not None:
-        report["whole_voxels"] = _figures(whole, halves, octree.exposure)
-    cycles = np.clip(octree.exposure * _mean(halves), 0.0, 1.0).astype(np.float32)
-    return CameraCheck(camera, cycles, mine.luminance, report, None if whole is None else whole.luminance)
+        report["whole_voxels"] = _figures(whole, halves, exposure)
+    mean = np.mean([half.luminance for half in halves], axis=0)
+    cycles = np.clip(exposure * mean, 0.0, 1.0).astype(np.float32)
+    return CameraCheck(camera, cycles, mine[0], report, None if whole is None else whole[0])
 
 
-class _Look(NamedTuple):
+def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
     """Picture of an octree (H, W), and how much of each pixel it covers (H, W)."""
-
-    luminance: np.ndarray
-    coverage: np.ndarray
-
-
-def _look(octree: Octree, camera: Camera, rays: int) -> Steps[_Look]:
     from ...patchnet_addon.tracing.supersample import supersample
 
     shape = camera.height_px, camera.width_px
     luminance = (yield from supersample(octree, camera, rays)).reshape(shape)
     white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
-    return _Look(luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape))
+    return luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape)
 
 
-def _mean(halves: Sequence[Reference]) -> np.ndarray:
-    return np.mean([half.luminance for half in halves], axis=0)
-
-
-def _figures(look: _Look, halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
+def _figures(look: tuple[np.ndarray, np.ndarray], halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
     cycles = np.mean([half.luminance * np.float32(exposure) for half in halves], axis=0)
-    guides = Guides(halves[0].coverage, look.coverage, halves[0].depth_world, halves[0].albedo, halves[0].normal)
-    return compare(look.luminance, cycles, guides)
+    guides = Guides(halves[0].coverage, look[1], halves[0].depth_world, halves[0].albedo, halves[0].normal)
+    return compare(look[0], cycles, guides)
 
 
-def _noise(halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
-    """Noise of the mean of two independent halves, which is half their difference."""
+def _noise_and_place(halves: Sequence[Reference], exposure: float, camera: Camera) -> dict[str, Any]:
+    """Noise of the mean of two independent halves, which is half their difference, and where the camera stands."""
     first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
-    return {"reference_noise_db": picture_psnr(first + 0.5, second + 0.5)}
-
-
-def _placed(camera: Camera) -> dict[str, Any]:
     return {
+        "reference_noise_db": picture_psnr(first + 0.5, second + 0.5),
         "camera": camera.name,
         "size": [camera.width_px, camera.height_px],
         "position_world": [round(float(value), 6) for value in camera.position_world],
@@ -204,13 +181,11 @@ def _report(
     checks: list[CameraCheck],
     settings: CheckSettings,
     timings_s: dict[str, float],
-    warnings: tuple[str, ...],
+    warnings: list[str],
 ) -> dict[str, Any]:
-    means = {"mean": _mean_figures([(check.octree, check.cycles, check.report) for check in checks])}
+    means = {"mean": _mean_figures([(item.octree, item.cycles, item.report) for item in checks])}
     if settings.whole_voxels:
-        whole = [
-            (check.whole, check.cycles, check.report["whole_voxels"]) for check in checks if check.whole is not None
-        ]
+        whole = [(item.whole, item.cycles, item.report["whole_voxels"]) for item in checks if item.whole is not None]
         means["mean_whole_voxels"] = _mean_figures(whole)
     return {
         **means,
@@ -228,7 +203,7 @@ def _report(
         },
         "light": octree.provenance,
         "timings_s": timings_s,
-        "warnings": list(warnings),
+        "warnings": warnings,
         "versions": versions(),
         "machine": machine(),
     }

@@ -39,13 +39,6 @@ def test_undo_removes_it() -> None:
     assert len(bpy.data.scenes[NAME].objects) > 50
 
 
-def test_a_second_one_is_another_scene() -> None:
-    bpy.ops.patchnet.add_demo_scene()
-    bpy.ops.patchnet.add_demo_scene()
-    first, second = (bpy.data.scenes[name] for name in (NAME, f"{NAME}.001"))
-    assert len(first.objects) == len(second.objects) and not set(first.objects) & set(second.objects)
-
-
 def test_it_waits_for_jobs_and_for_object_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(JobOperator, "running", "Bake Light")
     with pytest.raises(RuntimeError, match="Bake Light is running"):

@@ -18,7 +18,7 @@ from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
-from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE
+from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, lamp, link, material, mesh, shader, shown, simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -26,45 +26,28 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 
 def diffuse(color: tuple[float, float, float] = (0.5, 0.5, 0.5), emission: float = 0.0) -> bpy.types.Material:
     """Diffuse plus emission."""
-    material = bpy.data.materials.new("Diffuse")
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    nodes = [tree.nodes.new(f"Shader{name}") for name in ("NodeBsdfDiffuse", "NodeEmission", "NodeAddShader")]
-    nodes[0].inputs["Color"].default_value = (*color, 1.0)
-    nodes[1].inputs["Strength"].default_value = emission
-    for index in range(2):
-        tree.links.new(nodes[index].outputs[0], nodes[2].inputs[index])
-    tree.links.new(nodes[2].outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-    return material
+    paint, tree = material("Diffuse")
+    both = tree.nodes.new("ShaderNodeAddShader")
+    for index, (kind, inputs) in enumerate(
+        (("BsdfDiffuse", {"Color": (*color, 1.0)}), ("Emission", {"Strength": emission}))
+    ):
+        tree.links.new(shader(tree, kind, **inputs), both.inputs[index])
+    shown(tree, both.outputs[0])
+    return paint
 
 
-def mesh_object(name: str, vertices: list, faces: list, material: bpy.types.Material | None = None) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices, [], faces)
-    if material:
-        mesh.materials.append(material)
-    item = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(item)
-    return item
+def square(name: str, paint: bpy.types.Material | None = None, up: bool = True) -> bpy.types.Object:
+    return link(mesh(name, SQUARE, [(0, 1, 2, 3) if up else (3, 2, 1, 0)], paint))
 
 
-def square(name: str, material: bpy.types.Material | None = None, up: bool = True) -> bpy.types.Object:
-    return mesh_object(name, SQUARE, [(0, 1, 2, 3) if up else (3, 2, 1, 0)], material)
-
-
-def cube(material: bpy.types.Material | None = None, inside_out: bool = False) -> bpy.types.Object:
+def cube(paint: bpy.types.Material | None = None, inside_out: bool = False) -> bpy.types.Object:
     vertices = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-    return mesh_object("Cube", vertices, [face[::-1] if inside_out else face for face in CUBE_FACES], material)
+    return link(mesh("Cube", vertices, [face[::-1] if inside_out else face for face in CUBE_FACES], paint))
 
 
 def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
-    light = bpy.data.lights.new("Sun", "SUN")
-    light.energy, light.angle = strength, 0.0
-    item = bpy.data.objects.new("Sun", light)
+    item = lamp("SUN", strength, angle=0.0)
     item.rotation_euler = rotation
-    bpy.context.scene.collection.objects.link(item)
     return item
 
 
@@ -96,9 +79,9 @@ def shaded(source: SceneMesh, atlas: Atlas, grid: int = 6) -> dict[str, np.ndarr
 
 def test_closed_box_under_the_sun_is_lambertian() -> None:
     cube(diffuse((0.5, 0.5, 0.5))).data.shade_flat()
-    lamp = sun(3.0, (0.5, 0.3, 0.0))
+    light = sun(3.0, (0.5, 0.3, 0.0))
     source, atlas = baked()
-    towards = np.array(lamp.matrix_world.to_3x3() @ Vector((0, 0, 1)))
+    towards = np.array(light.matrix_world.to_3x3() @ Vector((0, 0, 1)))
     (batch,) = source.batches()
     normals = np.cross(
         batch.corners_world[:, 1] - batch.corners_world[:, 0], batch.corners_world[:, 2] - batch.corners_world[:, 0]
@@ -109,65 +92,44 @@ def test_closed_box_under_the_sun_is_lambertian() -> None:
     np.testing.assert_allclose(values, np.broadcast_to(expected[:, None], values.shape), atol=1e-3)
 
 
-def test_sides_of_sheets() -> None:
-    material = diffuse((0.5, 0.5, 0.5))
-    sun(3.0)
+# Sun from below, whether both sides are wanted and the material culls, and what sheets that face up and down show.
+SHEETS = {
+    "a dark side does not count, even if it is the front": (0.0, False, False, 3.0, 3.0),
+    "mean of two lit sides": (1.0, True, False, 2.0, 2.0),
+    "fronts": (1.0, False, False, 3.0, 1.0),
+    "fronts of a material that culls": (1.0, True, True, 3.0, 1.0),
+    "a dark front of a material that culls": (0.0, True, True, 3.0, 3.0),
+    "next to no light is that of the inside of a building": (0.003, False, False, 3.0, 3.0),
+    "shade is shade": (0.3, False, False, 3.0, 0.3),
+}
+
+
+@pytest.mark.parametrize("case", SHEETS)
+def test_sides_of_sheets(case: str) -> None:
+    below, both_sides, culls, up, down = SHEETS[case]
+    paint = diffuse()
+    paint.use_backface_culling = culls
+    sun(3.0), sun(below, (np.pi, 0.0, 0.0))
     for index, name in enumerate(("Up", "Down")):
-        square(name, material, up=name == "Up").location = (10 * index, 0, 0)
-    lit = 3.0 * 0.5 / np.pi
-    values = shaded(*baked())
-    assert values["Up"].mean() == pytest.approx(lit, rel=1e-3), "the dark side of a sheet does not count"
-    assert values["Down"].mean() == pytest.approx(lit, rel=1e-3), "even if it is the front"
-    sun(1.0, (np.pi, 0.0, 0.0))
-    values = shaded(*baked(both_sides=True))
-    for name in ("Up", "Down"):
-        assert values[name].mean() == pytest.approx(lit * (1.0 + 1.0 / 3.0) / 2.0, rel=1e-3), (
-            "the mean of two lit sides"
-        )
-
-
-@pytest.mark.parametrize("by_material", [False, True])
-def test_fronts_alone(by_material: bool) -> None:
-    material = diffuse((0.5, 0.5, 0.5))
-    material.use_backface_culling = by_material
-    lamps = [sun(3.0), sun(1.0, (np.pi, 0.0, 0.0))]
-    for index, name in enumerate(("Up", "Down")):
-        square(name, material, up=name == "Up").location = (10 * index, 0, 0)
-    values = shaded(*baked(both_sides=by_material))
-    assert values["Up"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
-    assert values["Down"].mean() == pytest.approx(1.0 * 0.5 / np.pi, rel=1e-3)
-    bpy.data.objects.remove(lamps[1])
-    values = shaded(*baked(both_sides=by_material))
-    assert values["Down"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3), "a dark front is no front"
-
-
-@pytest.mark.parametrize(("strength", "seen"), [(0.003, 3.0), (0.3, 0.3)])
-def test_normals_that_point_into_a_building(strength: float, seen: float) -> None:
-    """A front that gets next to no light is enclosed there, although a little finds its way in; shade is shade."""
-    material = diffuse((0.5, 0.5, 0.5))
-    sun(3.0), sun(strength, (np.pi, 0.0, 0.0))
-    for index, name in enumerate(("Up", "Down")):
-        square(name, material, up=name == "Up").location = (10 * index, 0, 0)
-    values = shaded(*baked())
-    assert values["Up"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
-    assert values["Down"].mean() == pytest.approx(seen * 0.5 / np.pi, rel=1e-3)
+        square(name, paint, up=name == "Up").location = (10 * index, 0, 0)
+    values = shaded(*baked(both_sides=both_sides))
+    assert values["Up"].mean() == pytest.approx(up * 0.5 / np.pi, rel=1e-3)
+    assert values["Down"].mean() == pytest.approx(down * 0.5 / np.pi, rel=1e-3)
 
 
 def test_closed_boxes_that_are_lit_from_inside() -> None:
     """The inner side counts where nothing shines outside. A sheet beside it keeps the mean of its sides."""
     cube(diffuse((0.5, 0.5, 0.5)))
-    lamp = bpy.data.lights.new("Lamp", "POINT")
-    lamp.energy, lamp.shadow_soft_size = 40.0, 0.01
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Lamp", lamp))
+    lamp("POINT", 40.0, (0.0, 0.0, 0.0), shadow_soft_size=0.01)
     cube(diffuse((0.5, 0.5, 0.5))).location.x = 20
-    material = diffuse((0.0, 0.0, 0.0))
-    tree = material.node_tree
+    paint = diffuse((0.0, 0.0, 0.0))
+    tree = paint.node_tree
     strength = tree.nodes.new("ShaderNodeMath")
     strength.operation = "MULTIPLY_ADD"
     strength.inputs[1].default_value, strength.inputs[2].default_value = 0.4, 0.4
     tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], strength.inputs[0])
     tree.links.new(strength.outputs[0], tree.nodes["Emission"].inputs["Strength"])
-    sheet = square("Sheet", material)
+    sheet = square("Sheet", paint)
     sheet.location.x, sheet.scale = 20, (0.5, 0.5, 0.5)
     bpy.context.scene.cycles.diffuse_bounces = 0
     values = shaded(*baked(0.25, 64, both_sides=True))
@@ -187,32 +149,10 @@ def test_furnace() -> None:
     assert values.std() < 0.05
 
 
-def test_light_bounces_off_a_wall() -> None:
-    square("Floor", diffuse((0.8, 0.8, 0.8)))
-    wall = square("Wall", diffuse((0.8, 0.0, 0.0)))
-    wall.rotation_euler, wall.location = (0, np.pi / 2, 0), (-1.0, 0, 1.0)
-    sun(3.0, (0.0, 0.8, 0.0))
-    bpy.context.scene.cycles.diffuse_bounces = 1
-    with_red = shaded(*baked(0.25, 64))["Floor"]
-    wall.data.materials[0] = diffuse((0.0, 0.0, 0.0))
-    without = shaded(*baked(0.25, 64))["Floor"]
-    direct = 3.0 * np.cos(0.8) * 0.8 / np.pi
-    assert without.mean() == pytest.approx(direct, rel=1e-3)
-    # The wall's radiosity over the floor: form factor of two adjacent squares is 0.2.
-    bounced = 0.2 * 3.0 * np.sin(0.8) * 0.8 * 0.2126 * 0.8 / np.pi
-    assert with_red.mean() - direct == pytest.approx(bounced, rel=0.03)
-
-
 def test_emission_and_mixed_alpha() -> None:
     square("Lamp", diffuse((0.0, 0.0, 0.0), emission=2.5)).location = (50, 0, 0)
-    material = bpy.data.materials.new("Glassy")
-    if material.node_tree is None:
-        material.use_nodes = True
-    principled = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    principled.inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1.0)
-    principled.inputs["Specular IOR Level"].default_value = 0.0
-    principled.inputs["Alpha"].default_value = 0.75
-    square("Pane", material)
+    half = {"Base_Color": (0.5, 0.5, 0.5, 1.0), "Specular_IOR_Level": 0.0, "Alpha": 0.75}
+    square("Pane", simple("BsdfPrincipled", "Glassy", **half))
     sun(3.0)
     source, atlas = baked()
     values = shaded(source, atlas)
@@ -221,60 +161,10 @@ def test_emission_and_mixed_alpha() -> None:
     assert atlas.texels[:, 1].max() <= 1.0
 
 
-def test_instances_are_lit_where_they_stand() -> None:
-    material = diffuse((0.5, 0.5, 0.5))
-    first = square("In the sun", material)
-    second = bpy.data.objects.new("In the shade", first.data)
-    bpy.context.scene.collection.objects.link(second)
-    second.location, second.scale = (10, 0, 0), (-1, 1, 1)
-    roof = square("Roof", diffuse((0.0, 0.0, 0.0)))
-    roof.location, roof.scale = (10, 0, 0.5), (50, 50, 1)
-    roof.location.x = 10 + 50 - 2
-    sun(3.0)
-    values = shaded(*baked())
-    assert values["In the sun"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
-    assert values["In the shade"].max() == pytest.approx(0.0, abs=1e-4)
-
-
-def test_textures_and_unselected_occluders() -> None:
-    """Texture coordinates survive, and what is not baked still casts its shadow."""
-    item = square("Floor", diffuse())
-    item.data.uv_layers.new(name="Any name")
-    item.data.uv_layers["Any name"].uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
-    image = bpy.data.images.new("Halves", 2, 1, float_buffer=True)
-    image.pixels.foreach_set(np.array([0.0, 0.0, 0.0, 1.0, 0.8, 0.8, 0.8, 1.0], np.float32))
-    tree = item.data.materials[0].node_tree
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image, texture.interpolation, texture.extension = image, "Closest", "EXTEND"
-    tree.links.new(texture.outputs["Color"], tree.nodes["Diffuse BSDF"].inputs["Color"])
-    cover = square("Cover", diffuse((0.0, 0.0, 0.0)))
-    cover.location, cover.scale = (0, 1.5, 1), (5, 1.5, 1)  # over y > 0
-    sun(3.0)
-    bpy.context.view_layer.update()
-    item.select_set(True)
-    cover.select_set(False)
-    source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
-    atlas = drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=16, color=False)))
-    shade = atlas_shade(atlas, source)
-    (batch,) = source.batches()
-    for triangle in range(2):
-        points = np.array([(0.2, 0.1), (0.1, 0.2), (0.4, 0.3), (0.3, 0.4), (0.1, 0.6), (0.6, 0.1)], np.float32)
-        corners = batch.corners_world[triangle]
-        world = corners[0] + points @ (corners[1:] - corners[0])
-        count = len(points)
-        fragments = Fragments(
-            np.zeros(count, np.uint64), np.full(count, triangle, np.int32), points, np.full(count, 1e-3)
-        )
-        expected = np.where((world[:, 0] > 0) & (world[:, 1] < 0), 3.0 * 0.8 / np.pi, 0.0)
-        values, _ = shade(batch, fragments)
-        clear = (np.abs(world[:, :2]) > 0.15).all(axis=1)
-        np.testing.assert_allclose(values[clear], expected[clear], atol=2e-3)
-
-
 def test_texels_of_no_triangle_stay_empty() -> None:
     """Blender 5.3 bakes them where a triangle touches them; they may belong to one that is baked apart."""
     for index in range(5):  # each fills half of a rectangle
-        mesh_object("Half", SQUARE[:3], [(0, 1, 2)], diffuse(emission=1.0)).scale = (0.3 + 0.3 * index, 1.0, 1.0)
+        link(mesh("Half", SQUARE[:3], [(0, 1, 2)], diffuse(emission=1.0))).scale = (0.3 + 0.3 * index, 1.0, 1.0)
     _, atlas = baked(0.1)
     owners = np.concatenate([texel_owners(atlas.charts, page) for page in range(atlas.charts.page_count)])
     assert (owners < 0).any() and not atlas.texels[owners < 0].any()
@@ -291,6 +181,8 @@ def test_texels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "texels" in atlas.warnings[0]
     with pytest.raises(SettingError, match="Samples per texel 0 is outside"):
         LightSettings(samples=0)
+    with pytest.raises(SettingError, match="auto, off, above, camera"):
+        LightSettings(gloss="sideways")
 
 
 def user_scene() -> dict:
@@ -370,17 +262,6 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
     drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1)))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}
     assert_unchanged(before)
-
-
-def test_edit_mode_stays() -> None:
-    item = square("Floor", diffuse())
-    sun(3.0)
-    bpy.context.view_layer.objects.active = item
-    bpy.ops.object.mode_set(mode="EDIT")
-    values = shaded(*baked())
-    assert item.mode == "EDIT"
-    assert values["Floor"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=1e-3)
-    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def test_a_failing_bake_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

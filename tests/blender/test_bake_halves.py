@@ -12,9 +12,8 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import SQUARE, material, shader
+from patchnet.tests.blender.light_scene import SQUARE, link, material, mesh, shader
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.test_bake import mesh_object
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 STEP = 0.125  # a texel of the bake, in units of the square, of which it is a half
@@ -32,7 +31,7 @@ def ramp() -> None:
     tree.links.new(split.outputs["X"], add.inputs[0])
     tree.links.new(add.outputs[0], node.inputs["Color"])
     tree.links.new(emission, tree.nodes["Material Output"].inputs["Surface"])
-    mesh_object("Square", SQUARE, [(0, 1, 2, 3)], made)
+    link(mesh("Square", SQUARE, [(0, 1, 2, 3)], made))
     bpy.context.view_layer.update()
 
 

@@ -39,6 +39,7 @@ LOST = [
     ("AmbientOcclusion", {"only_local": True}),
     ("Bevel", {}),
     ("LightPath", {"output": "Ray Length"}),
+    ("TexCoord", {"output": "Reflection"}),
     ("VectorTransform", {"convert_from": "WORLD", "convert_to": "CAMERA"}),
     ("VectorTransform", {"convert_from": "OBJECT", "convert_to": "WORLD", "vector_type": "POINT"}),
 ]

@@ -17,7 +17,18 @@ from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments
-from patchnet.tests.blender.light_scene import SQUARE, assert_agrees, compare, link, mesh, picture, slab
+from patchnet.tests.blender.light_scene import (
+    SQUARE,
+    assert_agrees,
+    compare,
+    link,
+    material,
+    mesh,
+    picture,
+    shader,
+    shown,
+    slab,
+)  # fmt: skip
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -27,11 +38,7 @@ REC709 = np.array([0.2126, 0.7152, 0.0722])
 
 def glowing(color: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], in_group: bool = False) -> bpy.types.Material:
     """A material that emits what a node yields."""
-    material = bpy.data.materials.new("Glow")
-    if material.node_tree is None:
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
+    paint, tree = material("Glow")
     if in_group:
         group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
         group.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketColor")
@@ -41,19 +48,15 @@ def glowing(color: Callable[[bpy.types.NodeTree], bpy.types.NodeSocket], in_grou
         socket = user.outputs[0]
     else:
         socket = color(tree)
-    emission = tree.nodes.new("ShaderNodeEmission")
-    tree.links.new(socket, emission.inputs["Color"])
-    tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-    return material
+    emission = shader(tree, "Emission")
+    tree.links.new(socket, emission.node.inputs["Color"])
+    shown(tree, emission)
+    return paint
 
 
-def square(name: str, material: bpy.types.Material) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(SQUARE, [], [(0, 1, 2, 3)])
-    mesh.materials.append(material)
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array([0, 0, 1, 0, 1, 1, 0, 1], np.float32))
-    item = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(item)
+def square(name: str, paint: bpy.types.Material) -> bpy.types.Object:
+    item = link(mesh(name, SQUARE, [(0, 1, 2, 3)], paint))
+    item.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", [0, 0, 1, 0, 1, 1, 0, 1])
     return item
 
 
@@ -143,35 +146,11 @@ def test_object_info_is_what_cycles_says(output: str) -> None:
     assert expected.max() > 0.01
 
 
-def test_random_numbers_of_instances() -> None:
-    item = square("Tile", glowing(lambda tree: tree.nodes.new("ShaderNodeObjectInfo").outputs["Random"]))
-    group = bpy.data.collections.new("Tiles")
-    bpy.context.scene.collection.objects.unlink(item)
-    group.objects.link(item)
-    for number in range(4):
-        empty = bpy.data.objects.new(f"Empty {number}", None)
-        bpy.context.scene.collection.objects.link(empty)
-        empty.instance_type, empty.instance_collection = "COLLECTION", group
-        empty.location.x = 4 * number
-    source, atlas = baked(0.5)
-    _, values = at_points(source, atlas)
-    values = values.reshape(4, -1)
-    assert (np.ptp(values, axis=1) < 1e-5).all() and len(np.unique(values[:, 0].round(4))) == 4
-    assert ((values > 0) & (values < 1)).all()
-
-
 def test_back_sides_know_it() -> None:
     """A material that glows on its back only: both sides count, so half of it."""
     square("Paper", glowing(lambda tree: tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"]))
     _, atlas = baked(0.5)
     assert atlas.texels[:, 0].max() == pytest.approx(1.0, rel=1e-3), "the dark front does not count"
-
-
-def test_what_is_lost_is_named() -> None:
-    square("Mirror", glowing(lambda tree: tree.nodes.new("ShaderNodeTexCoord").outputs["Reflection"]))
-    _, atlas = baked(0.5)
-    (warning,) = atlas.warnings
-    assert "'Glow'" in warning and "'Texture Coordinate'" in warning
 
 
 ATTRIBUTE_TYPES = {  # key of the values and their width
@@ -196,14 +175,14 @@ def read_by(kind: str, output: str = "Color", **settings: object) -> Callable[[b
 def painted(name: str, kind: str, domain: str, seed: int = 0) -> bpy.types.Object:
     """A square of 2 x 2 faces with an attribute of random values."""
     item = square(name, bpy.data.materials.new("To be replaced"))
-    mesh = item.data
-    mesh.clear_geometry()
+    data = item.data
+    data.clear_geometry()
     places = np.linspace(-1.0, 1.0, 3)
-    mesh.from_pydata([(x, y, 0.0) for y in places for x in places], [],
+    data.from_pydata([(x, y, 0.0) for y in places for x in places], [],
                      [(k, k + 1, k + 4, k + 3) for k in (0, 1, 3, 4)])  # fmt: skip
-    corners = np.array([vertex.co[:2] for vertex in mesh.vertices])[[loop.vertex_index for loop in mesh.loops]]
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", ((corners + 1) / 2).astype(np.float32).ravel())
-    layer = mesh.attributes.new(name, kind, domain)
+    corners = np.array([vertex.co[:2] for vertex in data.vertices])[[loop.vertex_index for loop in data.loops]]
+    data.uv_layers.new(name="UVMap").uv.foreach_set("vector", ((corners + 1) / 2).astype(np.float32).ravel())
+    layer = data.attributes.new(name, kind, domain)
     key, width = ATTRIBUTE_TYPES[kind]
     values = np.random.default_rng(seed).uniform(0.1, 1.0, (len(layer.data), width)).astype(np.float32)
     if kind in ("INT", "INT8", "BOOLEAN"):
@@ -228,8 +207,10 @@ def assert_as_cycles(items: list[bpy.types.Object], tolerance: float = 0.02) -> 
         assert expected.max() > 0.01
 
 
-@pytest.mark.parametrize("domain", ["POINT", "EDGE", "FACE", "CORNER"])
-@pytest.mark.parametrize("kind", ATTRIBUTE_TYPES)
+@pytest.mark.parametrize(
+    ("kind", "domain"),
+    [(kind, "POINT") for kind in ATTRIBUTE_TYPES] + [("FLOAT_COLOR", domain) for domain in ("EDGE", "FACE", "CORNER")],
+)
 def test_attributes_of_all_types_on_all_domains(kind: str, domain: str) -> None:
     if kind not in bpy.types.Attribute.bl_rna.properties["data_type"].enum_items:
         pytest.skip(f"this Blender has no attributes of type {kind}")
@@ -242,9 +223,9 @@ def test_attributes_of_one_name_and_two_types() -> None:
     """A number on one mesh and a colour on the other, read by one material."""
     items = [painted("Mask", kind, "POINT", seed) for seed, kind in enumerate(("FLOAT", "FLOAT_COLOR"))]
     items[1].location.x = 3.0
-    material = glowing(read_by("Attribute", attribute_name="Mask"))
+    paint = glowing(read_by("Attribute", attribute_name="Mask"))
     for item in items:
-        item.data.materials[0] = material
+        item.data.materials[0] = paint
     assert_as_cycles(items)
 
 
@@ -253,14 +234,14 @@ def test_color_attribute_without_a_name_is_the_default_one(kind: str) -> None:
     """As Blender's glTF importer makes it. The default colour attribute is not the active one, and its name differs."""
     items = [painted(name, kind, "CORNER", seed) for seed, name in enumerate(("Color", "Paint"))]
     items[1].location.x = 3.0
-    material = glowing(read_by("VertexColor"))
+    paint = glowing(read_by("VertexColor"))
     for item in items:
         colors = item.data.color_attributes
         other = colors.new("Other", kind, "POINT")
         other.data.foreach_set("color", np.full(4 * len(other.data), 0.9, np.float32))
         colors.active_color = other
         colors.render_color_index = 0
-        item.data.materials[0] = material
+        item.data.materials[0] = paint
     assert_as_cycles(items)
 
 

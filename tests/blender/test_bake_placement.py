@@ -127,22 +127,6 @@ def test_linked_library(tmp_path: Path) -> None:
     assert_agrees(compare(), contrast=SHADOW)
 
 
-def test_lamp_in_a_linked_collection(tmp_path: Path) -> None:
-    path = tmp_path / "library.blend"
-    group(
-        "Lamps",
-        lamp("POINT", 5.0, (-0.5, -0.5, 0.5), shadow_soft_size=0.1),
-        pane("Emitter", simple("Emission", Strength=3.0)),
-    )
-    bpy.data.libraries.write(str(path), {bpy.data.collections["Lamps"]})
-    bpy.ops.wm.read_homefile(use_empty=True)
-    with bpy.data.libraries.load(str(path), link=True) as (_, linked):
-        linked.collections = ["Lamps"]
-    bpy.context.scene.collection.children.link(linked.collections[0])
-    slab()
-    assert_agrees(compare(160), contrast=0.3)
-
-
 def test_instances_of_lamps_roofs_and_surfaces() -> None:
     """Two instances of a collection with a slab, a roof and a lamp, one of them mirrored."""
     items = (

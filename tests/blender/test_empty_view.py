@@ -13,7 +13,6 @@ import pytest
 from patchnet import commands
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
@@ -180,13 +179,6 @@ def alpha_of_cycles(size: tuple[int, int]) -> np.ndarray:
     values = np.array(image.pixels[:], np.float32).reshape(size[1], size[0], 4)[..., 3]
     bpy.data.images.remove(image)
     return values
-
-
-def test_clipping_of_a_blender_camera_is_the_tracers(scene: bpy.types.Scene) -> None:
-    bpy.data.cameras["Eye"].clip_start, bpy.data.cameras["Eye"].clip_end = 0.5, 7.0
-    bpy.context.view_layer.update()
-    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (24, 16), np.zeros((2, 3)))
-    assert (camera.clip_start, camera.clip_end) == (0.5, 7.0)
 
 
 def test_octree_that_is_fitted_to_nothing_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,6 @@ from mathutils import Vector
 
 from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.side_probe import light_of_sides
-from patchnet.operators.cycles.bake.two_sided_surfaces import _sentences
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
@@ -25,7 +24,8 @@ from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
-from patchnet.tests.blender.light_scene import CUBE_FACES
+from patchnet.tests.blender import light_scene
+from patchnet.tests.blender.light_scene import CUBE_FACES, link, mesh, simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 Place = tuple[float, float, float]
@@ -42,14 +42,8 @@ def start(world: float = 0.05) -> None:
 
 
 def add(name: str, corners: list[Place], faces: list[tuple[int, ...]]) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners, [], faces)
-    material = bpy.data.materials.get("Gray") or bpy.data.materials.new("Gray")
-    start_nodes(material).nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.6, 0.6, 0.6, 1.0)
-    mesh.materials.append(material)
-    item = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(item)
-    return item
+    paint = bpy.data.materials.get("Gray") or simple("BsdfPrincipled", "Gray", Base_Color=(0.6, 0.6, 0.6, 1.0))
+    return link(mesh(name, corners, faces, paint))
 
 
 def corners_of(low: Place, high: Place) -> list[Place]:
@@ -62,21 +56,15 @@ def square(name: str, half: float, z: float, down: bool = False) -> None:
 
 
 def lamp(kind: str, place: Place, energy: float) -> None:
-    data = bpy.data.lights.new("Lamp", kind)
-    data.energy = energy
-    item = bpy.data.objects.new("Lamp", data)
-    item.location = place
-    bpy.context.scene.collection.objects.link(item)
+    light_scene.lamp(kind, energy, place).name = "Lamp"
 
 
 def camera(place: Place, target: Place) -> None:
     data = bpy.data.cameras.new("Camera")
     data.lens, data.clip_start = 20.0, 0.01
     item = bpy.data.objects.new("Camera", data)
-    item.location = place
     item.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    bpy.context.scene.collection.objects.link(item)
-    bpy.context.scene.camera = item
+    bpy.context.scene.camera = link(item, place)
 
 
 def room(inward: bool, *, closed: bool, lit: bool = True, world: float = 0.05) -> None:
@@ -199,11 +187,6 @@ def picture(result: JobResult) -> np.ndarray:
     return np.asarray(buffers.preview[buffers.hit] / result.coded.octree.exposure)
 
 
-def seen_light(result: JobResult) -> float:
-    """Median light of what the camera sees."""
-    return float(np.median(picture(result)))
-
-
 DECIDED = {
     "walls": (lambda flip: room(not flip, closed=False), [f"Wall {number}" for number in range(6)]),
     "closed room": (lambda flip: room(not flip, closed=True), ["Walls"]),
@@ -303,14 +286,6 @@ def test_who_is_named() -> None:
     assert note.startswith("Normals of 'Box' point inward") and set(turned(flipped)) == {"Box", "Sheet"}
 
 
-def test_sentences_on_normals_are_in_singular_and_plural() -> None:
-    one, inward = _sentences({"A": 9.0}, ["B"], has_sheets=False)
-    (two,) = _sentences({"A": 9.0, "B": 9.0}, [], has_sheets=True)
-    assert one.startswith("'A' is seen") and "of its normals, and looks too dark" in one and "Both Sides" not in one
-    assert two.startswith("'A', 'B' are seen") and "of their normals, and look too dark" in two
-    assert two.endswith("else bake with Both Sides: On") and inward.startswith("Normals of 'B' point inward")
-
-
 @pytest.mark.parametrize("closed", ["box", "cylinder"])
 def test_a_closed_surface_that_no_camera_has_seen_has_the_light_outside(closed: str) -> None:
     """Of a smooth one some triangles get light through its edges."""
@@ -321,39 +296,6 @@ def test_a_closed_surface_that_no_camera_has_seen_has_the_light_outside(closed: 
         own = np.flatnonzero(triangles_of(source, closed.title()))
         light.append(triangle_means(atlas.charts, atlas.texels, own)[:, 0].mean())
     assert light[1] == pytest.approx(light[0], rel=0.1)
-
-
-@pytest.mark.parametrize("closed", [False, True])
-def test_walls_whose_front_sees_nothing_lit_have_the_light_of_the_room(closed: bool) -> None:
-    room(True, closed=closed, world=0.0)
-    right = seen_light(run())
-    room(False, closed=closed, world=0.0)
-    flipped = run()
-    assert said(flipped) == ""
-    assert seen_light(flipped) == pytest.approx(right, rel=0.1)
-
-
-def test_both_sides_helps_and_says_nothing() -> None:
-    lampshade(1.6)
-    dark, both = (run(size=(64, 48), both_sides=both) for both in (False, True))
-    assert said(both) == ""
-    mine = dark.views[0].buffers.hits
-    normals = dark.coded.octree.normal_float(np.maximum(mine.node, 0))
-    behind = mine.hit & (np.einsum("pc,pc->p", normals, mine.direction) > 0.2)
-    before, after = (
-        float(result.views[0].buffers.preview[behind].mean()) / result.coded.octree.exposure for result in (dark, both)
-    )
-    assert behind.sum() > 20 and after > 1.5 * before
-
-
-def test_a_sheet_is_baked_on_one_side_as_a_whole() -> None:
-    """Half of it lies in the dark, where neither side gets much; each half alone would be decided for itself."""
-    shelter(True)
-    source, atlas = baked(look=True)
-    own = triangles_of(source, "Grid")
-    assert atlas.turned is not None and atlas.turned[own].all() and atlas.turned.sum() == own.sum()
-    means = triangle_means(atlas.charts, atlas.texels, np.flatnonzero(own))
-    assert means[:, 1].min() == pytest.approx(1.0)  # each texel was baked, on one side
 
 
 def test_every_way_to_the_octree_asks_the_cameras() -> None:

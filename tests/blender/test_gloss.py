@@ -26,11 +26,11 @@ from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, material, shader
+from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, link, material, mesh, shader, shown, simple
+from patchnet.tests.blender.light_scene import mixed as blended
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.test_bake import mesh_object
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 SKY = np.array([0.2, 0.4, 0.8])
@@ -38,19 +38,13 @@ WORLD = float(SKY @ (0.2126, 0.7152, 0.0722))
 
 
 def principled(name: str, **inputs: object) -> bpy.types.Material:
-    made, tree = material(name)
-    tree.links.new(shader(tree, "BsdfPrincipled", **inputs), tree.nodes["Material Output"].inputs["Surface"])
-    return made
+    return simple("BsdfPrincipled", name, **inputs)
 
 
 def mixed(name: str, share: float, **first: object) -> bpy.types.Material:
     """So much diffuse in a metal."""
     made, tree = material(name)
-    mix = tree.nodes.new("ShaderNodeMixShader")
-    mix.inputs[0].default_value = share
-    tree.links.new(shader(tree, "BsdfGlossy", **first), mix.inputs[1])
-    tree.links.new(shader(tree, "BsdfDiffuse"), mix.inputs[2])
-    tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    shown(tree, blended(tree, shader(tree, "BsdfGlossy", **first), shader(tree, "BsdfDiffuse"), share))
     return made
 
 
@@ -88,7 +82,7 @@ def plates() -> None:
         "Glass": principled("Glass", Transmission_Weight=1.0, Base_Color=(1, 1, 1, 1), Roughness=0.0),
     }
     for index, (name, kind) in enumerate(kinds.items()):
-        mesh_object(name, SQUARE, [(0, 1, 2, 3)], kind).location = (3.0 * index, 0.0, 0.0)
+        link(mesh(name, SQUARE, [(0, 1, 2, 3)], kind), (3.0 * index, 0.0, 0.0))
     sky()
 
 
@@ -133,10 +127,9 @@ def test_metals_show_the_sky_and_what_is_not_shown_is_named() -> None:
 
 def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
     """A mirror below half a bright sky: its camera sees the bright half, the view from above sees none of it."""
-    mesh_object("Mirror", SQUARE, [(0, 1, 2, 3)], principled("Mirror", Metallic=1.0, Roughness=0.0))
-    lamp, tree = material("Lamp")
-    tree.links.new(shader(tree, "Emission", Strength=2.0), tree.nodes["Material Output"].inputs["Surface"])
-    mesh_object("Wall", [(x, 3.0, z) for x, z in ((-9, 0), (9, 0), (9, 9), (-9, 9))], [(0, 1, 2, 3)], lamp)
+    link(mesh("Mirror", SQUARE, [(0, 1, 2, 3)], principled("Mirror", Metallic=1.0, Roughness=0.0)))
+    lamp = simple("Emission", "Lamp", Strength=2.0)
+    link(mesh("Wall", [(x, 3.0, z) for x, z in ((-9, 0), (9, 0), (9, 9), (-9, 9))], [(0, 1, 2, 3)], lamp))
     eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
     eye.location = (0.0, -6.0, 2.0)
     bpy.context.scene.collection.objects.link(eye)
@@ -154,10 +147,10 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
 def test_glass_is_see_through_unless_it_is_all_there_is() -> None:
     cube = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     glass = principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1))
-    mesh_object("Cube", cube, CUBE_FACES, glass)
+    link(mesh("Cube", cube, CUBE_FACES, glass))
     alone = read_scene(bpy.context.evaluated_depsgraph_get())
     assert seen_through(alone, "auto") is alone
-    mesh_object("Floor", SQUARE, [(0, 1, 2, 3)], principled("Clay"))
+    link(mesh("Floor", SQUARE, [(0, 1, 2, 3)], principled("Clay")))
     both = read_scene(bpy.context.evaluated_depsgraph_get())
     alphas = {item.name: item.alpha for item in seen_through(both, "auto").materials}
     assert alphas == {"Glass": 0.0, "Clay": 1.0}
@@ -181,11 +174,6 @@ def test_regions_by_cycles_show_metals_as_the_voxels_do() -> None:
     }
     np.testing.assert_allclose(baked_light(channels)[0, :, 0], [0.0, 0.4])
     np.testing.assert_allclose(baked_light_with_gloss(channels)[0, :, 0], [0.9, 0.4])
-
-
-def test_settings() -> None:
-    with pytest.raises(SettingError, match="auto, off, above, camera"):
-        LightSettings(gloss="sideways")
 
 
 def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:

@@ -74,18 +74,6 @@ def group(name: str, weight: float, item: str = "Slab") -> None:
     target.vertex_groups.new(name=name).add(range(len(target.data.vertices)), weight, "REPLACE")
 
 
-def test_vertex_group_follows_objects(weights: Path) -> None:
-    group("Matters", 0.5)
-    plain, masked = look(weights, None), look(weights, Importance(vertex_group="Matters"))
-    given = masked.buffers.importance
-    assert set(np.unique(given)) == {np.float32(0.0), np.float32(0.5)}
-    np.testing.assert_allclose(masked.priority.ravel(), plain.priority.ravel() * given)
-    # The slab stands behind the laths: who hits it is farther away.
-    z, hit = masked.buffers.hits.z_world, masked.buffers.hit
-    behind = hit & (z > 5.3)
-    assert behind.any() and (given[behind] == 0.5).all() and (given[hit & (z < 5.0)] == 0.0).all()
-
-
 def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
     slab = bpy.data.objects["Slab"]
     group("Matters", 0.0)

@@ -51,18 +51,6 @@ def test_black_is_never_refined_and_budgets_count_all_active_pixels(scene: bpy.t
     assert (passes(scene)["Sample Count"][:, HALF:] == 1).all()
 
 
-def test_gray_multiplies(scene: bpy.types.Scene) -> None:
-    plain = passes(scene)
-    values = np.random.default_rng(3).random((HEIGHT, WIDTH)).astype(np.float32)
-    painted(scene, values)
-    masked = passes(scene)
-    np.testing.assert_allclose(masked["Priority"], plain["Priority"] * values, rtol=1e-5)
-    refined = masked["Sample Count"] == 1024
-    assert not np.array_equal(refined, plain["Sample Count"] == 1024)
-    active = masked["Priority"] > 0
-    assert masked["Priority"][refined].min() >= masked["Priority"][active & ~refined].max()
-
-
 @pytest.mark.parametrize("crop", [False, True])
 def test_a_border_cuts_the_mask_as_it_cuts_the_picture(scene: bpy.types.Scene, crop: bool) -> None:
     painted(scene, np.random.default_rng(4).random((HEIGHT, WIDTH)).astype(np.float32))

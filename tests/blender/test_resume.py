@@ -10,8 +10,8 @@ import pytest
 
 from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.cycles.bake import baker as baking
+from patchnet.operators.cycles.bake.bake import bake_key
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.cycles.bake.bake_key import bake_key
 from patchnet.operators.scene.fingerprint import SceneFingerprint
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings

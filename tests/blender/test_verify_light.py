@@ -19,7 +19,18 @@ from patchnet.operators.verify_light.check import check_camera
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import lamp, material, mixed, shader, shown, slab
+from patchnet.tests.blender.light_scene import (
+    SQUARE,
+    lamp,
+    link,
+    material,
+    mesh,
+    mixed,
+    shader,
+    shown,
+    simple,
+    slab,
+)  # fmt: skip
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 LEAST_PSNR_DB = 30.0  # at depth 7, where a voxel is 16 mm
@@ -51,11 +62,9 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     assert frame["reference_noise_db"] > frame["psnr_db"] + 6.0, "the reference must be cleaner than the difference"
     assert frame["both_hit_share"] == 1.0, "the room is closed"
     json.dumps(check.report, allow_nan=False)
-    whole = drain(check_camera(bpy.context, replace(check.octree, leaf_box=None), check.cameras[0].camera, settings()))
-    assert whole.report["psnr_db"] < frame["psnr_db"] - 1.0, "boxes show where in a voxel its surface is"
-    assert frame["whole_voxels"]["psnr_db"] == pytest.approx(whole.report["psnr_db"])
-    assert check.report["mean_whole_voxels"]["mean_ratio"] == pytest.approx(whole.report["mean_ratio"])
-    np.testing.assert_array_equal(check.cameras[0].whole, whole.octree)
+    whole = frame["whole_voxels"]
+    assert whole["psnr_db"] < frame["psnr_db"] - 1.0, "boxes show where in a voxel its surface is"
+    assert check.report["mean_whole_voxels"]["mean_ratio"] == pytest.approx(whole["mean_ratio"])
     dark = replace(check.octree, luminance=check.octree.luminance // 2)
     wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, settings()))
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
@@ -102,32 +111,14 @@ def test_a_comparison_that_was_stopped_finds_its_pages(
     assert list((tmp_path / "bakes").iterdir()) == []
 
 
-def test_reference_is_diffuse_light_and_emission(room: None) -> None:
+def test_reference_is_diffuse_light_and_emission(empty_scene: None) -> None:
     """A mirror shows nothing, a lamp's own shape neither, an emitter its strength; what is not there is not covered."""
-    bpy.ops.wm.read_homefile(use_empty=True)
-    scene = bpy.context.scene
-    for index, (name, value) in enumerate((("Emission", 2.0), ("Glossy", 0.0))):
-        bpy.ops.mesh.primitive_plane_add(size=1.0, location=(2.0 * index - 1.0, 0, 0))
-        material = bpy.data.materials.new(name)
-        if material.node_tree is None:
-            material.use_nodes = True
-        tree = material.node_tree
-        tree.nodes.clear()
-        shader = tree.nodes.new("ShaderNodeEmission" if value else "ShaderNodeBsdfGlossy")
-        if value:
-            shader.inputs["Strength"].default_value = value
-        tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-        bpy.context.object.data.materials.append(material)
-    light = bpy.data.lights.new("Lamp", "POINT")
-    light.energy, light.shadow_soft_size = 50.0, 0.2
-    lamp = bpy.data.objects.new("Lamp", light)
-    lamp.location = (0, 0, 1.0)
-    scene.collection.objects.link(lamp)
+    for x, paint in ((-1.0, simple("Emission", Strength=2.0)), (1.0, simple("BsdfGlossy"))):
+        link(mesh("Plate", [(a / 2, b / 2, c) for a, b, c in SQUARE], [(0, 1, 2, 3)], paint), (x, 0.0, 0.0))
+    lamp("POINT", 50.0, shadow_soft_size=0.2)
     data = bpy.data.cameras.new("Above")
     data.type, data.ortho_scale, data.shift_x = "ORTHO", 4.0, 0.05
-    above = bpy.data.objects.new("Above", data)
-    above.location = (-0.2, 0, 3.0)  # the shift brings the picture back
-    scene.collection.objects.link(above)
+    link(bpy.data.objects.new("Above", data), (-0.2, 0.0, 3.0))  # the shift brings the picture back
     bpy.context.view_layer.update()
     bounds = np.array([[-2.0, -1.0, 0.0], [2.0, 1.0, 0.0]])
     (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Above",), (40, 20), bounds)
@@ -146,37 +137,19 @@ def test_reference_is_diffuse_light_and_emission(room: None) -> None:
 def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "check"
     arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--samples", "4", "--rays", "4"]
-    assert commands.main(["verify-light", *arguments, "--render-samples", "8", "--out", str(out)]) == 0
+    arguments += ["--render-samples", "8", "--whole-voxels", "--out", str(out)]
+    assert commands.main(["verify-light", *arguments]) == 0
     printed = capsys.readouterr().out
-    assert "View 1" in printed
-    assert "PSNR" in printed
+    assert "View 1" in printed and "PSNR" in printed
     report = json.loads((out / "report.json").read_text())
     assert [frame["camera"] for frame in report["cameras"]] == ["View 1", "View 2"]
     for frame in report["cameras"]:
         x, y, z = frame["position_world"]
-        assert max(abs(x), abs(y)) < 1.0, "in the room"
-        assert 0.0 < z < 2.0
-    folders = sorted(path for path in out.iterdir() if path.is_dir())
-    assert len(folders) == 2
-    for folder in folders:
-        names = {path.name for path in folder.iterdir()}
-        assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png"}
-    assert "whole voxels" not in printed and "mean_whole_voxels" not in report
-
-
-def test_the_command_compares_whole_voxels_beside_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "check"
-    arguments = ["room", "--depth", "4", "--cameras", "Front", "--size", "16", "16", "--samples", "1", "--rays", "2"]
-    assert (
-        commands.main(["verify-light", *arguments, "--render-samples", "2", "--whole-voxels", "--out", str(out)]) == 0
-    )
-    report = json.loads((out / "report.json").read_text())
-    (frame,) = report["cameras"]
-    assert f"{frame['folder']}/whole_voxels.png" in report["files"]
-    assert frame["whole_voxels"]["psnr_db"] != frame["psnr_db"]
-    assert report["mean_whole_voxels"]["psnr_db"] == pytest.approx(frame["whole_voxels"]["psnr_db"])
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("whole voxels")]
-    assert len(rows) == 2 and all(f"{frame['whole_voxels']['psnr_db']:.2f}" in row for row in rows)
+        assert max(abs(x), abs(y)) < 1.0 and 0.0 < z < 2.0, "in the room"
+        names = {path.name for path in (out / frame["folder"]).iterdir()}
+        assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png", "whole_voxels.png"}
+        assert f"{frame['whole_voxels']['psnr_db']:.2f}" in printed
+    assert "mean_whole_voxels" in report and f"{report['cameras'][0]['folder']}/whole_voxels.png" in report["files"]
 
 
 def test_settings_outside_their_range_are_refused() -> None:

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ....operators.demo_scene.courtyard import build_light
 from ....operators.demo_scene.geometry import Shape, add_object, box, join, place
-from ....operators.demo_scene.lighting import build_light
 from ....operators.demo_scene.materials import principled
 from ....patchnet_addon.runtime.errors import OutputError
 from ....patchnet_addon.runtime.file_kinds import BLEND, GLB

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cache, partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
@@ -24,17 +25,18 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.progress import Progress, Steps
+from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
-from ...scene.fingerprint import SceneFingerprint
+from ...scene.fingerprint import SceneFingerprint, composed, surface_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
+from ...state.digest import Digest
 from ...state.watch import check_unchanged
-from .bake_key import bake_key
 from .baker import Baker, lift_world
 from .gloss_passes import place_of_view
 from .side_probe import black_views
@@ -49,6 +51,10 @@ MAX_TEXELS = 1 << 25
 # scenes want few pages, small ones many: for reports of progress, and for memory.
 _PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
 _SIDES = tuple(str(1 << log_side) for log_side in range(13))
+_CHART_ARRAYS = (
+    "page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size"
+)  # fmt: skip
+_code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # and of what it imports
 
 
 class KeptPages(NamedTuple):
@@ -86,41 +92,52 @@ def bake_luminance(
     cameras: those that look at the surface: what they see says which side of a sheet is shown (methods 7.2f).
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
+    from ....patchnet_addon.lightmap.atlas import Atlas
+    from ....patchnet_addon.lightmap.charts import layout_charts
+
     side = page_side(source.triangle_count)
-    charts = yield from run_in_worker(
-        lambda: _charts(source, texel_world, light.samples, side), Progress(0, 1, "Laying out charts")
-    )
+    laid_out = partial(layout_charts, source, texel_world, samples=light.samples, max_texels=MAX_TEXELS, page_side=side)
+    charts = yield from run_in_worker(laid_out, Progress(0, 1, "Laying out charts"))
     lift = lift_world(source, charts)
     sides = yield from sides_of_sheets(context, source, cameras, light, lift)
+    turned = sides.turned if sides.turned.any() else None
     switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
     switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
-    baker = Baker(context, source, charts, light, seed=seed, device=device, turned=sides.turned)
-    switches += (np.packbits(sides.turned).tobytes(),) if sides.turned.any() else ()
+    switches += () if turned is None else (np.packbits(turned).tobytes(),)
+    baker = Baker(context, source, charts, light, seed=seed, device=device, turned=turned)
     key = "" if kept is None else bake_key(kept.scene, source, charts, light.samples, seed, switches)
     texels = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
-    warnings = (*baker.warnings, *_coarse(charts), *sides.warnings)
-    notes: dict[str, Any] = dict(sides.notes)
-    atlas = _atlas(charts, texels, light, sides.turned, warnings, notes)
+    warnings, notes = (*baker.warnings, *_coarse(charts), *sides.warnings), dict(sides.notes)
+    noise, lit = (texels[:, -1], texels[:, :-1]) if light.denoise else (None, texels)
+    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned)
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
     return atlas
 
 
-def _atlas(
-    charts: Charts,
-    texels: np.ndarray,
-    light: LightSettings,
-    turned: np.ndarray,
-    warnings: tuple[str, ...],
-    notes: dict[str, Any],
-) -> Atlas:
-    """Atlas of baked texels, whose last channel is their noise where light is denoised."""
-    from ....patchnet_addon.lightmap.atlas import Atlas
+def bake_key(
+    scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[object, ...] = ()
+) -> str:
+    """32 hex digits of everything that determines the pages of a bake, so that equal keys mean equal bits.
 
-    noise = texels[:, -1] if light.denoise else None
-    lit = texels[:, :-1] if light.denoise else texels
-    back = turned if turned.any() else None
-    return Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=back)
+    scene: that part of the scene's fingerprint. switches: whatever else there is than surface, charts and samples.
+    """
+    layout = Digest()
+    layout.text(charts.texel_world, charts.page_side, charts.page_count)
+    for name in _CHART_ARRAYS:
+        layout.array(name, getattr(charts, name))
+    blender = bpy.app.version_string, bpy.app.build_hash, _devices()
+    parts = scene, surface_hash(source), layout.hexdigest()
+    return composed(_code_hash(), *blender, *parts, samples, seed, switches)
+
+
+def _devices() -> tuple[str, ...]:
+    """Devices that Cycles could compute on: processors differ in their last bits."""
+    try:
+        import _cycles  # type: ignore[import-not-found]
+    except ImportError:
+        return ()
+    return tuple(str(device[:2]) for device in _cycles.available_devices("NONE"))
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:
@@ -134,21 +151,15 @@ def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
         finished = kept.load(page, count, channels) if kept is not None else None
-        if finished is None:
-            pages[page] = yield from baker.page(page)
-            check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
-            if kept is not None:
-                kept.save(page, pages[page])
-        else:
+        if finished is not None:
             pages[page] = finished
+            continue
+        pages[page] = yield from baker.page(page)
+        check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
+        if kept is not None:
+            kept.save(page, pages[page])
     yield Progress(charts.page_count, charts.page_count, "Baking light")
     return pages.reshape(-1, channels)
-
-
-def _charts(source: SceneMesh, texel_world: float | np.ndarray, samples: int, side: int) -> Steps[Charts]:
-    from ....patchnet_addon.lightmap.charts import layout_charts
-
-    return layout_charts(source, texel_world, samples=samples, max_texels=MAX_TEXELS, page_side=side)
 
 
 def page_side(triangle_count: int) -> int:

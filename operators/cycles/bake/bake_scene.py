@@ -8,7 +8,7 @@ A copy costs next to nothing, since Blender evaluates the scene for each bake an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import Any
 
 import bpy
@@ -23,6 +23,8 @@ from ...scene_access.window_job import window_is_alive
 from ..daylight import daylight
 from ..scene_copy import UNBIASED
 
+_NAME = "PatchNet Bake"
+
 
 @contextmanager
 def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
@@ -35,23 +37,14 @@ def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
         for emitter in list(emitters()):
             collection = emitter.light_linking.receiver_collection
             if collection.name_full in states:
-                copy = stack.enter_context(_with_member(collection, target, states[collection.name_full]))
+                copy = stack.enter_context(temporary(bpy.data.collections.new(_NAME), collection))
+                for member, state in (members(collection) | {target: states[collection.name_full]}).items():
+                    copy.objects.link(member)
+                    copy.collection_objects[-1].light_linking.link_state = state
                 stack.enter_context(changed(emitter.light_linking, receiver_collection=copy))
         yield
 
 
-@contextmanager
-def _with_member(
-    collection: bpy.types.Collection, item: bpy.types.Object, state: str
-) -> Iterator[bpy.types.Collection]:
-    with temporary(bpy.data.collections.new("PatchNet Bake"), collection) as copy:
-        for member, its_state in (members(collection) | {item: state}).items():
-            copy.objects.link(member)
-            copy.collection_objects[-1].light_linking.link_state = its_state
-        yield copy
-
-
-_NAME = "PatchNet Bake"
 # Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
 # over a whole page takes a processor many seconds: too long for a window. Small tiles take up to a fifth longer, so
 # without one a page with both its halves is one tile, and what stops a command does not ask Cycles. The bits are the
@@ -103,20 +96,10 @@ def tile_side() -> int:
     return _TILE_SIDE_IN_WINDOW if window_is_alive() else _TILE_SIDE
 
 
-@contextmanager
-def page_image(size: np.ndarray, pages: int) -> Iterator[bpy.types.Image]:
-    """Image for `pages` pages of width and height (2,), one above the other."""
+def page_image(size: np.ndarray, pages: int) -> AbstractContextManager[bpy.types.Image]:
+    """Image for `pages` pages of width and height (2,), one above the other, there within a block."""
     width, height = int(size[0]), int(size[1]) * pages
-    image = bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True)
-    with temporary(image):
-        yield image
-
-
-@contextmanager
-def page_mesh() -> Iterator[bpy.types.Mesh]:
-    """Mesh without anything, to be filled."""
-    with temporary(bpy.data.meshes.new(_NAME)) as mesh:
-        yield mesh
+    return temporary(bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True))
 
 
 @contextmanager

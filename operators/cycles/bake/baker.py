@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import bpy
@@ -19,16 +20,18 @@ from ...scene.light_links import Links
 from ...scene.precision import LIFT_SHARE
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.devices import bakes_on_gpu
+from ...scene_access.temporary import temporary
 from ...scene_access.window_job import window_is_alive
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
+from ..daylight import emits
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
-from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_mesh, page_object, set_cycles
+from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_object, set_cycles
 from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
 from .object_data import attributes_needed, lost_inputs
-from .one_sided import one_sided_materials, shining_materials, shows, translucent_materials
-from .page_mesh import ClosedPieces, PageTriangles, fill_mesh, joined, page_triangles
+from .one_sided import materials_that, one_sided_materials, shows, translucent_materials
+from .page_mesh import PageTriangles, closed_pieces_of, fill_mesh, joined, page_triangles
 
 _MOST_LOST = 12  # nodes in a sentence
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
@@ -68,22 +71,17 @@ class Baker:
         turned: np.ndarray | None = None,
     ) -> None:
         """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
-        self._context = context
-        self._source = source
-        self._charts = charts
-        self._seed = seed
-        self._colored = light.color
-        self._halves = 2 if light.denoise else 1
-        self.channels = texel_channels(light)
+        from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
+
+        self._context, self._source, self._charts, self._seed = context, source, charts, seed
+        self.channels = (COLOR_CHANNELS if light.color else 2) + bool(light.denoise)
         self._on_gpu = bakes_on_gpu(context, device)
-        self._with_daylight = bool(light.daylight)
         self._light, self._with_gloss = light, baked_with_gloss(source, light.gloss)
         self._shown = np.array([shows(material) for material in source.materials])
-        self._closed = ClosedPieces()
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
         self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source, light)
-        self._shining = shining_materials(source)
+        self._shining = materials_that(emits, source)
         self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
         self.paths_traced = 0
         transformed = source.turned_materials
@@ -118,8 +116,12 @@ class Baker:
 
     def triangles(self, page: int) -> PageTriangles:
         """Triangles on a page that show anything."""
-        part = page_triangles(self._source, self._charts, page, self._closed, self._attributes)
+        part = page_triangles(self._source, self._charts, page, self._pieces, self._attributes)
         return part.only(self._shown[part.materials])
+
+    @cached_property
+    def _pieces(self) -> np.ndarray:
+        return closed_pieces_of(self._source)
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
         """(N,) bool: triangles whose other side may be what is seen.
@@ -155,18 +157,25 @@ class Baker:
 
         share: of the back, where both are lit. backs: triangles of which there is only the back.
         """
-        from ....patchnet_addon.lightmap.chart_lookup import group_means, texel_owners
+        from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
         weight = np.full(len(triangles), share, np.float32)  # of the back
         weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0
-        of_triangle = np.zeros(len(self._charts.page) + 1, np.float32)  # the last one: texels without a triangle
-        of_triangle[triangles] = weight
         if backs is not None:
-            of_triangle[backs] = 1.0
-        of_texel = of_triangle[texel_owners(self._charts, page)][:, None]
+            triangles, weight = np.append(triangles, backs), np.append(weight, np.ones(len(backs), np.float32))
+        of_texel = self._on_texels(page, triangles, weight)[:, None]
         return front * (1.0 - of_texel) + back * of_texel
+
+    def _on_texels(self, page: int, triangles: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Values (N,) of triangles on the texels (side * side,) of a page that belong to them; zero elsewhere."""
+        from ....patchnet_addon.lightmap.chart_lookup import texel_owners
+
+        of_triangle = np.zeros(len(self._charts.page) + 1, values.dtype)  # the last one: texels without a triangle
+        of_triangle[triangles] = values
+        result: np.ndarray = of_triangle[texel_owners(self._charts, page)]
+        return result
 
     def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
         """Bake both sides of a page, (side * side, C) float32 each: luminance weighed by opacity, and opacity; else 0.
@@ -214,17 +223,18 @@ class Baker:
         """
         names = self._source.material_names
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
-        halves = min(self._halves, samples)  # what has one path is baked once
+        halves = min(2 if self._light.denoise else 1, samples)  # what has one path is baked once
         samples = -(-samples // halves)
-        owned = yield from computed(lambda: [self._owned(page, part) for part in (fronts, backs)], at)
+        owned = yield from computed(
+            lambda: [self._on_texels(page, part.triangles, np.ones(len(part), bool)) for part in (fronts, backs)], at
+        )
         self.paths_traced += samples * halves * sum(int(np.count_nonzero(own)) for own in owned)
         with ExitStack() as stack:
-            scene, layer = stack.enter_context(bake_scene(self._context, with_daylight=self._with_daylight))
+            scene, layer = stack.enter_context(bake_scene(self._context, with_daylight=bool(self._light.daylight)))
             set_cycles(scene, samples, self._seed, self._on_gpu, skips_centers=halves > 1)
             set_view(scene, self._light)
-            # One image for both: Cycles reads the scene once for each.
             sides = (len(fronts) > 0) + (len(backs) > 0)
-            image = stack.enter_context(page_image(size, sides * halves))
+            image = stack.enter_context(page_image(size, sides * halves))  # one: Cycles reads the scene for each
             materials, parts = [], []
             oblique = not self._light.from_camera
             for part, back in ((fronts, False), (backs, True)):
@@ -234,7 +244,7 @@ class Baker:
                 parts.append(joined([part.on_image(sides * halves, first + half) for half in range(halves)]))
                 own = [names[number] for number in used]
                 materials.append(stack.enter_context(bake_materials(own, image, back, what.through, oblique=oblique)))
-            mesh = stack.enter_context(page_mesh())
+            mesh = stack.enter_context(temporary(bpy.data.meshes.new("PatchNet Bake")))
             lift_world = -self._offset_world if what.through else self._offset_world
             turned = parts[1].turned(len(materials[0]))
             fill_mesh(mesh, joined([parts[0], turned]), [*materials[0], *materials[1]], lift_world)
@@ -245,7 +255,7 @@ class Baker:
                 yield from bake_as_job(self._context, target, at)
             else:
                 bake_now(self._context, target)
-            baked = _shine(image, int(size[1]), self._charts.page_side, 4 if self._colored else 2)
+            baked = _shine(image, int(size[1]), self._charts.page_side, 4 if self._light.color else 2)
             lit = [self._merged_halves(baked[first : first + halves]) for first in range(0, len(baked), halves)]
             # Blender 5.3 also bakes texels that a triangle only touches: those of triangles that are baked apart.
             return [side * own[:, None] for side, own in zip((lit[0], lit[-1]), owned, strict=True)]
@@ -256,19 +266,10 @@ class Baker:
         One path alone says nothing of its noise, which is then taken for as large as the light.
         """
         mean: np.ndarray = np.mean(halves, axis=0, dtype=np.float32)
-        if self._halves == 1:
+        if not self._light.denoise:
             return mean
         noise = (halves[0][:, 0] - halves[-1][:, 0]) / 2.0 if len(halves) > 1 else mean[:, 0]
         return np.column_stack([mean, noise])
-
-    def _owned(self, page: int, part: PageTriangles) -> np.ndarray:
-        """(side * side,) bool: texels of a page that belong to triangles of `part`."""
-        from ....patchnet_addon.lightmap.chart_lookup import texel_owners
-
-        mine = np.zeros(len(self._charts.page) + 1, bool)  # the last one: texels without a triangle
-        mine[part.triangles] = True
-        owned: np.ndarray = mine[texel_owners(self._charts, page)]
-        return owned
 
 
 def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> list[np.ndarray]:
@@ -288,13 +289,6 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
 def lift_world(source: SceneMesh, charts: Charts) -> float:
     """Distance off the surface at which light is baked: far less than a voxel, far more than coordinates' rounding."""
     return max(1e-3 * charts.texel_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
-
-
-def texel_channels(light: LightSettings) -> int:
-    """Channels of texels, see `Baker.channels`."""
-    from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
-
-    return (COLOR_CHANNELS if light.color else 2) + bool(light.denoise)
 
 
 def _lost(nodes: Sequence[str]) -> tuple[str, ...]:

@@ -45,13 +45,9 @@ _LOST: dict[str, frozenset[str] | None] = {
 
 def attributes_needed(materials: Sequence[bpy.types.Material]) -> frozenset[str]:
     """Names of attributes that pages compute because `redirect` links to them in copies of these materials."""
-    needed: set[str] = set()
-    for node in _nodes(materials):
-        if _own_coordinates(node) and node.outputs["Object"].is_linked:
-            needed.add(OBJECT)
-        elif asks_tangent(node):
-            needed.add(_around_of(node))
-    return frozenset(needed)
+    nodes = list(_nodes(materials))
+    objects = {OBJECT for node in nodes if _own_coordinates(node) and node.outputs["Object"].is_linked}
+    return frozenset(objects | {_around_of(node) for node in nodes if asks_tangent(node)})
 
 
 def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool = True) -> tuple[str, ...]:
@@ -61,11 +57,9 @@ def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool
     """
     names = []
     for node in _nodes([material]):
+        linked = {socket.name for socket in node.outputs if socket.is_linked}
         outputs = _LOST.get(node.type, frozenset())
-        linked = [socket.name for socket in node.outputs if socket.is_linked]
-        if any(outputs is None or name in outputs for name in linked) or (
-            linked and _asks_whole_object(node, turned, divided)
-        ):
+        if linked and (outputs is None or linked & outputs or _asks_whole_object(node, turned, divided)):
             names.append(node.name)
     return tuple(dict.fromkeys(names))
 
@@ -180,23 +174,21 @@ def _make_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
 def _oblique_normal(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     """Direction whose cosine to the normal is 2/3: the normal and 1.118 times a unit vector across it."""
     normal = tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
-    across = tree.nodes.new("ShaderNodeVectorMath")
-    across.operation = "CROSS_PRODUCT"
-    across.inputs[1].default_value = (0.48, 0.6, 0.64)
-    tree.links.new(normal, across.inputs[0])
-    sum_of_both = tree.nodes.new("ShaderNodeVectorMath")
-    sum_of_both.operation = "MULTIPLY_ADD"
-    sum_of_both.inputs[1].default_value = (1.118,) * 3
-    tree.links.new(_vector_math(tree, "NORMALIZE", across.outputs[0]), sum_of_both.inputs[0])
-    tree.links.new(normal, sum_of_both.inputs[2])
-    return _vector_math(tree, "NORMALIZE", sum_of_both.outputs[0])
+    across = _vector_math(tree, "NORMALIZE", _vector_math(tree, "CROSS_PRODUCT", normal, (0.48, 0.6, 0.64)))
+    both = _vector_math(tree, "MULTIPLY_ADD", across, (1.118,) * 3, normal)
+    return _vector_math(tree, "NORMALIZE", both)
 
 
-def _vector_math(tree: bpy.types.NodeTree, operation: str, *inputs: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _vector_math(
+    tree: bpy.types.NodeTree, operation: str, *inputs: bpy.types.NodeSocket | tuple[float, ...]
+) -> bpy.types.NodeSocket:
     node = tree.nodes.new("ShaderNodeVectorMath")
     node.operation = operation
-    for socket, target in zip(inputs, node.inputs, strict=False):
-        tree.links.new(socket, target)
+    for value, target in zip(inputs, node.inputs, strict=False):
+        if isinstance(value, tuple):
+            target.default_value = value
+        else:
+            tree.links.new(value, target)
     return node.outputs[0]
 
 
@@ -221,9 +213,7 @@ def _attribute(tree: bpy.types.NodeTree, name: str) -> bpy.types.Node:
 def _replace(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, attribute: str, output: str) -> None:
     if socket.is_linked:
         node = _attribute(tree, attribute)
-        # Blender 5 says "Factor" where it said "Fac".
-        source = node.outputs.get(output) or node.outputs["Factor"]
-        _move_links(tree, socket, source)
+        _move_links(tree, socket, node.outputs.get(output) or node.outputs["Factor"])  # "Fac" before Blender 5
 
 
 def _replace_constant(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: float) -> None:

@@ -17,9 +17,9 @@ from ...scene.layer_names import all_nodes
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import tree_in_use
 from ...settings.groups import LightSettings
-from ..daylight import emits
 
 _TRANSLUCENT = "BSDF_TRANSLUCENT"
+_SHADERS = ("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND")  # neither mixes nor groups
 
 
 def is_translucent(material: bpy.types.Material) -> bool:
@@ -31,21 +31,14 @@ def is_translucent(material: bpy.types.Material) -> bool:
 def keep_sides(tree: bpy.types.NodeTree, through: bool) -> None:
     """Cut off Translucent shaders of a tree, or, if `through`, all others; groups in it are left to the caller."""
     for node in tree.nodes:
-        if _is_surface(node) and (node.type == _TRANSLUCENT) != through:
-            for socket in node.outputs:
-                for link in list(socket.links):
-                    tree.links.remove(link)
-
-
-def _is_surface(node: bpy.types.Node) -> bool:
-    """Return whether a node is a shader of its own, neither a mix of shaders nor a group."""
-    return node.type.startswith(("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND"))
+        if node.type.startswith(_SHADERS) and (node.type == _TRANSLUCENT) != through:
+            for link in [link for socket in node.outputs for link in socket.links]:
+                tree.links.remove(link)
 
 
 def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
     """(M,) bool: opaque materials, unless both sides are wanted, and all that cull backfaces."""
-    culling = {item.name_full for item in bpy.data.materials if item.use_backface_culling}
-    one_sided = np.array([name in culling for name in source.material_names], bool)
+    one_sided = materials_that(lambda material: material.use_backface_culling, source)
     if not light.both_sides:
         opaque = np.array([is_opaque(material) for material in source.materials], bool)
         one_sided |= opaque & ~translucent_materials(source)
@@ -54,15 +47,10 @@ def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
 
 def translucent_materials(source: SceneMesh) -> np.ndarray:
     """(M,) bool: materials through which light shines from behind."""
-    return _those_that(is_translucent, source)
+    return materials_that(is_translucent, source)
 
 
-def shining_materials(source: SceneMesh) -> np.ndarray:
-    """(M,) bool: materials that shine by themselves, on one side perhaps."""
-    return _those_that(emits, source)
-
-
-def _those_that(applies: Callable[[bpy.types.Material], bool], source: SceneMesh) -> np.ndarray:
+def materials_that(applies: Callable[[bpy.types.Material], bool], source: SceneMesh) -> np.ndarray:
     """(M,) bool: materials of the surface that something applies to."""
     used = set(source.material_names)
     names = {item.name_full for item in bpy.data.materials if item.name_full in used and applies(item)}

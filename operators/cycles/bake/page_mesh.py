@@ -10,33 +10,8 @@ import bpy
 import numpy as np
 
 from ....patchnet_addon.lightmap.charts import Charts
-from ...scene.local_mesh import LocalMesh
-from ...scene.scene_mesh import MeshInstances, Run, SceneMesh
+from ...scene.scene_mesh import Run, SceneMesh
 from .object_data import attribute_values, placed_values
-
-
-class ClosedPieces:
-    """Closed pieces: remembers for each mesh which triangles belong to which, and numbers them in all places."""
-
-    def __init__(self) -> None:
-        self._known: dict[int, tuple[LocalMesh, np.ndarray]] = {}
-        self._first: dict[int, tuple[MeshInstances, int]] = {}
-        self._count = 0
-
-    def of(self, run: Run) -> np.ndarray:
-        """(N,) int64 for the triangles of a run: the number of the closed piece, different in each place; -1: open."""
-        from ....patchnet_addon.surface.connected import closed_pieces
-
-        places, mesh = run.instances, run.instances.mesh
-        if id(mesh) not in self._known:
-            self._known[id(mesh)] = mesh, closed_pieces(mesh.vertices, mesh.triangles)
-        if id(places) not in self._first:
-            self._first[id(places)] = places, self._count
-            self._count += places.triangle_count
-        pieces = self._known[id(mesh)][1][run.first : run.last].astype(np.int64)
-        first = self._first[id(places)][1] + np.arange(run.lo, run.hi, dtype=np.int64)[:, None] * len(mesh)
-        return np.where(pieces < 0, -1, pieces + first).reshape(-1)
-
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -48,7 +23,7 @@ class PageTriangles:
 
     triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
     uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, what is in use of the page is [0, 1]^2. materials: (N,) int32.
-    closed: (N,) bool, their inner side is enclosed. links: (N,) int32, index into the source's `light_links`.
+    pieces: (N,) int32, number of the closed piece, or -1. links: (N,) int32, index into the source's `light_links`.
     layers: corner layers by name, (N, 3, C) float32.
     """
 
@@ -127,54 +102,61 @@ def _widened(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
     return wide
 
 
+def closed_pieces_of(source: SceneMesh) -> np.ndarray:
+    """(T,) int32: number of each placed triangle's closed piece, other ones in each place; -1 for none."""
+    from ....patchnet_addon.surface.connected import closed_pieces
+
+    numbers, first = [], 0
+    for part in source.parts:
+        own = closed_pieces(part.mesh.vertices, part.mesh.triangles)
+        starts = first + np.arange(len(part.objects))[:, None] * len(own)
+        numbers.append(np.where(own < 0, -1, own + starts).astype(np.int32).ravel())
+        first += part.triangle_count
+    return np.concatenate(numbers)
+
+
 def page_triangles(
-    source: SceneMesh, charts: Charts, page: int, closed: ClosedPieces, attributes: frozenset[str]
+    source: SceneMesh, charts: Charts, page: int, pieces: np.ndarray, attributes: frozenset[str]
 ) -> PageTriangles:
-    """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers."""
+    """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers.
+
+    pieces: (T,) int32, see `closed_pieces_of`.
+    """
     parts: list[PageTriangles] = []
     first = 0
-    for runs in source.runs():
-        for run in runs:
-            mask = charts.page[first : first + len(run)] == page
-            if mask.any():
-                parts.append(_part(run, mask, first, charts, closed, attributes))
-            first += len(run)
+    for run in (run for runs in source.runs() for run in runs):
+        mask = charts.page[first : first + len(run)] == page
+        if mask.any():
+            parts.append(_part(run, mask, first, charts, pieces, attributes))
+        first += len(run)
     return joined(parts)
 
 
 def _part(
-    run: Run, mask: np.ndarray, first: int, charts: Charts, closed: ClosedPieces, attributes: frozenset[str]
+    run: Run, mask: np.ndarray, first: int, charts: Charts, pieces: np.ndarray, attributes: frozenset[str]
 ) -> PageTriangles:
-    corners = run.corners_world()
+    corners, mesh = run.corners_world(), run.instances.mesh
     flat = geometric_normals(corners)
     mask = mask & flat.any(axis=1)
-    mesh = run.instances.mesh
     normals = run.normals_world()
     if normals is None:
-        smooth = np.repeat(flat[mask, None], 3, axis=1).astype(np.float32)
-    else:
-        smooth = normals[mask]
+        normals = np.repeat(flat[:, None], 3, axis=1).astype(np.float32)
     uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
     triangles = first + np.flatnonzero(mask)
+    size = charts.page_size[charts.page[triangles]][:, None]
+    layers = {name: run.per_corner(values) for name, values in mesh.layers.items()} | placed_values(run)
+    layers |= {name: attribute_values(run, name) for name in sorted(attributes)}
     return PageTriangles(
         triangles=triangles,
         corners_world=corners[mask],
-        normals_world=smooth,
+        normals_world=normals[mask],
         uvs=uvs[mask],
-        chart_uvs=_on_page(charts, triangles),
+        chart_uvs=(charts.corner_texels(triangles) / size).astype(np.float32),
         materials=run.materials()[mask],
-        pieces=closed.of(run)[mask],
+        pieces=pieces[triangles],
         links=np.repeat(run.instances.links[run.lo : run.hi], run.last - run.first)[mask],
-        layers={name: run.per_corner(values)[mask] for name, values in mesh.layers.items()}
-        | {name: values[mask] for name, values in placed_values(run).items()}
-        | {name: attribute_values(run, name)[mask] for name in sorted(attributes)},
+        layers={name: values[mask] for name, values in layers.items()},
     )
-
-
-def _on_page(charts: Charts, triangles: np.ndarray) -> np.ndarray:
-    """Texture coordinates (N, 3, 2) float32 of triangles on their page's image."""
-    size = charts.page_size[charts.page[triangles]][:, None]
-    return (charts.corner_texels(triangles) / size).astype(np.float32)
 
 
 def geometric_normals(corners_world: np.ndarray) -> np.ndarray:

@@ -20,13 +20,13 @@ from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
 from ...scene.scene_mesh import SceneMesh
-from ...scene_access.blender_version import start_nodes
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import window_is_alive
 from ...schema.table import GLOSS_OFF
 from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
-from .bake_scene import bake_scene, page_image, page_mesh, page_object, set_cycles
+from .bake_materials import aim
+from .bake_scene import bake_scene, page_image, page_object, set_cycles
 from .page_mesh import CHART_LAYER
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
@@ -64,9 +64,8 @@ def black_views(
         seen, behind = (values[number].ravel()[chosen] for values in (sight.seen.triangle, sight.seen.behind))
         corners, materials = yield from computed(partial(source.corners_and_materials, seen), at)
         normals = triangle_areas_and_normals(corners)[1]
-        sides = yield from light_of_sides(
-            context, sight.places(number, chosen), normals, lift_world, with_daylight=bool(light.daylight), at=at
-        )
+        places, daylight = sight.places(number, chosen), bool(light.daylight)
+        sides = yield from light_of_sides(context, places, normals, lift_world, with_daylight=daylight, at=at)
         lit = np.where(behind, sides[:, 1], sides[:, 0])
         names, most = source.objects_of(seen), sides.max(axis=1)
         reasons[camera.name] = _no_light(names, lit, most) or _black_material(
@@ -136,7 +135,7 @@ def light_of_sides(
         scene, layer = stack.enter_context(bake_scene(context, with_daylight=with_daylight))
         set_cycles(scene, SAMPLES, 0, on_gpu=False)
         image = stack.enter_context(page_image(size, 1))
-        mesh = stack.enter_context(page_mesh())
+        mesh = stack.enter_context(temporary(bpy.data.meshes.new(_NAME)))
         _fill(mesh, points_world, normals, lift_world)
         mesh.materials.append(stack.enter_context(temporary(_white(image))))
         item = stack.enter_context(page_object(scene, mesh))
@@ -150,14 +149,8 @@ def light_of_sides(
 
 def _white(image: bpy.types.Image) -> bpy.types.Material:
     material = bpy.data.materials.new(_NAME)
-    tree = start_nodes(material)
-    nodes, links = tree.nodes, tree.links
-    nodes.clear()
-    diffuse, texture = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeTexImage")
-    diffuse.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    links.new(diffuse.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
-    texture.image = image
-    nodes.active = texture
+    material.diffuse_color = (1.0, 1.0, 1.0, 1.0)
+    aim(material, image, plain=True)
     return material
 
 

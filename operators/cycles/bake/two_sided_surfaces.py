@@ -94,13 +94,11 @@ def sides_of_sheets(
     at = Progress(0, 1, "Looking at sides of surfaces")
     one_sided = one_sided_materials(source, light)
     survey = yield from computed(lambda: _surveyed(source, cameras, one_sided, warns=not light.both_sides), at)
-    triangles = np.concatenate([survey.points.triangle, survey.backs])
-    if not len(triangles):
+    if not len(survey.points.triangle) + len(survey.backs):
         return Sides(np.zeros(source.triangle_count, bool), survey.sight)
-    places, normals = yield from computed(lambda: _places(source, survey, triangles), at)
-    measured = yield from light_of_sides(
-        context, places, normals, lift_world, with_daylight=bool(light.daylight), at=at
-    )
+    places, normals = yield from computed(lambda: _places(source, survey), at)
+    lit_by = bool(light.daylight)
+    measured = yield from light_of_sides(context, places, normals, lift_world, with_daylight=lit_by, at=at)
     return _decided(source, survey, measured)
 
 
@@ -168,11 +166,11 @@ def _seen_backs(source: SceneMesh, sight: Sight, may_warn: np.ndarray) -> tuple[
     return np.concatenate(triangles), np.concatenate(places)
 
 
-def _places(source: SceneMesh, survey: _Survey, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places and unit normals (N, 3) in the world: on sheets, then on backs. triangles: (N,) those of both."""
+def _places(source: SceneMesh, survey: _Survey) -> tuple[np.ndarray, np.ndarray]:
+    """Places and unit normals (N, 3) in the world: on sheets, then on backs."""
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
-    corners, _ = source.corners_and_materials(triangles)
+    corners, _ = source.corners_and_materials(np.concatenate([survey.points.triangle, survey.backs]))
     one, two = survey.points.barycentric.T[:, :, None]
     start, first, second = (corners[: len(one), i] for i in range(3))
     on_sheets = start + one * (first - start) + two * (second - start)
@@ -181,19 +179,19 @@ def _places(source: SceneMesh, survey: _Survey, triangles: np.ndarray) -> tuple[
 
 def _decided(source: SceneMesh, survey: _Survey, measured: np.ndarray) -> Sides:
     """Sides by the light (N, 2) that was measured at the points on sheets, then at seen backs."""
-    count = len(survey.points.sheet)
-    of_sheets = measured[:count].reshape(len(survey.asked), -1, 2).mean(axis=1, dtype=np.float64) if count else None
+    count, asked = len(survey.points.sheet), survey.asked
     turned = np.zeros(len(survey.is_open) + 1, bool)  # the last one: of no sheet
-    if of_sheets is not None:
-        asked = survey.asked
+    if count:
+        of_sheets = measured[:count].reshape(len(asked), -1, 2).mean(axis=1, dtype=np.float64)
         turned[asked] = turned_sheets(of_sheets, survey.areas[asked], survey.seen[asked])
     of_triangle = turned[survey.sheet] & survey.may_turn
-    names = source.objects_of(survey.backs)
-    closed = ~np.append(survey.is_open, True)[survey.sheet[survey.backs]]
+    names, is_closed = source.objects_of(survey.backs), ~np.append(survey.is_open, True)[survey.sheet]
+    closed = is_closed[survey.backs]
     shown = ~of_triangle[survey.backs]
     named = _brighter_backs(names[shown], measured[count:][shown], closed[shown], float(measured.max(initial=0.0)))
     has_sheets = not set(named) <= set(names[closed].tolist())
-    warnings = _sentences(named, _inside_out(source, survey, of_triangle), has_sheets=has_sheets)
+    inside_out = _inside_out(source, survey.sheet, np.flatnonzero(of_triangle & is_closed))
+    warnings = _sentences(named, inside_out, has_sheets=has_sheets)
     if not turned.any():
         return Sides(of_triangle, survey.sight, warnings)
     _, first = np.unique(np.where(of_triangle, survey.sheet, -1), return_index=True)
@@ -218,12 +216,11 @@ def _brighter_backs(names: np.ndarray, light: np.ndarray, closed: np.ndarray, br
     return found
 
 
-def _inside_out(source: SceneMesh, survey: _Survey, turned: np.ndarray) -> list[str]:
-    """Names of closed objects whose normals point inward, of those with triangles that are `turned`, (T,) bool."""
-    triangles = np.flatnonzero(turned & ~np.append(survey.is_open, True)[survey.sheet])
+def _inside_out(source: SceneMesh, sheets: np.ndarray, triangles: np.ndarray) -> list[str]:
+    """Names of objects whose normals point inward, of those with these triangles (N,) of whole closed sheets."""
     corners, _ = source.corners_and_materials(triangles)
     volumes = np.linalg.det(corners - source.bounds_world.mean(axis=0))  # which add up to that of a closed surface
-    sheet = survey.sheet[triangles]
+    sheet = sheets[triangles]
     return sorted(set(source.objects_of(triangles[np.bincount(sheet, volumes)[sheet] < 0.0]).tolist()))
 
 
