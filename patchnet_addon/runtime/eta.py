@@ -16,42 +16,33 @@ _MOST = 0.995  # of a job that still reports
 _LEAST_LEFT = 0.03  # of a stage or a frame that takes longer than expected
 _MIN_SHARE, _MIN_S = 0.02, 2.0  # of a step, before which its pace says nothing
 _MAIN_STEP = 0.25  # of a stage's expected time, from which on a step is taken for all of it
-_AGREE, _LATER = 0.25, 1.5  # two estimates of a step's length agree within a quarter; the later one knows half more
+_STEADY = 0.2  # of a step, after which its pace alone counts
 _LAST_FRAMES = 3  # that the next one is taken to be like
 
 Clock = Callable[[], float]
 
 
 class _Pace:
-    """Pace of the present step, measured from where it began: a resumed bake begins in its middle.
-
-    is_steady: two estimates of its length agree. length: of all of it in seconds, as far as it is known.
-    """
+    """Pace of the present step, measured from where it began: a resumed bake begins in its middle."""
 
     def __init__(self, label: str = "", fraction: float = 0.0, now: float = 0.0) -> None:
-        self._label, self._first, self._last = label, fraction, fraction
+        self._label, self._first, self.fraction = label, fraction, fraction
         self._begun = self._reported = now
-        self._compared = self.length = 0.0
-        self.is_steady = False
 
     def sees(self, label: str, fraction: float, now: float) -> _Pace:
         """Take a report; the result is the pace of the step that it is of."""
-        if label != self._label or fraction < self._last:
+        if label != self._label or fraction < self.fraction:
             return _Pace(label, fraction, now)
-        if fraction > self._last:
-            self._last, self._reported = fraction, now
-            share, spent = fraction - self._first, now - self._begun
-            if share >= max(_MIN_SHARE, _LATER * self._compared) and spent >= _MIN_S:
-                before, self.length, self._compared = self.length, spent / share, share
-                self.is_steady = abs(self.length - before) <= _AGREE * self.length
+        if fraction > self.fraction:
+            self.fraction, self._reported = fraction, now
         return self
 
     def left(self, now: float) -> float | None:
         """Seconds until the step ends; None while nothing is known."""
-        share, spent = self._last - self._first, self._reported - self._begun
+        share, spent = self.fraction - self._first, self._reported - self._begun
         if share < _MIN_SHARE or spent < _MIN_S:
             return None
-        return max(spent / share * (1.0 - self._last) - (now - self._reported), 0.0)
+        return max(spent / share * (1.0 - self.fraction) - (now - self._reported), 0.0)
 
     def spent(self, now: float) -> float:
         """Seconds since the step began."""
@@ -83,15 +74,11 @@ class Eta:
 class JobEta:
     """Share of a job that is done, and seconds left, by expected seconds of its stages and the pace of each step.
 
-    Seconds left are said once the pace of the step that takes most of them agrees with them: what is expected of a
-    scene that is unlike those before may be far off. What this machine took for other jobs is said from the start, for
-    as long as a stage takes no longer.
-
-    What is left does not rise when a stage goes from one step to the next: the plan of a stage whose main step was
-    faster than expected is not taken up again.
-
-    Stages come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. Each
-    second counts once, whatever labels and fractions the steps of a stage have, and the share never falls.
+    Seconds left are said once the pace of a step that takes a good part of them agrees with them; what this machine
+    took for other jobs is said from the start, for as long as a stage takes no longer. They do not rise when a stage goes to
+    its next step.
+    Stages come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. The
+    share never falls.
     """
 
     def __init__(self, again: frozenset[str] = frozenset(), clock: Clock = time.perf_counter) -> None:
@@ -125,39 +112,38 @@ class JobEta:
             self.compiled.add(stage)
         if not self._expected:
             return progress
-        left = self._left(stage, progress.fraction, now)
+        left = self._left(stage, now)
         self._whole = max(self._whole, _share(now - self._begun, left))
         planned = self._measured and self._spent[stage] <= self._expected.get(stage, 0.0)
         return replace(progress, whole=self._whole, left_s=left if self._sure or planned else None)
 
-    def _left(self, stage: str, fraction: float, now: float) -> float:
+    def _left(self, stage: str, now: float) -> float:
         stages = list(self._expected)
         at = stages.index(stage) if stage in stages else -1
-        left = own = 0.0
-        for index, (name, seconds) in enumerate(self._expected.items()):
-            rest = max(seconds - self._spent.get(name, 0.0), 0.0)
-            if name == stage:
-                rest = max(min(rest, self._most - self._pace.spent(now)), _LEAST_LEFT * seconds)
-                own = self._own = self._left_of_stage(fraction, seconds, rest, now)
-            elif index > at or name in self._again:
-                left += rest
+        rest = {name: max(seconds - self._spent.get(name, 0.0), 0.0) for name, seconds in self._expected.items()}
+        others = [name for index, name in enumerate(stages) if index > at or (name in self._again and index != at)]
+        later = sum(rest[name] for name in others)
+        own = self._left_of_stage(self._expected[stage], rest[stage], now) if at >= 0 else 0.0
         by_pace = self._pace.left(now)
-        self._sure |= by_pace is not None and 0.5 * own <= by_pace <= 2.0 * own and own >= left
-        return own + left
+        self._sure |= by_pace is not None and 0.5 * own <= by_pace <= 2.0 * own and 2.0 * own >= later
+        return own + later
 
-    def _left_of_stage(self, fraction: float, seconds: float, rest: float, now: float) -> float:
-        """Seconds left of the present stage: as expected, and by the step's own pace the more, the better it is known.
+    def _left_of_stage(self, seconds: float, rest: float, now: float) -> float:
+        """Seconds left of the present stage: as expected, and by its step's pace the more, the longer the step is.
 
         seconds: expected of the stage. rest: of these, what is left. The pace of a short step says nothing of others.
         """
+        rest = max(min(rest, self._most - self._pace.spent(now)), _LEAST_LEFT * seconds)
         by_pace = self._pace.left(now)
         if by_pace is None:
-            return rest
-        if self._stage in self._again:  # there are more such steps
-            return max(rest, by_pace)
-        length = self._pace.length if self._pace.is_steady else self._pace.spent(now)
-        trust = min(length / max(_MAIN_STEP * seconds, 1e-9), 1.0) * (1.0 if self._pace.is_steady else fraction)
-        return (1.0 - trust) * rest + trust * by_pace
+            self._own = rest
+        elif self._stage in self._again:  # there are more such steps
+            self._own = max(rest, by_pace)
+        else:
+            length = self._pace.spent(now) + by_pace
+            trust = min(length / max(_MAIN_STEP * seconds, 1e-9), 1.0) * min(self._pace.fraction / _STEADY, 1.0)
+            self._own = (1.0 - trust) * rest + trust * by_pace
+        return self._own
 
 
 class FramesEta:

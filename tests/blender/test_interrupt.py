@@ -102,7 +102,8 @@ def test_what_a_killed_command_left_goes_with_the_next(tmp_path: Path, temporary
     process.kill()
     process.communicate()
     work = tmp_path / "work"
-    assert len(list(work.glob(".out.*.tmp"))) == 1
+    (left,) = work.glob(".out.*.tmp")
+    os.utime(left, (0, 0))
     words = ["run", str(work / "small.blend"), *QUICK, "--weights", str(weights), "--out", str(work / "out")]
     assert commands.main(words) == 0
     assert sorted(path.name for path in work.iterdir()) == ["out", "small.blend"]
