@@ -35,7 +35,8 @@ from .reports import versions
 if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.lightmap.atlas import Atlas
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
-    from ...patchnet_addon.network.encode import Encoder
+    from ...patchnet_addon.network.encoders import Encoder
+    from ...patchnet_addon.network.product import PackedLayers
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
@@ -284,7 +285,7 @@ def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[
     return coded, chosen
 
 
-def _encoded(octree: Octree, weights: Weights, encoder: Encoder) -> Steps[CodedOctree]:
+def _encoded(octree: Octree, weights: Weights, encoder: PackedLayers | Encoder) -> Steps[CodedOctree]:
     from ...patchnet_addon.codes.encode import encode_octree
 
     return encode_octree(octree, weights, encoder=encoder)
