@@ -14,7 +14,8 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ..settings.groups import NETWORK_DEVICE, ComputeSettings
 
 if TYPE_CHECKING:  # it brings numba
-    from ...patchnet_addon.network.encode import Encoder
+    from ...patchnet_addon.network.encoders import Encoder
+    from ...patchnet_addon.network.product import PackedLayers
 
 _OWN = "own kernels on the CPU"
 
@@ -23,7 +24,7 @@ _OWN = "own kernels on the CPU"
 class Encoding:
     """Encoder, its name in a few words, and sentences about what was asked for and is not there."""
 
-    encoder: Encoder
+    encoder: PackedLayers | Encoder
     text: str
     warnings: tuple[str, ...] = ()
 

@@ -45,18 +45,14 @@ def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
     return start + (octant & 1)
 
 
-@device
-def write_corner_row(table, row, octant, start):  # type: ignore[no-untyped-def]
-    """Write the row of a corner (0, y, z), octant 2 y + 4 z; that of y = 0 first, as that of y = 1 is a step from it.
+def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> bool:
+    """Write rows (V,) of the corners (0, y, z), octant 2 y + 4 z, into lines (V,); y = 0 first, as y = 1 is a step on.
 
-    Returns whether the step can be held.
+    Returns whether the steps can be held.
     """
     if octant & 2 == 0:
-        table[row, octant >> 2] = start
+        table[lines, octant >> 2] = starts
         return True
-    step = start - np.int64(table[row, octant >> 2])
-    if octant & 4:
-        table[row, 2] = np.int64(table[row, 2]) | (step << 16)
-    else:
-        table[row, 2] = step
-    return step <= MAX_STEP
+    steps = starts - table[lines, octant >> 2].astype(np.int64)
+    table[lines, 2] |= (steps << (16 if octant & 4 else 0)).astype(np.uint32)
+    return not len(steps) or int(steps.max()) <= MAX_STEP

@@ -3,8 +3,7 @@
 
 Corners stand plane by plane (z), line by line (y), x fastest: the order of codes that `corner_rows.py` relies on. A
 range is some whole planes, or some lines of one plane where that has too many voxels. Its voxels are found by a walk
-that goes down only where the range lies; they come in Morton order, in which those of a line already ascend, so two
-counting sorts put them in order of lines. Each line of corners is then merged of the four lines of voxels around it.
+that goes down only where the range lies.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from .brick import child_at
-from .coded_nodes import CodedNodes, coded_row, is_coded
-from .corner_rows import COLUMNS, write_corner_row
+from .coded_nodes import coded_row
+from .corner_rows import set_corner_rows
 
 RANGE_VOXELS = 1 << 15  # of a range, unless one line alone has more: about 2 MB of scratch and 60,000 corners
 _Y, _Z = 0, 1
@@ -45,73 +44,73 @@ class CornerRange(NamedTuple):
     voxels: int
 
 
-class _Sorted(NamedTuple):
-    """Voxels of a range in order of z, y, x, and where lines and planes that have any begin among them.
-
-    x, row: (V,) int64, place in the line and number among all coded voxels. line_first, plane_first: one number more
-    than there are lines or planes. line_y, plane_z: of the voxels.
-    """
-
-    x: np.ndarray
-    row: np.ndarray
-    line_first: np.ndarray
-    line_y: np.ndarray
-    plane_first: np.ndarray
-    plane_z: np.ndarray
-
-
-class _Found(NamedTuple):
-    """Corners (C, 3) int32 and table (K, 3) uint32 to write, each if it is not empty; `state`: corners so far, steps
-    that the table cannot hold."""
-
-    corners: np.ndarray
-    table: np.ndarray
-    state: np.ndarray
-
-
-def corner_ranges(octree: Octree, coded: CodedNodes, level: int, most: int = RANGE_VOXELS) -> Iterator[CornerRange]:
+def corner_ranges(octree: Octree, rows: np.ndarray, level: int, most: int = RANGE_VOXELS) -> Iterator[CornerRange]:
     """Ranges of a level in order, each with at most `most` coded voxels around it, or of a single line."""
     side = 1 << level
     whole = Lines(0, side + 1, 0, side + 1)
-    for low_z, high_z, voxels in _cut(_counts(octree, coded, level, whole, _Z), most):
+    for low_z, high_z, voxels in _cut(_counts(octree, rows, level, whole, _Z), most):
         lines = Lines(0, side + 1, low_z, high_z)
         if voxels <= most:
             yield CornerRange(level, lines, voxels)
             continue
-        for low_y, high_y, part in _cut(_counts(octree, coded, level, lines, _Y), most):
+        for low_y, high_y, part in _cut(_counts(octree, rows, level, lines, _Y), most):
             yield CornerRange(level, Lines(low_y, high_y, low_z, high_z), part)
 
 
-def find_corners(octree: Octree, coded: CodedNodes, where: CornerRange) -> np.ndarray:
+def find_corners(octree: Octree, rows: np.ndarray, where: CornerRange) -> np.ndarray:
     """Corners (C, 3) int32 of a range, in order."""
-    corners = np.empty((8 * where.voxels, 3), np.int32)
-    state = _run(octree, coded, where, 0, _Found(corners, np.empty((0, COLUMNS), np.uint32), np.zeros(2, np.int64)))
-    return corners[: state[0]]
+    corners, _, _ = _corner_keys(octree, rows, where)
+    side = (1 << where.level) + 1
+    return np.stack([corners % side, corners // side % side, corners // side**2], axis=1).astype(np.int32)
 
 
-def write_corner_rows(octree: Octree, coded: CodedNodes, where: CornerRange, first: int, table: np.ndarray) -> int:
+def write_corner_rows(octree: Octree, rows: np.ndarray, where: CornerRange, first: int, table: np.ndarray) -> int:
     """Write the rows of a range's corners, from `first` on, into the table (K, 3); returns how many they are.
 
     Raises SettingError where a line of corners is too long for the table: with more than 65,535 of them.
     """
-    state = _run(octree, coded, where, first, _Found(np.empty((0, 3), np.int32), table, np.zeros(2, np.int64)))
-    if state[1]:
+    corners, starts, voxels = _corner_keys(octree, rows, where)
+    fits = True
+    for octant, (keys, of) in enumerate(zip(starts, voxels, strict=True)):
+        fits &= set_corner_rows(table, of, 2 * octant, first + np.searchsorted(corners, keys))
+    if not fits:
         raise SettingError(
             f"A line of voxels on level {where.level} has more corners than the codes' table can hold: "
             "choose a smaller depth"
         )
-    return int(state[0])
+    return len(corners)
 
 
-def _run(octree: Octree, coded: CodedNodes, where: CornerRange, first: int, found: _Found) -> np.ndarray:
-    _find(octree.nodes, coded, where.level, where.lines, where.voxels, first, found)
-    return found.state
+def _corner_keys(
+    octree: Octree, rows: np.ndarray, where: CornerRange
+) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
+    """Keys x + y side + z side^2 of a range's corners (C,) int64, rising, with side = 2^level + 1.
+
+    Then for each pair of corners (0, y, z) of voxels, y + 2 z of it, those of the range: keys, and rows of the voxels.
+    """
+    level, lines = where.level, where.lines
+    cells, found = np.empty((where.voxels, 3), np.int64), np.empty(where.voxels, np.int64)
+    _find(octree.nodes, rows, level, lines, cells, found)
+    side = (1 << level) + 1
+    key = cells @ np.array([1, side, side**2])
+    order = np.argsort(key)
+    cells, found, key = cells[order], found[order], key[order]
+    starts, voxels = [], []
+    for z in range(2):
+        inside_z = (cells[:, 2] + z >= lines.low_z) & (cells[:, 2] + z < lines.high_z)
+        for y in range(2):
+            inside = inside_z & (cells[:, 1] + y >= lines.low_y) & (cells[:, 1] + y < lines.high_y)
+            starts.append(key[inside] + y * side + z * side**2)
+            voxels.append(found[inside])
+    every = np.concatenate([start + x for start in starts for x in range(2)])
+    every.sort(kind="stable")  # it merges what is in order already
+    return every[np.diff(every, prepend=-1) > 0], starts, voxels
 
 
-def _counts(octree: Octree, coded: CodedNodes, level: int, lines: Lines, axis: int) -> np.ndarray:
+def _counts(octree: Octree, rows: np.ndarray, level: int, lines: Lines, axis: int) -> np.ndarray:
     """Coded voxels (side + 2,) int64 by z or y, one place higher, among those around some lines."""
     counts = np.zeros((1 << level) + 2, np.int64)
-    _count(octree.nodes, coded.bits, level, lines, axis, counts[1:])
+    _count(octree.nodes, rows, level, lines, axis, counts[1:])
     return counts
 
 
@@ -131,7 +130,7 @@ def _cut(counts: np.ndarray, most: int) -> Iterator[tuple[int, int, int]]:
 
 
 @device
-def _push_children(nodes, bits, level, lines, stack, top):  # type: ignore[no-untyped-def]
+def _push_children(nodes, rows, level, lines, stack, top):  # type: ignore[no-untyped-def]
     """Replace the voxel on top of the stack by its coded children around the lines, the first on top.
 
     stack: (n, 5) int64 of node, level, x, y, z. Returns where the top is then.
@@ -141,7 +140,7 @@ def _push_children(nodes, bits, level, lines, stack, top):  # type: ignore[no-un
     top -= 1
     for octant in range(7, -1, -1):
         child = child_at(nodes, node, octant)
-        if child < 0 or not is_coded(bits, child):
+        if child < 0 or coded_row(rows, child) < 0:
             continue
         child_y, child_z = 2 * y + ((octant >> 1) & 1), 2 * z + (octant >> 2)
         if (child_y << shift) >= lines.high_y or ((child_y + 1) << shift) < lines.low_y:
@@ -155,150 +154,35 @@ def _push_children(nodes, bits, level, lines, stack, top):  # type: ignore[no-un
 
 
 @device
-def _stack(bits, level):  # type: ignore[no-untyped-def]
+def _stack(rows, level):  # type: ignore[no-untyped-def]
     """Stack of a walk from the root, and its top: -1 if the root is not coded."""
     stack = np.zeros((7 * level + 8, 5), np.int64)
-    return stack, 0 if is_coded(bits, np.int64(0)) else -1
+    return stack, 0 if coded_row(rows, np.int64(0)) >= 0 else -1
 
 
 @kernel
-def _count(nodes, bits, level, lines, axis, counts):  # type: ignore[no-untyped-def]
+def _count(nodes, rows, level, lines, axis, counts):  # type: ignore[no-untyped-def]
     """Add the coded voxels around some lines to `counts`, by y (axis 0) or z (axis 1)."""
-    stack, top = _stack(bits, level)
+    stack, top = _stack(rows, level)
     while top >= 0:
         if stack[top, 1] == level:
             counts[stack[top, 3 + axis]] += 1
             top -= 1
         else:
-            top = _push_children(nodes, bits, level, lines, stack, top)
+            top = _push_children(nodes, rows, level, lines, stack, top)
 
 
 @kernel
-def _find(nodes, coded, level, lines, voxels, first, found):  # type: ignore[no-untyped-def]
-    """Find the corners of some lines; `state` gets their number and that of steps which the table cannot hold."""
-    places, rows = np.empty((3, voxels), np.int32), np.empty(voxels, np.int64)
-    stack, top = _stack(coded.bits, level)
+def _find(nodes, rows, level, lines, cells, found):  # type: ignore[no-untyped-def]
+    """Write the coded voxels around some lines: cells (V, 3), and rows among all coded voxels (V,)."""
+    stack, top = _stack(rows, level)
     count = 0
     while top >= 0:
         if stack[top, 1] < level:
-            top = _push_children(nodes, coded.bits, level, lines, stack, top)
+            top = _push_children(nodes, rows, level, lines, stack, top)
             continue
         for axis in range(3):
-            places[axis, count] = stack[top, 2 + axis]
-        rows[count] = coded_row(coded.bits, coded.before, stack[top, 0])
+            cells[count, axis] = stack[top, 2 + axis]
+        found[count] = coded_row(rows, stack[top, 0])
         count += 1
         top -= 1
-    order = _sort_by(places[1], np.arange(count), lines.low_y - 1, lines.high_y)
-    order = _sort_by(places[2], order, lines.low_z - 1, lines.high_z)
-    _merge_planes(_in_lines(places, rows, order), lines, first, found)
-
-
-@device
-def _sort_by(values, order, low, high):  # type: ignore[no-untyped-def]
-    """Order with `values`, from `low` to below `high`, ascending; what is equal stays as it was: a counting sort."""
-    starts = np.zeros(high - low + 1, np.int64)
-    for item in order:
-        starts[values[item] - low + 1] += 1
-    for value in range(1, len(starts)):
-        starts[value] += starts[value - 1]
-    result = np.empty(len(order), np.int64)
-    for item in order:
-        place = values[item] - low
-        result[starts[place]] = item
-        starts[place] += 1
-    return result
-
-
-@device
-def _in_lines(places, rows, order):  # type: ignore[no-untyped-def]
-    """Group voxels in order of z, y, x, as `_Sorted` has them."""
-    count = len(order)
-    x, row = np.empty(count, np.int64), np.empty(count, np.int64)
-    line_first, line_y = np.empty(count + 1, np.int64), np.empty(count, np.int64)
-    plane_first, plane_z = np.empty(count + 1, np.int64), np.empty(count, np.int64)
-    lines = planes = 0
-    for place in range(count):
-        item = order[place]
-        x[place], row[place] = places[0, item], rows[item]
-        y, z = places[1, item], places[2, item]
-        new_plane = planes == 0 or plane_z[planes - 1] != z
-        if new_plane:
-            plane_first[planes], plane_z[planes] = lines, z
-            planes += 1
-        if new_plane or line_y[lines - 1] != y:
-            line_first[lines], line_y[lines] = place, y
-            lines += 1
-    line_first[lines], plane_first[planes] = count, lines
-    return _Sorted(x, row, line_first[: lines + 1], line_y[:lines], plane_first[: planes + 1], plane_z[:planes])
-
-
-@device
-def _merge_planes(voxels, lines, first, found):  # type: ignore[no-untyped-def]
-    """Find corners plane by plane: each lies between the voxels of the plane below it and those of the plane above."""
-    plane_z, plane_first = voxels.plane_z, voxels.plane_first
-    planes = len(plane_z)
-    cursor, end = np.empty(4, np.int64), np.empty(4, np.int64)
-    low = high = 0
-    while low < planes:
-        z = plane_z[low] + 1
-        if high < planes and plane_z[high] < z:
-            z = plane_z[high]
-        cursor[:], end[:] = 0, 0
-        if high < planes and plane_z[high] == z:  # the plane above: corners are its voxels' with octants of z = 0
-            cursor[:2], end[:2] = plane_first[high], plane_first[high + 1]
-            high += 1
-        if plane_z[low] + 1 == z:
-            cursor[2:], end[2:] = plane_first[low], plane_first[low + 1]
-            low += 1
-        if lines.low_z <= z < lines.high_z:
-            _merge_lines(voxels, cursor, end, lines, z, first, found)
-
-
-@device
-def _merge_lines(voxels, cursor, end, lines, z, first, found):  # type: ignore[no-untyped-def]
-    """Find a plane's corners line by line.
-
-    cursor, end: (4,) lines of voxels still to come, for each pair of corners (0, y, z) of these, y + 2 z of it.
-    """
-    line_y, line_first = voxels.line_y, voxels.line_first
-    voxel, last = np.empty(4, np.int64), np.empty(4, np.int64)
-    while True:
-        y = np.int64(-1)
-        for pair in range(4):
-            if cursor[pair] < end[pair] and (y < 0 or line_y[cursor[pair]] + (pair & 1) < y):
-                y = line_y[cursor[pair]] + (pair & 1)
-        if y < 0:
-            return
-        for pair in range(4):
-            voxel[pair], last[pair] = 0, 0
-            if cursor[pair] < end[pair] and line_y[cursor[pair]] + (pair & 1) == y:
-                voxel[pair], last[pair] = line_first[cursor[pair]], line_first[cursor[pair] + 1]
-                cursor[pair] += 1
-        if lines.low_y <= y < lines.high_y:
-            _merge_line(voxels.x, voxels.row, voxel, last, (y, z), first, found)
-
-
-@device
-def _merge_line(xs, rows, voxel, end, line, first, found):  # type: ignore[no-untyped-def]
-    """Find a line's corners: at x and x + 1 of each voxel of the four lines around it, from `voxel` to `end` (4,)."""
-    corners, table, state = found.corners, found.table, found.state
-    count, latest = state[0], np.int64(-1)
-    while True:
-        x = np.int64(-1)
-        for pair in range(4):
-            if voxel[pair] < end[pair] and (x < 0 or xs[voxel[pair]] < x):
-                x = xs[voxel[pair]]
-        if x < 0:
-            break
-        for corner in range(x if latest < x else x + 1, x + 2):
-            if len(corners) > 0:
-                corners[count, 0], corners[count, 1], corners[count, 2] = corner, line[0], line[1]
-            count += 1
-        latest = x + 1
-        for pair in range(4):
-            if voxel[pair] < end[pair] and xs[voxel[pair]] == x:
-                # The corner at x is the last but one.
-                if len(table) > 0 and not write_corner_row(table, rows[voxel[pair]], 2 * pair, first + count - 2):
-                    state[1] += 1
-                voxel[pair] += 1
-    state[0] = count

@@ -7,7 +7,7 @@ corner needs. Octant by octant, pairs whose voxels have the same cells stand sid
 wants them, and products are added to the first layer's sums where these stand: in the nearest caches, as all of a
 chunk is. Nothing waits for another core before a range of corners is done.
 
-Sums take their terms in the order of `network/compiled_encode.py`, whose encoder makes the same bits.
+Sums take their terms in the same order in whatever company a corner is encoded.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..network.compiled_encode import PackedLayers
 from ..network.encoders import CHANNELS, LUMINANCE
 from ..network.kinds import CODE_SIZE
-from ..network.product import ROWS, WIDTH, find_steps, sum_products, write_sums
+from ..network.product import ROWS, WIDTH, PackedLayers, find_steps, sum_products, write_sums
 from ..network.simd import LANES, load, zeros
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
@@ -30,6 +29,7 @@ from ..runtime.vectors import larger, store
 from .brick import covering_node, fill_block
 
 _TILES = 32  # whose steps are kept at a time
+_CHUNKS = {1: 512, 2: 512, 3: 128}  # corners at a time by look-ahead: their blocks and sums fit a core's second cache
 _SLOTS = 16  # of the table of voxels, for each corner
 
 
@@ -63,9 +63,10 @@ class _Voxels(NamedTuple):
 
 
 def encode_corners(
-    octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int, chunk: int = 512
+    octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int, chunk: int | None = None
 ) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level; `chunk`, how many at a time, changes the time alone."""
+    chunk = chunk or _CHUNKS[lookahead]
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
     cells = Cells(*octree.boxed_nodes, octree.luminance, octree.normal)
     run_parts(_encode, -(-len(corners) // chunk), cells, (level, lookahead), corners, layers, chunk, codes)

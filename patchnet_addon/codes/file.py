@@ -54,16 +54,16 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             f"{path} was made with other weights ({metadata.get('weights_hash')}) than those in use ({weights.hash}): "
             "precompute the codes again, or choose the weights that made them"
         )
-    nodes = coded_nodes(octree, weights.lookahead)
+    node_rows, count = coded_nodes(octree, weights.lookahead)
     codes, rows, around = (arrays.get(name) for name in ("codes", "corner_rows", "corner_cells"))
     if (
         codes is None
         or rows is None
         or (codes.dtype, codes.shape[1:]) != (np.float16, (CODE_SIZE,))
-        or (rows.dtype, rows.shape) != (np.uint32, (nodes.total, COLUMNS))
+        or (rows.dtype, rows.shape) != (np.uint32, (count, COLUMNS))
         or last_row(rows) >= len(codes)
         or (around is not None) != weights.kind.mixes
         or (around is not None and (around.dtype, around.shape) != (np.uint32, (len(codes), CORNERS)))
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
-    return CodedOctree(octree, weights, codes, rows, nodes, around)
+    return CodedOctree(octree, weights, codes, rows, node_rows, around)

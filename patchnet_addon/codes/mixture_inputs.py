@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.nodes import BoxedNodes
-from ..octree.octree import Octree
 from ..runtime.kernels import lean_device
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
@@ -19,9 +18,6 @@ from .footprint import set_frame
 from .outer_cells import list_cells, mask_geometry, measure_cells, unpack_cells
 from .patches import OCTANTS
 from .ray_frame import SIDE, cell_order, ray_frame
-
-if TYPE_CHECKING:
-    pass
 
 # Cell (8, 8) of a 4x4x4 block by octant of the whole and octant in that, or by corner and cell around the corner.
 _CELL_OF = (2 * OCTANTS[:, None] + OCTANTS) @ np.array([1, SIDE, SIDE**2])
@@ -88,9 +84,3 @@ def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
     number, first, second, third = ray_frame(direction[0], direction[1], direction[2])
     set_frame(tile.frame, (first, second, third), entry, direction, up, ratio, view, place)
     return number, (first, second, third)
-
-
-def _children(octree: Octree, node: np.ndarray) -> np.ndarray:
-    """Children (..., 8) int64 of nodes (...,), -1 for none."""
-    mask = octree.child_mask[node].astype(np.int64)[..., None] >> np.arange(8) & 1
-    return np.where(mask == 1, octree.first_child[node].astype(np.int64)[..., None] + np.cumsum(mask, -1) - 1, -1)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..octree.leaf_boxes import STEPS, box_side
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..runtime.bits import count_ones
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
@@ -62,15 +63,6 @@ def render_patches(
     )
     run_parts(_render, len(rays.level), octree.boxed_nodes, octree.luminance, rays, lookahead, coverage, luminance)
     return coverage, luminance
-
-
-@device
-def _popcount(bits):
-    """Set bits of a word; the compiler knows this idiom and makes it one instruction."""
-    bits = bits - ((bits >> np.uint64(1)) & np.uint64(0x5555555555555555))
-    bits = (bits & np.uint64(0x3333333333333333)) + ((bits >> np.uint64(2)) & np.uint64(0x3333333333333333))
-    bits = (bits + (bits >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    return (bits * np.uint64(0x0101010101010101)) >> np.uint64(56)
 
 
 class PatchRay(NamedTuple):
@@ -155,7 +147,7 @@ def _draw(view, outline, centre_u, centre_v, rows):
     first = max(0, int(np.ceil(centre_v - height)))
     last = min(63, int(np.floor(centre_v + height)))
     m0, m1, m2 = view[3, 0], view[3, 1], view[3, 2]
-    taken = np.uint64(0)
+    taken = np.int64(0)
     for row in range(first, last + 1):
         dv = row - centre_v
         low = centre_u + max(m0 * dv - w0, max(m1 * dv - w1, m2 * dv - w2))
@@ -168,8 +160,8 @@ def _draw(view, outline, centre_u, centre_v, rows):
         bits = (np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(63 - right + left)) << np.uint64(left)
         free = bits & ~rows[row]
         rows[row] |= bits
-        taken += _popcount(free)
-    return np.int64(taken)
+        taken += count_ones(free)
+    return taken
 
 
 @device

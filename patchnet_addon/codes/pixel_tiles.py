@@ -9,12 +9,37 @@ import numpy as np
 
 from ..network.compiled_layers import DIRECTION, RATIO, TILE, UP
 from ..network.kinds import CODE_SIZE
+from ..network.simd import HALF_SCALE, add_product, load_halves
 from ..runtime.kernels import device
+from ..runtime.vectors import splat, store
 from .coded_nodes import coded_row
-from .corner_codes import MEAN_SIZE, write_mean_code
+from .coded_octree import CodedOctree
+from .corner_rows import corner_row
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
+
+MEAN_SIZE = 16  # of a mean that `write_mean_code` writes: two vectors of eight numbers, which overlap in the code
+assert 8 <= CODE_SIZE <= 16
+
+_SCALE = np.float32(HALF_SCALE)
+
+
+class CornerCodes(NamedTuple):
+    """Codes and what finds them.
+
+    halves: (C * 10,) int16, the bits of the half floats. node_rows: of `CodedOctree`. rows: (K, 3) uint32, as
+    `corner_rows.py` says.
+    """
+
+    halves: np.ndarray
+    node_rows: np.ndarray
+    rows: np.ndarray
+
+    @classmethod
+    def of(cls, coded: CodedOctree) -> CornerCodes:
+        """Codes of an octree."""
+        return cls(coded.codes.view(np.int16).ravel(), coded.node_rows, coded.corner_rows)
 
 
 class PixelRays(NamedTuple):
@@ -46,16 +71,36 @@ def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead)
     pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns how many there are, and the pixel
     to go on with.
     """
-    bits, before = corner_codes.bits, corner_codes.before
+    node_rows = corner_codes.node_rows
     count = 0
     while pixel < end and count < TILE:
-        row = coded_row(bits, before, nodes[pixel])
+        row = coded_row(node_rows, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
             pixels[count], rows[count] = pixel, row
             count += 1
         pixel += 1
     return count, pixel
+
+
+@device
+def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped-def]
+    """Write the trilinear mean of a node's eight codes at a point in it, three numbers in [0, 1], into `mean` (16,).
+
+    The code's first eight numbers come first, its last eight follow.
+    """
+    one = np.float32(1)
+    x, y, z = point
+    total = splat(np.float32(0))
+    for line in range(4):
+        share = y if line & 1 else one - y
+        share *= z if line & 2 else one - z
+        first = corner_row(table, row, 2 * line) * CODE_SIZE
+        left, right = splat(share * (one - x) * _SCALE), splat(share * x * _SCALE)
+        total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), left)
+        first += CODE_SIZE  # the corner at x + 1 has the next row
+        total = add_product(total, load_halves(halves, first, first + CODE_SIZE - 8), right)
+    store(mean, 0, total)
 
 
 @device

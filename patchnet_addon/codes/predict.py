@@ -8,19 +8,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..network.compiled_decode import decode_tile, empty_tile
-from ..network.compiled_layers import TILE, DecoderLayers
-from ..network.compiled_mixture import pack_mixture
-from ..runtime.kernels import kernel
+from ..network.compiled_decode import DecoderLayers, decode_mixture_tile, decode_tile, empty_tile
+from ..network.compiled_layers import TILE
+from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
+from ..network.simd import HALF_SCALE, load_halves
+from ..octree.octree import LUMINANCE_SCALE
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
+from ..runtime.vectors import store
 from .coded_octree import CodedOctree
-from .corner_codes import CornerCodes
-from .mixture_inputs import NearbyCells
-from .pixel_tiles import PixelRays, fill_codes, fill_rays, gather_look_ahead
-from .predict_mixture import predict_mixture
+from .corner_rows import corner_row
+from .fine_cells import empty_fine_list
+from .footprint import clear_tile, empty_footprint_tile, measure_tile
+from .mixture_inputs import NearbyCells, place_pixel
+from .outer_cells import empty_outer_list
+from .pixel_tiles import CornerCodes, PixelRays, fill_codes, fill_rays, gather_look_ahead
 
 if TYPE_CHECKING:
     from ..tracing.render import Hits
+
+_SCALE = np.float32(HALF_SCALE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +60,9 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
         np.ones(pixels, np.float32), np.array(hits.luminance, np.float32), np.zeros(pixels, np.bool_)
     )
     results = prediction.coverage, prediction.luminance, prediction.look_ahead
-    parts = -(-pixels // TILE)
-    if coded.weights.kind.mixes:
-        nearby, layers = NearbyCells.of(coded), pack_mixture(coded.weights)
-        run_parts(predict_mixture, parts, rays, CornerCodes.of(coded), nearby, layers, results)
-    else:
-        run_parts(_predict, parts, rays, CornerCodes.of(coded), DecoderLayers.pack(coded.weights), *results)
+    nearby = NearbyCells.of(coded) if coded.weights.kind.mixes else None
+    layers = DecoderLayers.pack(coded.weights)
+    run_parts(_predict, -(-pixels // TILE), rays, CornerCodes.of(coded), nearby, layers, results)
     return prediction
 
 
@@ -68,21 +72,60 @@ def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray) -> Predic
 
 
 @kernel
-def _predict(first, last, rays, corner_codes, layers, coverage, luminance, look_ahead):  # type: ignore[no-untyped-def]
+def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type: ignore[no-untyped-def]
     """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and which these are.
 
-    They are gathered, and decoded when they fill a tile.
+    They are gathered, and decoded when they fill a tile. rays: `PixelRays`. corner_codes: `CornerCodes`. nearby:
+    `NearbyCells` of a luminance mixture, None for the paper's network: it is compiled for each of both. results:
+    coverage, luminance, and whether there is look-ahead.
     """
-    tile = empty_tile(), empty_tile()
+    coverage, luminance, look_ahead = results
+    tile = empty_tile()
+    inputs, _, luminances = tile
+    work = empty_footprint_tile(), empty_fine_list(), empty_outer_list()
     pixels, rows = np.empty(TILE, np.int64), np.empty(TILE, np.int64)
     pixel, end = first * TILE, min(last * TILE, len(coverage))
     while pixel < end:
         count, pixel = gather_look_ahead(rays.node, corner_codes, pixel, end, pixels, rows, look_ahead)
         if count == 0:
             break
-        fill_codes(corner_codes, rows[:count], rays.entry, pixels, tile[0])
-        fill_rays(rays, pixels[:count], tile[0])
-        outputs = decode_tile(tile[0], tile[1], layers)
+        fill_codes(corner_codes, rows[:count], rays.entry, pixels, inputs)
+        fill_rays(rays, pixels[:count], inputs)
+        if nearby is None:
+            decode_tile(tile, layers)
+        else:
+            _fill_corners(corner_codes, rows[:count], inputs)
+            _fill_place(rays, nearby, pixels, rows[:count], work, inputs, luminances)
+            decode_mixture_tile(tile, layers)
         for place in range(count):
-            coverage[pixels[place]] = outputs[place]
-            luminance[pixels[place]] = outputs[TILE + place]
+            coverage[pixels[place]] = inputs[place]
+            luminance[pixels[place]] = inputs[TILE + place]
+
+
+@device
+def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
+    """Write the first numbers of the eight corner codes of pixels side by side; rows: of the nodes they hit."""
+    halves, table = corner_codes.halves, corner_codes.rows
+    code = np.empty(16, np.float32)
+    for place in range(len(rows)):
+        for corner in range(CORNERS):
+            first = corner_row(table, rows[place], corner) * CODE_SIZE
+            store(code, 0, load_halves(halves, first, first + CODE_SIZE - 8))
+            at = (RAY_INPUTS + SIDE_BY_SIDE * corner) * TILE + place
+            for k in range(SIDE_BY_SIDE):
+                inputs[at + k * TILE] = code[k] * _SCALE
+
+
+@lean_device
+def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: ignore[no-untyped-def]
+    """Write how pixels look at their voxels, what cells cover of them, and the luminances that are mixed."""
+    scale = np.float32(1.0 / LUMINANCE_SCALE)
+    covered = inputs[COVERED * TILE :]
+    clear_tile(work[0], covered, luminances)
+    for place in range(len(rows)):
+        pixel = pixels[place]
+        node = rays.node[pixel]
+        ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
+        place_pixel(nearby, (node, rows[place]), ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
+        luminances[COVERING * TILE + place] = np.float32(nearby.luminance[node]) * scale
+    measure_tile(work[0], covered, luminances)

@@ -1,56 +1,120 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet's decoder for kernels: the layers of `decode.py` for a tile of pixels, whose values stay in the L1 cache."""
+"""PatchNet's decoders for kernels: layers on a tile of pixels, whose values stay in the nearest caches."""
 
 from __future__ import annotations
 
-from ..runtime.kernels import device
-from ..runtime.vectors import store
-from .compiled_layers import OUTPUTS, TILE, apply_layer, clipped_sigmoid, empty_values, fill_harmonics
-from .kinds import PAPER
-from .simd import WIDE_LANES, add_product, load_wide, spread_wide
+from typing import NamedTuple
 
-_INPUTS, _HIDDEN = PAPER.decoder[:2]
-_LAYERS = len(PAPER.decoder) - 2  # with ReLU
-_ROWS = max(PAPER.decoder)
-assert PAPER.decoder[1:] == (*[_HIDDEN] * _LAYERS, 2)
-assert _HIDDEN % OUTPUTS == 0
+import numpy as np
+
+from ..runtime.kernels import device
+from .compiled_layers import OUTPUTS, TILE, apply_layer, clipped_sigmoid, empty_values, exponential, fill_harmonics
+from .kinds import COVERED, COVERING, MIXED, MIXTURE, PAPER
+from .weights import Weights
+
+_ROWS = MIXTURE.decoder[0]
+_LAYERS = len(MIXTURE.decoder) - 2  # with ReLU
+# So that results stand where the inputs were, before what cells cover, which is still there.
+assert len(PAPER.decoder) == len(MIXTURE.decoder) and _LAYERS % 2 == 1
+
+
+class DecoderLayers(NamedTuple):
+    """Decoder as kernels read it, flat, all float32.
+
+    weights: of each layer, of each six outputs, for each input its six weights. bias: of all layers. Both are filled up
+    with zeros to six outputs. floor: (2,) the smallest result of a layer, and of the last. inputs, width, outputs: of
+    the first layer, of those with ReLU, and of the last.
+    """
+
+    weights: np.ndarray
+    bias: np.ndarray
+    floor: np.ndarray
+    inputs: int
+    width: int
+    outputs: int
+
+    @classmethod
+    def pack(cls, weights: Weights) -> DecoderLayers:
+        """Layers of the decoder."""
+        blocks, biases = [], []
+        for matrix, bias in weights.decoder:
+            more = -len(matrix) % OUTPUTS
+            filled = np.pad(matrix, ((0, more), (0, 0)))
+            blocks.append(filled.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2).ravel())
+            biases.append(np.pad(bias, (0, more)))
+        floor = np.array([0, -np.inf], np.float32)  # in memory, from where it is spread over a vector
+        inputs, width = weights.decoder[0][0].shape[1], len(biases[0])
+        return cls(np.concatenate(blocks), np.concatenate(biases), floor, inputs, width, len(biases[-1]))
 
 
 @device
 def empty_tile():
-    """Values of a tile, (48 * TILE,) float32 zeros, see `empty_values`."""
-    return empty_values(_ROWS)
+    """Two arrays of a tile's values, (147 * TILE,) float32 zeros, and one of luminances, (65 * TILE,)."""
+    return empty_values(_ROWS), empty_values(_ROWS), empty_values(MIXED)
 
 
 @device
-def decode_tile(inputs, others, layers):
-    """Decode a tile of pixels: one of the two arrays is returned, whose first two rows are coverage and luminance.
+def decode_tile(tile, layers):
+    """Decode a tile of pixels by the paper's network: the first two rows are coverage and luminance afterwards.
 
-    inputs: (48 * TILE,) float32, rows of code, direction, up and ratio; they are not kept. others: as large. layers:
+    tile: `empty_tile`, with rows of code, direction, up and ratio. layers: `DecoderLayers`.
+    """
+    inputs, others, _ = tile
+    _run_layers(inputs, others, layers)
+    for index in range(2 * TILE):
+        inputs[index] = clipped_sigmoid(inputs[index])
+
+
+@device
+def decode_mixture_tile(tile, layers):
+    """Decode a tile of pixels by a luminance mixture: the first two rows are coverage and luminance afterwards.
+
+    tile: `empty_tile`, with rows as `kinds.py` says, but for the harmonics, and of luminances that are mixed. layers:
     `DecoderLayers`.
     """
-    hidden, last, bias, floor = layers
-    fill_harmonics(inputs)
-    depth, weight = _INPUTS, 0
-    for layer in range(_LAYERS):
-        apply_layer(inputs, depth, others, _HIDDEN, hidden[weight:], bias[layer * _HIDDEN :], floor)
-        weight += depth * _HIDDEN
-        depth = _HIDDEN
-        inputs, others = others, inputs
-    _apply_last(inputs, others, last, bias[_LAYERS * _HIDDEN :])
-    return others
+    inputs, others, luminances = tile
+    _run_layers(inputs, others, layers)
+    for pixel in range(TILE):
+        inputs[pixel] = clipped_sigmoid(inputs[pixel])
+    _mix(inputs, luminances)
 
 
 @device
-def _apply_last(inputs, results, weights, bias):
-    """Last layer with its sigmoid, clipped to [0, 1] (methods 7.15): rows of coverage and luminance."""
-    for pixel in range(0, TILE, WIDE_LANES):
-        coverage, luminance = spread_wide(bias, 0), spread_wide(bias, 1)
-        for row in range(_HIDDEN):
-            values = load_wide(inputs, row * TILE + pixel)
-            coverage = add_product(coverage, values, spread_wide(weights, 2 * row))
-            luminance = add_product(luminance, values, spread_wide(weights, 2 * row + 1))
-        store(results, pixel, coverage)
-        store(results, TILE + pixel, luminance)
-    for index in range(2 * TILE):
-        results[index] = clipped_sigmoid(results[index])
+def _run_layers(inputs, others, layers):
+    """Run all layers; their results are the first rows of `inputs` afterwards."""
+    weights, bias, floor, depth, width, outputs = layers
+    fill_harmonics(inputs)
+    weight = 0
+    values, results = inputs, others
+    for layer in range(_LAYERS):
+        apply_layer(values, depth, results, width, weights[weight:], bias[layer * width :], floor)
+        weight += depth * width
+        depth = width
+        values, results = results, values
+    apply_layer(values, depth, results, outputs, weights[weight:], bias[_LAYERS * width :], floor[1:])
+
+
+@device
+def _mix(values, luminances):
+    """Write the mean of the luminances, by shares of the logits in rows 1 to 65, into row 1."""
+    largest, total, light = np.empty(TILE, np.float32), np.empty(TILE, np.float32), np.empty(TILE, np.float32)
+    own = (1 + COVERING) * TILE
+    for pixel in range(TILE):
+        largest[pixel] = values[own + pixel]
+    for row in range(COVERING):
+        for pixel in range(TILE):
+            logit = values[(1 + row) * TILE + pixel]
+            there = values[(COVERED + row) * TILE + pixel] > 0
+            largest[pixel] = max(largest[pixel], logit) if there else largest[pixel]
+    for pixel in range(TILE):
+        share = exponential(max(values[own + pixel] - largest[pixel], np.float32(-80)))
+        total[pixel] = share
+        light[pixel] = share * luminances[COVERING * TILE + pixel]
+    for row in range(COVERING):
+        for pixel in range(TILE):
+            behind = min(max(values[(1 + row) * TILE + pixel] - largest[pixel], np.float32(-80)), np.float32(0))
+            share = exponential(behind) * values[(COVERED + row) * TILE + pixel]
+            total[pixel] += share
+            light[pixel] += share * luminances[row * TILE + pixel]
+    for pixel in range(TILE):
+        values[TILE + pixel] = light[pixel] / total[pixel]

@@ -8,18 +8,15 @@ only a processor that cannot multiply and add in one rounding has others.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
-from .decode import OUTPUT_LOW, OUTPUT_RANGE
-from .kinds import CODE_SIZE, WIDTH_STEP
+from .kinds import CODE_SIZE, OUTPUT_LOW, OUTPUT_RANGE, WIDTH_STEP
 from .simd import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
 from .simd_harmonics import store_harmonics
-from .weights import MODULATED, Weights
+from .weights import MODULATED
 
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
 OUTPUTS = WIDTH_STEP  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
@@ -32,32 +29,6 @@ assert TILE % WIDE_LANES == 0
 _LOG2_E = np.float32(1.4426950408889634)
 _LN2_HIGH, _LN2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)
 _LOW, _RANGE = np.float32(OUTPUT_LOW), np.float32(OUTPUT_RANGE)
-
-
-class DecoderLayers(NamedTuple):
-    """Decoder as kernels read it, flat, all float32.
-
-    hidden: of each layer with ReLU, of each six outputs, for each input its six weights.
-    last: for each input the weights of all outputs.
-    bias: of all layers.
-    floor: (1,) zero, in memory, from where it is spread over a vector.
-    """
-
-    hidden: np.ndarray
-    last: np.ndarray
-    bias: np.ndarray
-    floor: np.ndarray
-
-    @classmethod
-    def pack(cls, weights: Weights) -> DecoderLayers:
-        """Layers of the decoder."""
-        hidden = [matrix.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2) for matrix, _ in weights.decoder[:-1]]
-        return cls(
-            np.concatenate([blocks.ravel() for blocks in hidden]),
-            weights.decoder[-1][0].T.ravel(),
-            np.concatenate([bias for _, bias in weights.decoder]),
-            np.zeros(1, np.float32),
-        )
 
 
 @device

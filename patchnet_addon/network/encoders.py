@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +21,22 @@ CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
 LUMINANCE = 1  # its place among them
 MLP_WIDTH_STEP = 64  # kernels compute whole vectors of a layer's values
 _HIDDEN = 3  # layers of as many values
+
+
+class Encoder(Protocol):
+    """Encoder of the corners of a chunk outside of our kernels; `chunk` is the number of corners that it likes at once.
+
+    A corner's patch is eight blocks, of 4x4x4 cells each for a look-ahead of two levels, which corners share.
+    """
+
+    chunk: int
+
+    def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Codes (C, 10) float32 of corners whose eight octants hold `blocks[rows]`.
+
+        blocks: (U, B) float32, z, y, x, channel, B = 320 for two levels; block 0 is empty. rows: (C, 8) integers,
+        octants x fastest.
+        """
 
 
 def patch_side(lookahead: int) -> int:

@@ -25,6 +25,9 @@ SIDE_BY_SIDE = 4  # first numbers of each corner code that the mixture's decoder
 RAY_INPUTS = CODE_SIZE + 3 + 3 + 1 + HARMONICS  # inputs of both kinds, methods 7.15
 WIDTH_STEP = 6  # of decoders: kernels compute so many outputs of a layer at once
 VIEW = 9  # direction, entry point and up in the ray's frame
+VIEWS = RAY_INPUTS + CORNERS * SIDE_BY_SIDE  # rows of the mixture's inputs: the view in the ray's frame,
+COVERED = VIEWS + VIEW  # and what children and outer cells cover
+OUTPUT_LOW, OUTPUT_RANGE = -1.0, 3.0  # out = -1 + 3 sigmoid(x)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Matrix products of our own, for the encoder's layers: float32, with bias and ReLU, whatever BLAS NumPy has.
 
-Sums of four rows times two vectors of columns stay in registers. The matrix is packed once into panels of as many
+Sums of four rows times two vectors of columns stay in registers. A matrix is packed once into panels of as many
 columns, which a core keeps in its nearest cache while it goes through a block of rows. Columns of the values that are
 zero in all four rows are left out: most cells of a block are empty, and ReLU makes most of what a layer hands on zero.
 
@@ -11,95 +11,55 @@ threads it is computed; only a processor that cannot multiply and add in one rou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.kernels import device, kernel
-from ..runtime.threads import run_parts
+from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
+from .encoders import CHANNELS, LUMINANCE
+from .octants import octant_matrices
 from .simd import LANES, add_product, load, spread
+from .weights import Weights
 
 WIDTH = 2 * LANES  # columns of a panel
 ROWS = 4  # eight vectors of sums: with five or six rows the compiler runs out of registers, at half the speed
-_TILES = 8  # in a block
 
 
-@dataclass(frozen=True, eq=False)
-class Panels:
-    """Layer as `multiply` reads it.
+class PackedLayers(NamedTuple):
+    """Layers of the encoder in panels of WIDTH columns, the last one filled up with zeros, for kernels.
 
-    matrix: (P, depth, WIDTH) float32, panels of columns, the last one filled up with zeros. bias: (P * WIDTH,) float32.
-    columns: of the matrix that was packed.
+    octants: (8 * P, B, WIDTH) the first layer's, octant by octant. first_bias: (256,). panels: (Q, 256, WIDTH) of the
+    layers behind it, one after the other. bias: (Q * WIDTH,) of these. least: (2,) the smallest result of a layer, and
+    of the last. sees_luminance: whether a cell's luminance changes anything; a luminance mixture sees shape alone.
     """
 
-    matrix: np.ndarray
+    octants: np.ndarray
+    first_bias: np.ndarray
+    panels: np.ndarray
     bias: np.ndarray
-    columns: int
+    least: np.ndarray
+    sees_luminance: bool
 
     @classmethod
-    def pack(cls, matrix: np.ndarray, bias: np.ndarray | None = None) -> Panels:
-        """Panels of a finite matrix (depth, columns) and a bias (columns,)."""
-        depth, columns = matrix.shape
-        count = -(-columns // WIDTH)
-        filled = np.zeros((depth + 1, count * WIDTH), np.float32)
-        filled[:depth, :columns] = matrix
-        if bias is not None:
-            filled[depth, :columns] = bias
-        panels = filled[:depth].reshape(depth, count, WIDTH).transpose(1, 0, 2)
-        return cls(np.ascontiguousarray(panels), filled[depth].copy(), columns)
-
-    @property
-    def width(self) -> int:
-        """Columns of a result, filling included."""
-        return len(self.bias)
+    def pack(cls, weights: Weights) -> PackedLayers:
+        """Layers of these weights, with which `encode_octree` encodes by kernels on all cores."""
+        (matrix, bias), *others = weights.encoder
+        octants = _panels(octant_matrices(matrix))
+        return cls(
+            octants,
+            bias,
+            np.concatenate([_panels(matrix.T) for matrix, _ in others]),
+            np.concatenate([np.pad(bias, (0, -len(bias) % WIDTH)) for _, bias in others]),
+            np.array([0, -np.inf], np.float32),
+            bool(octants[:, LUMINANCE::CHANNELS].any()),
+        )
 
 
-def multiply(
-    values: np.ndarray, panels: Panels, result: np.ndarray, *, relu: bool = False, order: np.ndarray | None = None
-) -> None:
-    """Write values (N, depth) times the packed matrix, plus its bias, into `result` (N, panels.width).
-
-    All are float32 in C order. relu: negative results become 0. order: (N,) the rows, those that are zero in the same
-    columns one after the other; it changes the time alone.
-    """
-    _check(values, (len(values), panels.matrix.shape[1]))
-    _check(result, (len(values), panels.width))
-    if order is None:
-        order = np.arange(len(values))
-    tiles = np.append(order, np.repeat(order[-1:], -len(order) % ROWS)).reshape(-1, ROWS)  # the last row fills the last
-    least = np.array([0 if relu else -np.inf], np.float32)  # in memory, from where it is spread over a vector
-    blocks = -(-len(tiles) // _TILES)
-    rows = values, values.view(np.int32)
-    run_parts(_multiply, blocks, rows, tiles, panels.matrix, panels.bias, least, result)
-
-
-def _check(array: np.ndarray, shape: tuple[int, int]) -> None:
-    """Raise ValueError for what the kernel, which checks no index, would misread."""
-    if array.shape != shape or array.dtype != np.float32 or not array.flags.c_contiguous:
-        raise ValueError(f"{array.dtype} of shape {array.shape} where float32 of shape {shape} in C order is needed")
-
-
-@kernel
-def _multiply(first, last, rows, tiles, panels, bias, least, result):
-    """Multiply blocks of rows, which are given as values and as their bits."""
-    values, bits = rows
-    for block in range(first, last):
-        here = tiles[block * _TILES : (block + 1) * _TILES]
-        _multiply_block(values, bits, here, panels, bias, least, result)
-
-
-@device
-def _multiply_block(values, bits, tiles, panels, bias, least, result):
-    """Multiply the rows `tiles` (t, 4) of the values; bits: the values as integers, which are compared faster."""
-    steps = np.empty((_TILES, values.shape[1] + 1), np.int64)
-    counts = np.empty(_TILES, np.int64)
-    for tile in range(len(tiles)):
-        counts[tile] = find_steps(bits, tiles[tile], steps[tile])
-    for panel in range(len(panels)):
-        for tile in range(len(tiles)):
-            sums = sum_products(values, tiles[tile], steps[tile], counts[tile], panels, panel, bias)
-            write_sums(result, tiles[tile], panel, sums, least)
+def _panels(matrix: np.ndarray) -> np.ndarray:
+    """Panels (P, depth, WIDTH) of a matrix (depth, columns)."""
+    filled = np.pad(matrix, ((0, 0), (0, -matrix.shape[1] % WIDTH)))
+    return np.ascontiguousarray(filled.reshape(len(matrix), -1, WIDTH).transpose(1, 0, 2))
 
 
 @device

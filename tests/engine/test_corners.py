@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
-from patchnet.patchnet_addon.codes import corners as finding
 from patchnet.patchnet_addon.codes import encode
-from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_rows
-from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, write_corner_row
-from patchnet.patchnet_addon.codes.corners import CornerRange, Lines, corner_ranges, find_corners, write_corner_rows
-from patchnet.patchnet_addon.codes.encode import encode_chunk, encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_row
+from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, set_corner_rows
+from patchnet.patchnet_addon.codes.corners import corner_ranges, find_corners, write_corner_rows
+from patchnet.patchnet_addon.codes.encode import chunk_blocks, encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.encode_corners import encode_corners
 from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.network.weights import Weights
@@ -26,6 +25,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import thread_count
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.references.codes import coded_rows_reference, corner_table_reference
+from patchnet.tests.references.networks import NumpyEncoder
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])
@@ -48,26 +48,31 @@ def corners_reference(octree, level):
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_rows_of_nodes(octree, lookahead):
-    coded = coded_nodes(octree, lookahead)
+    rows, count = coded_nodes(octree, lookahead)
     wanted = coded_rows_reference(octree, lookahead)
-    assert coded.total == wanted.max() + 1
-    np.testing.assert_array_equal(coded_rows(coded, np.arange(octree.node_count)), wanted)
-    np.testing.assert_array_equal(coded_rows(coded, np.array([[-1, 0]])), [[-1, 0]])
-    assert coded_rows(coded, np.array([], np.int64)).shape == (0,)
+    assert count == wanted.max() + 1
+    np.testing.assert_array_equal(rows, wanted[: len(rows)])
+    assert (wanted[len(rows) :] == -1).all()
+
+    @numba.njit
+    def some(rows, nodes):
+        return [coded_row(rows, node) for node in nodes]
+
+    assert some(rows, np.array([-1, 0, len(rows)])) == [-1, 0, -1]
 
 
 @pytest.mark.parametrize("most", [1, 7, 50, 1 << 15])
 def test_ranges_have_all_corners_in_order(octree, most):
     """Ranges of planes, of lines of a plane, and of single lines that have too many voxels."""
-    coded = coded_nodes(octree, 2)
-    table, total = np.zeros((coded.total, 3), np.uint32), 0
+    rows, count = coded_nodes(octree, 2)
+    table, total = np.zeros((count, 3), np.uint32), 0
     found, starts = [], []
     for level in range(octree.depth - 1):
         starts.append(total)
         parts = []
-        for where in corner_ranges(octree, coded, level, most):
-            parts.append(find_corners(octree, coded, where))
-            assert write_corner_rows(octree, coded, where, total, table) == len(parts[-1])
+        for where in corner_ranges(octree, rows, level, most):
+            parts.append(find_corners(octree, rows, where))
+            assert write_corner_rows(octree, rows, where, total, table) == len(parts[-1])
             assert where.voxels <= most or where.lines.high_y - where.lines.low_y == 1
             total += len(parts[-1])
         np.testing.assert_array_equal(np.concatenate(parts), corners_reference(octree, level))
@@ -75,7 +80,7 @@ def test_ranges_have_all_corners_in_order(octree, most):
     corners = np.concatenate(found)
     for level in range(octree.depth - 1):
         cells, nodes = coded_cells(octree, level)
-        np.testing.assert_array_equal(corners[corners_of(table, coded_rows(coded, nodes))], cells[:, None] + OCTANTS)
+        np.testing.assert_array_equal(corners[corners_of(table, rows[nodes])], cells[:, None] + OCTANTS)
 
 
 def test_one_corner_in_kernels_is_that_of_numpy():
@@ -95,46 +100,41 @@ def test_one_corner_in_kernels_is_that_of_numpy():
 
 
 def test_a_step_of_more_than_16_bits_is_refused(octree, monkeypatch):
-    @numba.njit
-    def write(table, step):
-        return write_corner_row(table, 0, 0, 10) and write_corner_row(table, 0, 2, 10 + step)
-
-    table = np.zeros((1, 3), np.uint32)
-    assert write(table, 65535) and corners_of(table, 0)[2] == 65545
-    assert not write(table, 65536)
-
-    def overflows(*arguments):
-        arguments[-1].state[:] = 9, 1
-
-    monkeypatch.setattr(finding, "_find", overflows)
+    table, line = np.zeros((1, 3), np.uint32), np.zeros(1, np.int64)
+    assert set_corner_rows(table, line, 0, np.array([10])) and set_corner_rows(table, line, 2, np.array([65545]))
+    assert corners_of(table, 0)[2] == 65545
+    assert not set_corner_rows(table, line, 2, np.array([65546]))
+    rows, count = coded_nodes(octree, 2)
+    where = next(corner_ranges(octree, rows, 3))
+    monkeypatch.setattr("patchnet.patchnet_addon.codes.corner_rows.MAX_STEP", 1)
     with pytest.raises(SettingError, match=r"A line of voxels on level 3 has more corners .*: choose a smaller depth"):
-        write_corner_rows(octree, coded_nodes(octree, 2), CornerRange(3, Lines(0, 9, 0, 9), 1), 0, table)
+        write_corner_rows(octree, rows, where, 0, np.zeros((count, 3), np.uint32))
 
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
-def test_one_kernel_has_the_bits_of_products_of_whole_chunks(octree, lookahead):
-    """Whatever the chunk and the number of threads; in corners that adaptive leaves lie around, too."""
+def test_codes_of_corners(octree, lookahead):
+    """The same bits whatever the chunk; in corners that adaptive leaves lie around, too."""
     weights = Weights.random(seed=9, bias=0.1, lookahead=lookahead)
-    encoder = make_encoder(weights)
+    layers = make_encoder(weights)
     for level in range(octree.depth):
         corners, _ = corner_table_reference(
             octree, level, np.arange(octree.level_start[level], octree.level_start[level + 1])
         )
-        wanted = encode_chunk(encoder, octree, level, corners, lookahead)
-        for chunk in (1, 37, 512):
-            found = encode_corners(octree, level, corners, encoder.layers, lookahead, chunk)
-            np.testing.assert_array_equal(found, wanted)
-    assert encode_corners(octree, 3, corners[:0], encoder.layers, lookahead).shape == (0, 10)
+        found = encode_corners(octree, level, corners, layers, lookahead)
+        for chunk in (1, 37):
+            np.testing.assert_array_equal(encode_corners(octree, level, corners, layers, lookahead, chunk), found)
+        wanted = NumpyEncoder(weights)(*chunk_blocks(octree, level, corners, lookahead))
+        np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-4)
+    assert encode_corners(octree, 3, corners[:0], layers, lookahead).shape == (0, 10)
 
 
 def test_codes_are_those_of_all_corners_of_a_level_at_once(octree):
     weights = Weights.random(seed=9, bias=0.1)
     coded = drain(encode_octree(octree, weights))
-    encoder = make_encoder(weights)
     for level in range(octree.depth - 1):
         _, nodes = coded_cells(octree, level)
         corners, rows = corner_table_reference(octree, level, nodes)
-        wanted = encode_chunk(encoder, octree, level, corners, 2).astype(np.float16)
+        wanted = encode_corners(octree, level, corners, make_encoder(weights), 2).astype(np.float16)
         found = coded.codes[coded.corners_of(coded.rows_of(nodes))]
         np.testing.assert_array_equal(found.view(np.uint16), wanted[rows].view(np.uint16))
 
@@ -167,5 +167,5 @@ def test_memory_does_not_grow_with_the_octree(monkeypatch):
         coded = drain(encode_octree(octree, weights, encoder=encoder))
         scratch.append(tracemalloc.get_traced_memory()[1] - coded.nbytes)
         tracemalloc.stop()
-        assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.nodes, depth - 2, 2048))
+        assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.node_rows, depth - 2, 2048))
     assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6 * thread_count()

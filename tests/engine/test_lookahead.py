@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.exact import exact_prediction
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
@@ -132,13 +132,10 @@ def test_blocks_and_patches_are_cut_from_the_dense_grid(octree, lookahead):
             np.testing.assert_allclose(block, wanted, atol=1e-7)
 
 
-@pytest.mark.parametrize("backend", ["compiled", "numpy", "torch"])
 @pytest.mark.parametrize("lookahead", [1, 3])
-def test_codes_of_patches(octree, lookahead, backend):
-    if backend == "torch":
-        pytest.importorskip("torch")
+def test_codes_of_patches(octree, lookahead):
     weights, side = Weights.random(seed=9, bias=0.1, lookahead=lookahead), 2**lookahead
-    coded = drain(encode_octree(octree, weights, encoder=make_encoder(weights, backend)))
+    coded = drain(encode_octree(octree, weights))
     for level in range(octree.depth + 1):
         ahead = descendants(octree, level, lookahead)
         np.testing.assert_array_equal(coded.rows_of(np.arange(octree.node_count))[octree.level(level)] >= 0, ahead)

@@ -6,15 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
-from patchnet.patchnet_addon.network.decode import decode
-from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
 from patchnet.patchnet_addon.network.kinds import MIXTURE
-from patchnet.patchnet_addon.network.mixture_decode import MixtureInputs, decode_mixture
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import WeightsFileError
 from patchnet.patchnet_addon.runtime.files import write_arrays
+from patchnet.tests.references.networks import MixtureInputs, NumpyEncoder, decode, decode_mixture
 
 COUNT = 5000  # more than one block of the decoder
 TOLERANCE = 1e-4
@@ -215,23 +212,9 @@ def patches_of(blocks, rows):
     return patches.reshape(len(rows), 2560)
 
 
-@pytest.mark.parametrize("encoder", [CompiledEncoder, NumpyEncoder])
-def test_encoder_follows_the_definition(encoder, weights, corners):
+def test_encoder_follows_the_definition(weights, corners):
     wanted = naive_layers(weights.encoder, patches_of(*corners).astype(np.float64))
-    assert np.abs(encoder(weights)(*corners) - wanted).max() <= TOLERANCE
-
-
-@pytest.mark.parametrize("count", [0, 1, 90])
-def test_compiled_encoder_with_numpy(count, corners):
-    """With the shipped weights, whose codes of such cells reach 200: rounding grows with them."""
-    blocks, rows = corners
-    weights = load_weights()
-    compiled, numpy = CompiledEncoder(weights), NumpyEncoder(weights)
-    whole = compiled(blocks, rows)
-    codes = compiled(blocks, rows[:count])
-    assert codes.shape == (count, 10) and codes.dtype == np.float32
-    np.testing.assert_array_equal(codes, whole[:count])  # the buffers of the larger chunk change nothing
-    np.testing.assert_allclose(codes, numpy(blocks, rows[:count]), atol=TOLERANCE, rtol=1e-5)
+    assert np.abs(NumpyEncoder(weights)(*corners) - wanted).max() <= TOLERANCE
 
 
 def test_encoder_with_torch(weights, corners):
@@ -239,7 +222,7 @@ def test_encoder_with_torch(weights, corners):
     from patchnet.patchnet_addon.network.torch_encode import TorchEncoder
     from patchnet.training.network.patchnet import PatchNet
 
-    codes = CompiledEncoder(weights)(*corners)
+    codes = NumpyEncoder(weights)(*corners)
     assert np.abs(TorchEncoder(weights)(*corners) - codes).max() <= TOLERANCE
     with torch.no_grad():
         module = PatchNet(weights).encode(torch.from_numpy(corners[0][corners[1]])).numpy()

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.network.array_stream import read_array, write_array
-from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.other_python import OtherPythonEncoder, ask_python
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.tests.references.networks import NumpyEncoder
 
 PYTHON = Path(sys.executable)
 

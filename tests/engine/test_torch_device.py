@@ -13,7 +13,6 @@ from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
 from patchnet.patchnet_addon.network import devices
-from patchnet.patchnet_addon.network.compiled_encode import CompiledEncoder
 from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
@@ -48,7 +47,7 @@ def weights():
 
 @pytest.fixture(scope="module")
 def coded(octree, weights):
-    return drain(encode_octree(octree, weights, backend="compiled"))
+    return drain(encode_octree(octree, weights))
 
 
 def assert_same_codes(found, wanted):
@@ -154,28 +153,14 @@ def test_blocks_on_a_device(octree, lookahead, device):
 def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
     """By blocks that are gathered there, and by blocks that the CPU gathers, in several chunks."""
     weights = Weights.random(4, bias=0.1, lookahead=lookahead)
-    wanted = drain(encode_octree(octree, weights, backend="compiled")).codes
-    encoder = make_encoder(weights, "torch", device)
+    wanted = drain(encode_octree(octree, weights)).codes
+    encoder = torch_encode.TorchEncoder(weights, device)
     encoder.chunk = 301
     monkeypatch.setattr(encode, "_corners_on_device", lambda *arguments: TorchCorners(*arguments))
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
     monkeypatch.undo()
     monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree.tree_fits", lambda *_: False)
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_codes_before_they_are_rounded(device):
-    """With the shipped weights, whose codes of such cells reach 200."""
-    random = np.random.default_rng(7)
-    blocks = np.where(random.random((900, 64, 1)) < 0.3, random.uniform(-1, 1, (900, 64, 5)), 0)
-    blocks = blocks.reshape(900, 320).astype(np.float32)
-    blocks[0] = 0
-    rows = np.where(random.random((2000, 8)) < 0.5, random.integers(1, 900, (2000, 8)), 0)
-    weights = load_weights()
-    wanted = CompiledEncoder(weights)(blocks, rows)
-    found = make_encoder(weights, "torch", device)(blocks, rows)
-    assert np.abs(found - wanted).max() <= CODES + 1e-5 * np.abs(wanted).max()
 
 
 @gpu_only

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
-from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.codes.patches import voxel_blocks
@@ -46,7 +45,7 @@ def test_bounds():
 @pytest.mark.parametrize(
     "use",
     [
-        lambda: drain(encode_octree(LARGE, Weights.random(), backend="numpy")),
+        lambda: drain(encode_octree(LARGE, Weights.random())),
         lambda: voxel_blocks(LARGE, np.zeros(1, np.int64)),
         lambda: render_patches(LARGE, None),
     ],
@@ -62,13 +61,7 @@ def test_corners(monkeypatch):
     monkeypatch.setattr(encode, "corner_ranges", lambda *_: [None] if _[2] < 2 else [])
     monkeypatch.setattr(encode, "write_corner_rows", lambda *_: next(counts))
     with pytest.raises(SettingError, match="4,294,967,297 corners of voxels are more than numbers of 32 bits"):
-        drain(encode_octree(random_octree(), Weights.random(), backend="numpy"))
-
-
-def test_nodes_with_codes():
-    octree = SimpleNamespace(level_start=np.array([0, 1, 2, UINT32_COUNT + 1, 2**33, 2**34]), depth=4)
-    with pytest.raises(SettingError, match="4,294,967,297 nodes of levels with look-ahead are more than"):
-        coded_nodes(octree, 2)
+        drain(encode_octree(random_octree(), Weights.random()))
 
 
 def test_children():

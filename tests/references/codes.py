@@ -18,21 +18,20 @@ from patchnet.patchnet_addon.codes.corner_cells import (
     SLOPE_STEPS,
 )
 from patchnet.patchnet_addon.codes.footprint import ABSENT
-from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF, _children
+from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF
 from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.predict import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
-from patchnet.patchnet_addon.network.decode import decode
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
-from patchnet.patchnet_addon.network.mixture_decode import MixtureInputs, decode_mixture
 from patchnet.patchnet_addon.network.weights import CHANNELS
 from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits
 from patchnet.tests.references.lookups import covered_shares, face_luminances, ray_frames
+from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
 
 
 def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
@@ -185,6 +184,12 @@ def _in_ray_order(values: np.ndarray, order: np.ndarray) -> np.ndarray:
     found = np.empty_like(values)
     np.put_along_axis(found, order[:, _CELL_OF.ravel()], values, 1)
     return found
+
+
+def _children(octree: Octree, node: np.ndarray) -> np.ndarray:
+    """Children (..., 8) int64 of nodes (...,), -1 for none."""
+    mask = octree.child_mask[node].astype(np.int64)[..., None] >> np.arange(8) & 1
+    return np.where(mask == 1, octree.first_child[node].astype(np.int64)[..., None] + np.cumsum(mask, -1) - 1, -1)
 
 
 def _grandchildren(octree: Octree, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

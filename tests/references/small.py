@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of small kernels: products, tables of errors, windows, rectangles, colours."""
+"""Plain references of small kernels: tables of errors, windows, rectangles, colours."""
 
 from __future__ import annotations
 
@@ -18,25 +18,6 @@ from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
 def pixel_voxel_ratio_reference(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
     """Reference of `pixel_voxel_ratio`: (N,)."""
     return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
-
-
-def sum_octants_reference(products: np.ndarray, rows: np.ndarray, bias: np.ndarray) -> np.ndarray:
-    """Reference of what both encoders do with `sum_corner`: (C, 256) of products (U, 8 * 256) and rows (C, 8)."""
-    parts = products.reshape(len(products), 8, len(bias))[rows, np.arange(8)]  # (C, 8, 256)
-    sums: np.ndarray = np.where((rows > 0)[:, :, None], parts, 0).sum(axis=1) + bias
-    return np.maximum(sums, 0)
-
-
-def multiply_reference(
-    values: np.ndarray, matrix: np.ndarray, bias: np.ndarray | None = None, *, relu: bool = False
-) -> np.ndarray:
-    """Reference of `multiply` on NumPy's product: (N, columns)."""
-    result: np.ndarray = np.matmul(values, matrix)
-    if bias is not None:
-        result += bias
-    if relu:
-        np.maximum(result, 0, out=result)
-    return result
 
 
 def boxes_reference(points: np.ndarray) -> np.ndarray:

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.network.decode import decode
-from patchnet.patchnet_addon.network.encode import NumpyEncoder
 from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
@@ -18,6 +16,7 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.references.networks import NumpyEncoder, decode
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation

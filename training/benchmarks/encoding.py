@@ -19,8 +19,8 @@ from ...patchnet_addon.codes.coded_nodes import coded_nodes
 from ...patchnet_addon.codes.corners import corner_ranges, find_corners
 from ...patchnet_addon.codes.encode import chunk_blocks, encode_octree
 from ...patchnet_addon.codes.encode_corners import encode_corners
-from ...patchnet_addon.network.compiled_encode import CompiledEncoder
 from ...patchnet_addon.network.devices import has_torch
+from ...patchnet_addon.network.product import PackedLayers
 from ...patchnet_addon.network.weights import CHANNELS, Weights
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
@@ -43,10 +43,10 @@ class Chunk(NamedTuple):
 
 def record_chunks(octree: Octree, weights: Weights, corners: int) -> list[Chunk]:
     """Last chunks of an octree, together up to about `corners`; raises SettingError if there are none."""
-    coded = coded_nodes(octree, weights.lookahead)
+    rows, _ = coded_nodes(octree, weights.lookahead)
     found: deque[tuple[int, np.ndarray]] = deque(maxlen=-(-corners // _CHUNK))
     for level in range(max(octree.depth - weights.lookahead + 1, 0)):
-        parts = [find_corners(octree, coded, where) for where in corner_ranges(octree, coded, level)]
+        parts = [find_corners(octree, rows, where) for where in corner_ranges(octree, rows, level)]
         every = np.concatenate([np.empty((0, 3), np.int32), *parts])
         found.extend((level, every[start : start + _CHUNK]) for start in range(0, len(every), _CHUNK))
     if not found:
@@ -62,7 +62,7 @@ def benchmark_encoding(octree: Octree, weights: Weights, corners: int, repeats: 
     """
     all_cores = threads > 1
     chunks = record_chunks(octree, weights, corners)
-    compiled = CompiledEncoder(weights)
+    compiled = PackedLayers.pack(weights)
     with limit_threads(threads):
         runs: dict[str, Callable[[], Any]] = {"compiled": lambda: _encode_ours(compiled, octree, weights, chunks)}
         if has_torch():
@@ -107,12 +107,12 @@ def _code_details(codes: dict[str, np.ndarray]) -> dict[str, Any]:
     return {"largest_difference": difference, "largest_code": float(np.abs(ours).max())}
 
 
-def _encode_ours(encoder: CompiledEncoder, octree: Octree, weights: Weights, chunks: list[Chunk]) -> np.ndarray:
+def _encode_ours(layers: PackedLayers, octree: Octree, weights: Weights, chunks: list[Chunk]) -> np.ndarray:
     """Encode level by level, as `encode_octree` does range by range."""
     parts = []
     for level in sorted({chunk.level for chunk in chunks}):
         corners = np.concatenate([chunk.corners for chunk in chunks if chunk.level == level])
-        parts.append(encode_corners(octree, level, corners, encoder.layers, weights.lookahead, encoder.chunk))
+        parts.append(encode_corners(octree, level, corners, layers, weights.lookahead))
     return np.concatenate(parts)
 
 

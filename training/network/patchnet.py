@@ -10,10 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ...patchnet_addon.network.decode import OUTPUT_LOW, OUTPUT_RANGE
 from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE, EncoderKind
 from ...patchnet_addon.network.harmonics import harmonic_terms
-from ...patchnet_addon.network.kinds import SIDE_BY_SIDE
+from ...patchnet_addon.network.kinds import OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
 from ...patchnet_addon.network.weights import MODULATED, Weights
 from ..data.tensor_batch import TensorBatch, TensorNearby
 from ..encoders import ConvolvingKind

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...patchnet_addon.network.devices import has_torch
-from ...patchnet_addon.network.encode import Encoder
+from ...patchnet_addon.network.encoders import Encoder
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..encoders import ConvolvingKind
