@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import drawing, framed, handlers, layout, open_pictures
+from patchnet.operators.overlay import drawing, layout, open_pictures
 from patchnet.operators.overlay.layout import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.scene_access.images import ERROR_MAXIMUM
 from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
-from patchnet.operators.session.result_images import RAW, image_name, show_images
+from patchnet.operators.session.result_images import PAGES, RAW, image_name, show_images
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
@@ -97,31 +97,11 @@ def test_pixel_under_a_point() -> None:
         assert layout.pixel_at(rect, SIZE, *outside) is None
 
 
-def test_wipe() -> None:
-    rect = Rect(100, 0, 300, 80)
-    left, right = layout.sides_of_wipe(rect, 0.25)
-    assert left == Rect(100, 0, 150, 80) and right == Rect(150, 0, 300, 80)
-    assert layout.sides_of_wipe(rect, 0.0)[0].empty and layout.sides_of_wipe(rect, 1.0)[1].empty
-    assert layout.wipe_at(rect, 150) == 0.25
-    assert layout.wipe_at(rect, 0) == 0.0 and layout.wipe_at(rect, 999) == 1.0
-
-
-def test_what_bars_leave_of_a_region() -> None:
-    region = Rect(0, 0, 800, 600)
-    bars = [Rect(0, 570, 800, 600), Rect(0, 0, 800, 20), Rect(0, 20, 50, 570), Rect(600, 20, 800, 570)]
-    assert layout.visible_rect(region, bars) == Rect(50, 20, 600, 570)
-    assert layout.visible_rect(region, [Rect(900, 0, 1000, 600)]) == region
-
-
 def test_box_beside_the_mouse_stays_inside() -> None:
     within = Rect(0, 0, 400, 300)
     assert layout.beside((100, 200), (80, 60), 10, within) == (110, 130)
     assert layout.beside((390, 200), (80, 60), 10, within) == (300, 130)
     assert layout.beside((100, 20), (80, 60), 10, within) == (110, 30)
-
-
-def test_ticks_end_at_the_configured_maximum() -> None:
-    assert layout.tick_values(0.2, 3) == [(0.0, "0"), (0.5, "0.1"), (1.0, "0.2")]
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -200,6 +180,8 @@ def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> N
     result, wanted = made
     shown = shown_view.view_to_show(result, wanted, 0.0)
     images = show_images(result, shown)
+    for name, count in PAGES.items():
+        assert len(places_on_page(result.pictures[name].shape[1::-1], SIZE, count)) == count
     assert image_name("Eye", "priority") == "PatchNet Eye priority"
     for name in RAW:
         image = bpy.data.images[image_name("Eye", name)]
@@ -249,15 +231,14 @@ def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None
     result, wanted = made
     overlay.forget(bpy.context)
     overlay.show(bpy.context, [result], wanted)
-    assert not views.has_views(bpy.context.scene) and not handlers.is_drawing()
-    bpy.context.window_manager.patchnet_overlay.show_viewport = True
-    assert not handlers.is_drawing()
-    bpy.context.window_manager.patchnet_overlay.show_viewport = False
+    assert not views.has_views(bpy.context.scene)
     for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
         assert not operator.poll()
     with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
         bpy.ops.patchnet.toggle_overlay()
     assert not open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))
+    assert open_pictures.may_replace(None)
+    assert not open_pictures.may_replace(bpy.data.images.new("Painting", 4, 4))
 
 
 @pytest.mark.parametrize("kind", ["VIEW_3D", "IMAGE_EDITOR"])
@@ -280,20 +261,8 @@ def test_show_overlays_hides_ours_too(kind: str, monkeypatch: pytest.MonkeyPatch
     assert looked == [kind]
 
 
-def test_editors_with_a_picture_of_the_person_are_not_free() -> None:
-    assert open_pictures.is_free(None)
-    assert not open_pictures.is_free(bpy.data.images.new("Painting", 4, 4))
-
-
 def test_views_go_with_their_file(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     views.keep_view(bpy.context.scene, shown_view.view_to_show(result, wanted, 0.0))
     build()
     assert not views.has_views(bpy.context.scene)
-
-
-def test_a_page_has_the_same_places_as_its_image(made: tuple[View, ViewSettings]) -> None:
-    result, _ = made
-    for name, count in framed.PAGES.items():
-        page = result.pictures[name]
-        assert len(places_on_page((page.shape[1], page.shape[0]), SIZE, count)) == count
