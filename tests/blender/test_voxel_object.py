@@ -98,18 +98,6 @@ def test_solid_shading_shows_their_color(scene: bpy.types.Scene) -> None:
     assert mesh.color_attributes.active_color.name == mesh.attributes.active_color_name == "luminance_color"
 
 
-def test_instances_on_request(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.show_voxels(level=4)
-    item, cloud = shown(), voxel_cloud(results.voxels_of(scene).octree, 4)
-    set_input(item, "Keep Instances", True)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    matrices = np.array([np.array(each.matrix_world) for each in depsgraph.object_instances if each.is_instance])
-    assert len(matrices) == len(cloud)
-    order, expected = np.lexsort(matrices[:, :3, 3].round(3).T), np.lexsort(cloud.centres_world.round(3).T)
-    np.testing.assert_allclose(matrices[order, :3, 3], cloud.centres_world[expected], atol=1e-6)
-    np.testing.assert_allclose(matrices[:, (0, 1, 2), (0, 1, 2)], cloud.side_world[0], rtol=1e-6)
-
-
 def test_points_fit_into_the_voxels(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.show_voxels(level=3, display="POINTS")
     cloud = voxel_cloud(results.voxels_of(scene).octree, 3)
@@ -139,15 +127,13 @@ def picture(path: Path) -> np.ndarray:
     return pixels.reshape(24, 32, 4)
 
 
-@pytest.mark.parametrize("display", ["CUBES", "INSTANCES", "POINTS"])
+@pytest.mark.parametrize("display", ["CUBES", "POINTS"])
 def test_pictures_show_colour(scene: bpy.types.Scene, display: str, tmp_path: Path) -> None:
     """Every pixel of one sample shows exactly one voxel, whatever light there is in the scene."""
     result = results.voxels_of(scene)
     chroma = np.random.default_rng(0).integers(30, 128, (result.octree.node_count, 2)).astype(np.uint8)
     results.keep(scene, replace(result, octree=replace(result.octree, chroma=chroma)))
-    bpy.ops.patchnet.show_voxels(level=4, display="POINTS" if display == "POINTS" else "CUBES")
-    if display == "INSTANCES":
-        set_input(shown(), "Keep Instances", True)
+    bpy.ops.patchnet.show_voxels(level=4, display=display)
     cloud = voxel_cloud(results.voxels_of(scene).octree, 4)
     assert np.ptp(cloud.color, axis=1).max() > 0.2
     pixels = picture(tmp_path / "picture.exr")
