@@ -14,7 +14,7 @@ KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "colle
 @pytest.fixture(scope="module")
 def jobs(installed: Blender, yard: Path, out: Path) -> dict:
     """Report of jobs_window.py."""
-    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
+    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "64"})
     return small_pages.visit("jobs", out, file=yard)
 
 

@@ -9,11 +9,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..patchnet_addon.image.tone import srgb_encode
-from ..patchnet_addon.octree.voxel_cloud import VoxelCloud
-from ..patchnet_addon.runtime.errors import SceneError
-from .scene_access.blender_version import start_nodes
-from .scene_access.own import OWNER, check_own_scene
+from ...patchnet_addon.image.tone import srgb_encode
+from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
+from ...patchnet_addon.runtime.errors import SceneError
+from ..scene_access.blender_version import start_nodes
+from ..scene_access.own import OWNER, check_own_scene
 
 NAME = "PatchNet Voxels"
 CUBES = "CUBES"
