@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Overlay and named images of views: over camera view and images, and in an Image Editor that comes up.
 
-`show` is what operators call when a view is there. Blender's drawing callbacks live only while something is shown.
+`show` is what operators call when a view is there.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
 from ..session.views import keep_view, view_of_camera
 from ..settings.groups import ViewSettings
-from . import drag_wipe, handlers, inspect_pixels, open_pictures, overlay_settings, panel
+from . import handlers, mouse, open_pictures, overlay_settings, panel
+from .drawing import inspected
+from .paint import free_textures
 from .unfinished import unfinished_pictures as unfinished_pictures
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
 
-_MODULES = (handlers, drag_wipe, inspect_pixels, open_pictures, panel)
-_CLASSES = tuple(item for module in _MODULES for item in module.CLASSES)
+_CLASSES = (*handlers.CLASSES, *mouse.CLASSES, *open_pictures.CLASSES, *panel.CLASSES)
 
 
 def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
@@ -37,8 +38,7 @@ def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings
         heatmaps.append(show_images(view, made)["heatmap"])
         if not bpy.app.background:  # nobody looks
             keep_view(context.scene, made)
-    open_pictures.open_picture(context, heatmaps[0])
-    handlers.refresh(context)
+    _come_up(context, heatmaps[0])
 
 
 def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Image, picture: np.ndarray) -> None:
@@ -46,22 +46,27 @@ def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Ima
     view = view_of_camera(context.scene, camera)
     if view is not None:
         view.looks[name] = to_bytes(picture)
+    _come_up(context, image)
+
+
+def _come_up(context: bpy.types.Context, image: bpy.types.Image) -> None:
     open_pictures.open_picture(context, image)
-    handlers.refresh(context)
+    free_textures()
+    overlay_settings.refresh(context)
 
 
 def forget(context: bpy.types.Context) -> None:
     """Free what overlay and inspection hold of a scene."""
     session_of(context.scene).views.clear()
-    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
-    handlers.switch_off(context)
+    _switch_off()
 
 
 @persistent
-def _on_load_pre(_path: str) -> None:
-    """Forget what is shown, which belongs to the file that is being closed."""
-    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
-    handlers.switch_off(bpy.context)
+def _switch_off(*_: object) -> None:
+    """Nothing is shown any more, and nothing is inspected; also when another file is opened."""
+    inspected.clear()
+    values = overlay_settings.overlay_settings(bpy.context)
+    values.show_viewport = values.show_editor = False
 
 
 def register() -> None:
@@ -70,15 +75,15 @@ def register() -> None:
     handlers.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
-    bpy.app.handlers.load_pre.append(_on_load_pre)
+    bpy.app.handlers.load_pre.append(_switch_off)
 
 
 def unregister() -> None:
     """Unregister all, with callbacks and textures."""
-    bpy.app.handlers.load_pre.remove(_on_load_pre)
+    bpy.app.handlers.load_pre.remove(_switch_off)
     handlers.unregister()
     open_pictures.unregister()
-    inspect_pixels.PATCHNET_OT_inspect_pixels.forget()
+    inspected.clear()
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
     overlay_settings.unregister()

@@ -12,31 +12,46 @@ from ...patchnet_addon.image.colormaps import colormap
 from ..properties.preferences import preferences
 from ..scene_access.images import VIEW_TRANSFORM, unlike_view
 from ..session import views
-from ..session.scene_session import InspectedPixel, session_of
 from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
 from . import paint
-from .framed import EDITORS, Framed, framed, free_rect
-from .layout import Rect, beside, sides_of_wipe, tick_values
+from .framed import EDITORS, framed, free_rect
+from .layout import Rect, beside
 from .overlay_settings import NOTHING, overlay_settings
-from .paint import texture_of
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not there yet: Refine with Cycles renders it"
-_LEGEND_PX = 190
-_BAR_PX = 9
-_GAP_PX = 8
+_LEGEND_PX, _BAR_PX, _GAP_PX = 190, 9, 8
 _RAMP_STOPS = 52
 
 
 @dataclass(frozen=True)
+class InspectedPixel:
+    """Pixel that the mouse points at: in which region (its address), where there, and lines about it."""
+
+    region: int
+    x: float
+    y: float
+    lines: list[str]
+
+
+inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window in which pixels are inspected
+
+
+@dataclass(frozen=True)
 class _Look:
-    """Look of a view as it is drawn now."""
+    """Look of a view as it is drawn now; seen: what bars and the region's edge leave of its rectangle."""
 
     view: ShownView
     maximum: float
     colormap: str
     scale: float
     transform: str  # said of light, where the scene's view is another
+    seen: Rect
+
+    @property
+    def gap(self) -> float:
+        """Distance between texts and what is beside them, in pixels."""
+        return _GAP_PX * self.scale
 
 
 def draw_region(context: bpy.types.Context) -> None:
@@ -44,14 +59,13 @@ def draw_region(context: bpy.types.Context) -> None:
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return
-    if area.spaces.active.overlay.show_overlays and (
-        values.show_viewport if area.type == "VIEW_3D" else values.show_editor
-    ):
+    wanted = values.show_viewport if area.type == "VIEW_3D" else values.show_editor
+    if wanted and area.spaces.active.overlay.show_overlays:
         found = framed(context.scene, area, region)
-        if found is not None and found.rect is not None:
-            _draw_overlay(context, found, found.rect)
-    for pixel in list(session_of(context.scene).inspected.values()):
-        if pixel.region == region.as_pointer():
+        if found is not None and len(found.rects) == 1:
+            _draw_overlay(context, found.view, found.rects[0])
+    for pixel in inspected.values():
+        if pixel is not None and pixel.region == region.as_pointer():
             _draw_inspected(context, pixel)
 
 
@@ -60,92 +74,92 @@ def maximum_of(scene: bpy.types.Scene, view: ShownView) -> float:
     return view.maximum_now(scene.patchnet.heatmap_maximum)
 
 
-def _draw_overlay(context: bpy.types.Context, found: Framed, rect: Rect) -> None:
-    values, view = overlay_settings(context), found.view
+def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> None:
+    values = overlay_settings(context)
+    whole = free_rect(context.area, context.region)
     look = _Look(
         view,
         maximum_of(context.scene, view),
         preferences(context).colormap,
         context.preferences.system.ui_scale,
         f" ({VIEW_TRANSFORM})" if unlike_view(context.scene) else "",
+        rect.meet(whole),
     )
-    whole = free_rect(context.area, context.region)
-    left, right = sides_of_wipe(rect, values.wipe) if values.use_wipe else (rect, rect._replace(left=rect.right))
-    sides = [(values.picture, left)] + ([(values.other, right)] if values.use_wipe else [])
+    middle = rect.left + values.wipe * rect.width if values.use_wipe else rect.right
+    sides = [(values.picture, rect._replace(right=middle)), (values.other, rect._replace(left=middle))]
+    sides = sides[: 2 if values.use_wipe else 1]
     missing = [name for name, _ in sides if name != NOTHING and not view.has(name)]
     sides = [(NOTHING if name in missing else name, part) for name, part in sides]
     for name, part in sides:
         if name != NOTHING:
-            texture = texture_of(view, name, look.maximum, look.colormap)
-            paint.picture(texture, rect, part, values.opacity)
+            paint.picture(paint.texture_of(view, name, look.maximum, look.colormap), rect, part, values.opacity)
     if values.use_wipe:
         half = max(look.scale, 1.0)
-        paint.fill(Rect(left.right - half, rect.bottom, left.right + half, rect.top), paint.INK)
-    seen = rect.meet(whole)
-    if seen.empty:
+        paint.fill(Rect(middle - half, rect.bottom, middle + half, rect.top), paint.INK)
+    if look.seen.empty:
         return
     if values.legend:
         for index, (name, part) in enumerate(sides):
-            _draw_side(look, name, seen, right_side=index == 1, shown=not part.meet(whole).empty)
+            if not part.meet(whole).empty:
+                _draw_title(look, name, right_side=index == 1)
+                _draw_legend(look, name, right_side=index == 1)
     if stale := views.why_stale(context.scene, view):
-        _draw_mark(f"Out of date: {stale}", "Out of date", seen, look.scale, values.legend)
+        _draw_mark(look, f"Out of date: {stale}", "Out of date", values.legend)
     elif missing:
         by_cycles = missing[0] == CYCLES_PICTURE
         mark = (NOT_REFINED, "Not refined") if by_cycles else (NO_REFERENCE, "No reference")
-        _draw_mark(*mark, seen, look.scale, values.legend)
+        _draw_mark(look, *mark, values.legend)
 
 
-def _draw_side(look: _Look, name: str, seen: Rect, *, right_side: bool, shown: bool) -> None:
-    """Title in the upper corner of a side, legend in its lower corner."""
-    if not shown:
-        return
-    gap = _GAP_PX * look.scale
+def _left(look: _Look, width: float, right_side: bool) -> float:
+    """Left end of what is drawn in the left or the right corner."""
+    return look.seen.right - look.gap - width if right_side else look.seen.left + look.gap
+
+
+def _draw_title(look: _Look, name: str, right_side: bool) -> None:
+    """Draw the title in the upper corner of a side."""
     title = TITLES.get(name, "Below") + (look.transform if name in look.view.looks else "")
     width, height = paint.box_size([title], look.scale)
-    x = seen.right - gap - width if right_side else seen.left + gap
-    if width + 2 * gap <= seen.width / 2:
-        paint.box([(title, paint.INK)], (x, seen.top - gap - height), look.scale)
+    if width + 2 * look.gap <= look.seen.width / 2:
+        paint.box([title], (_left(look, width, right_side), look.seen.top - look.gap - height), look.scale)
+
+
+def _draw_legend(look: _Look, name: str, right_side: bool) -> None:
+    """Draw a bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity, if it has one."""
     legend = look.view.legend(name, look.maximum) if name != NOTHING else None
-    if legend is not None:
-        _draw_legend(look, legend, seen, right_side)
-
-
-def _draw_legend(look: _Look, legend: tuple[float, str], seen: Rect, right_side: bool) -> None:
-    """Draw a bar of colours from 0 to the configured maximum, with ticks, numbers and the quantity."""
-    scale, (maximum, quantity) = look.scale, legend
-    gap, line = _GAP_PX * scale, paint.text_size("0", scale)[1]
-    wanted = max(_LEGEND_PX * scale, paint.text_size(quantity, scale)[0] + 2 * gap)
+    if legend is None:
+        return
+    scale, gap, (maximum, quantity) = look.scale, look.gap, legend
+    quantity_width, line = paint.text_size(quantity, scale)
+    width = max(_LEGEND_PX * scale, quantity_width + 2 * gap)
     height = 2 * line + _BAR_PX * scale + 2.5 * gap
-    if wanted + 2 * gap > seen.width or height + 2 * gap > seen.height / 2:
+    if width + 2 * gap > look.seen.width or height + 2 * gap > look.seen.height / 2:
         return  # the picture is too small to cover it
-    x = seen.right - gap - wanted if right_side else seen.left + gap
-    ground = Rect(x, seen.bottom + gap, x + wanted, seen.bottom + gap + height)
-    paint.fill(ground, paint.GROUND)
-    bar = Rect(ground.left + 2 * gap, ground.top - gap - _BAR_PX * scale, ground.right - 2 * gap, ground.top - gap)
-    paint.ramp(bar, colormap(np.linspace(0, 1, _RAMP_STOPS), look.colormap))
-    for share, text in tick_values(maximum):
+    x, y = _left(look, width, right_side), look.seen.bottom + gap
+    paint.fill(Rect(x, y, x + width, y + height), paint.GROUND)
+    bar = Rect(x + 2 * gap, y + height - gap - _BAR_PX * scale, x + width - 2 * gap, y + height - gap)
+    paint.ramp(bar, [(*color, 1.0) for color in colormap(np.linspace(0, 1, _RAMP_STOPS), look.colormap).tolist()])
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         tick = bar.left + share * bar.width
         paint.fill(Rect(tick - 0.5 * scale, bar.bottom - 3 * scale, tick + 0.5 * scale, bar.bottom), paint.INK)
         if share in (0.0, 0.5, 1.0):
-            width = paint.text_size(text, scale)[0]
-            x = min(max(tick - width / 2, ground.left + 2), ground.right - width - 2)
-            paint.write(text, x, bar.bottom - 4 * scale - 0.8 * line, scale)
-    width = paint.text_size(quantity, scale)[0]
-    paint.write(quantity, ground.left + (ground.right - ground.left - width) / 2, ground.bottom + 0.6 * gap, scale)
+            text = f"{maximum * share:.3g}"
+            text_width = paint.text_size(text, scale)[0]
+            left = min(max(tick - text_width / 2, x + 2), x + width - text_width - 2)
+            paint.write(text, left, bar.bottom - 4 * scale - 0.8 * line, scale)
+    paint.write(quantity, x + (width - quantity_width) / 2, y + 0.6 * gap, scale)
 
 
-def _draw_mark(text: str, short: str, seen: Rect, scale: float, below_title: bool) -> None:
+def _draw_mark(look: _Look, text: str, short: str, below_title: bool) -> None:
     """Draw a warning below the title, or `short` where there is no room for the `text`."""
-    gap = _GAP_PX * scale
-    width, height = paint.box_size([text], scale)
-    down = gap + (height + gap if below_title else 0.0) + height
-    if width + 2 * gap > seen.width:
-        text = short
-    paint.box([(text, paint.WARNING)], (seen.left + gap, seen.top - down), scale)
+    width, height = paint.box_size([text], look.scale)
+    down = look.gap + (height + look.gap if below_title else 0.0) + height
+    said = text if width + 2 * look.gap <= look.seen.width else short
+    paint.box([said], (look.seen.left + look.gap, look.seen.top - down), look.scale, paint.WARNING)
 
 
 def _draw_inspected(context: bpy.types.Context, pixel: InspectedPixel) -> None:
     scale = context.preferences.system.ui_scale
     size = paint.box_size(pixel.lines, scale)
     corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(context.area, context.region))
-    paint.box([(line, paint.INK) for line in pixel.lines], corner, scale)
+    paint.box(pixel.lines, corner, scale)

@@ -12,7 +12,7 @@ from ..scene.cameras import camera_name, camera_size_px
 from ..session import views
 from ..session.result_images import PAGES
 from ..session.shown_view import ShownView
-from .layout import Rect, frame_rect, image_rect, visible_rect
+from .layout import Rect, frame_rect, image_rect
 
 EDITORS = frozenset({"VIEW_3D", "IMAGE_EDITOR"})
 _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET_SHELF_HEADER"})
@@ -24,28 +24,20 @@ class Framed(NamedTuple):
     view: ShownView
     rects: tuple[Rect, ...]
 
-    @property
-    def rect(self) -> Rect | None:
-        """Rectangle where the overlay is drawn: none if the picture is there twice."""
-        return self.rects[0] if len(self.rects) == 1 else None
 
+class UnderMouse(NamedTuple):
+    """Region under the mouse, the mouse in its pixels, and the view that lies there."""
 
-class CursorPosition(NamedTuple):
-    """Region under the mouse, and the mouse in its pixels."""
-
-    area: bpy.types.Area
     region: bpy.types.Region
     x: float
     y: float
+    framed: Framed | None
 
 
 def framed(scene: bpy.types.Scene, area: bpy.types.Area, region: bpy.types.Region) -> Framed | None:
     """Find the view in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours lies there."""
-    if area.type == "VIEW_3D":
-        return _in_viewport(scene, area.spaces.active, region)
-    if area.type == "IMAGE_EDITOR":
-        return _in_image_editor(scene, area.spaces.active, region)
-    return None
+    space = area.spaces.active
+    return _in_viewport(scene, space, region) if area.type == "VIEW_3D" else _in_image_editor(scene, space, region)
 
 
 def _in_viewport(scene: bpy.types.Scene, space: bpy.types.SpaceView3D, region: bpy.types.Region) -> Framed | None:
@@ -63,23 +55,16 @@ def _in_viewport(scene: bpy.types.Scene, space: bpy.types.SpaceView3D, region: b
 def _in_image_editor(
     scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor, region: bpy.types.Region
 ) -> Framed | None:
-    image = space.image
+    image, to_view = space.image, region.view2d.region_to_view
     if image is None:
         return None
-    low = region.view2d.region_to_view(0, 0)
-    high = region.view2d.region_to_view(region.width, region.height)
-    page = image_rect(low, high, region.width, region.height)
-    found = views.view_of_image(scene, image)
-    if page is None:
+    page = image_rect(to_view(0, 0), to_view(region.width, region.height), region.width, region.height)
+    view, name = views.view_of_image(scene, image) or (_of_render(scene, image), "")
+    if page is None or view is None:
         return None
-    if found is None:
-        view = _of_render(scene, image)
-        return Framed(view, (page,)) if view is not None else None
-    view, name = found
     if name not in PAGES:
         return Framed(view, (page,))
-    width, height = view.size_px
-    shares = places_on_page(tuple(image.size), (width, height), PAGES[name])
+    shares = places_on_page(tuple(image.size), view.size_px, PAGES[name])
     return Framed(view, tuple(page.part(Rect(*share)) for share in shares))
 
 
@@ -95,14 +80,17 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
     return view if abs(full[0] / full[1] * own[1] - own[0]) <= 1.0 else None  # within a pixel of the same aspect
 
 
-def position_under(window: bpy.types.Window, x: int, y: int) -> CursorPosition | None:
-    """Viewport or Image Editor under the mouse at x, y in the window; None over bars and other editors."""
-    for area in window.screen.areas:
+def under_mouse(context: bpy.types.Context, event: bpy.types.Event) -> UnderMouse | None:
+    """Viewport or Image Editor under the mouse; None over bars and other editors."""
+    x, y = event.mouse_x, event.mouse_y
+    for area in context.window.screen.areas:
         if area.type not in EDITORS or not _holds(area, x, y):
             continue
         for region in sorted(area.regions, key=lambda item: item.type == "WINDOW"):  # bars lie above
             if _holds(region, x, y):
-                return CursorPosition(area, region, x - region.x, y - region.y) if region.type == "WINDOW" else None
+                if region.type != "WINDOW":
+                    return None
+                return UnderMouse(region, x - region.x, y - region.y, framed(context.scene, area, region))
     return None
 
 
@@ -111,11 +99,18 @@ def _holds(item: bpy.types.Area | bpy.types.Region, x: int, y: int) -> bool:
 
 
 def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
-    """Rectangle that headers and sidebars leave of a region, in its pixels."""
-
-    def rect(item: bpy.types.Region) -> Rect:
-        left, bottom = item.x - region.x, item.y - region.y
-        return Rect(left, bottom, left + item.width, bottom + item.height)
-
-    bars = [rect(item) for item in area.regions if item.type in _BARS and min(item.width, item.height) > 1]
-    return visible_rect(Rect(0.0, 0.0, region.width, region.height), bars)
+    """Rectangle that headers and sidebars, which overlap a region, leave of it, in its pixels."""
+    left, bottom, right, top = 0.0, 0.0, float(region.width), float(region.height)
+    for bar in area.regions:
+        x, y = bar.x - region.x, bar.y - region.y
+        if bar.type not in _BARS or min(bar.width, bar.height) <= 1:
+            continue
+        if bar.alignment == "LEFT":
+            left = max(left, x + bar.width)
+        elif bar.alignment == "RIGHT":
+            right = min(right, x)
+        elif bar.alignment == "BOTTOM":
+            bottom = max(bottom, y + bar.height)
+        elif bar.alignment == "TOP":
+            top = min(top, y)
+    return Rect(left, bottom, right, top)

@@ -11,6 +11,8 @@ from bpy.props import StringProperty
 from ..properties.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 from ..scene_access.own import OWNER, is_own
 
+_waiting: list[str] = []  # names of images that want a window
+
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
     """Show this picture in an Image Editor that shows nothing of your own, else in a new window"""
@@ -42,17 +44,19 @@ def open_picture(
     chosen = OPEN_WINDOW if asked else preferences(context).open_pictures
     if bpy.app.background or chosen == OPEN_NEVER:
         return False
-    manager = context.window_manager
-    if any(item == image for item in _images(manager)):
+    editors = list(_editors(context))
+    if any(area.spaces.active.image == image for _, area in editors):
         return True
-    found = next(_free_editors(manager), None)
-    if found is not None:
-        _show(*found, image)
-    elif new_window and chosen == OPEN_WINDOW:
-        _waiting.append(image.name)
-        if not bpy.app.timers.is_registered(_open_windows):
-            bpy.app.timers.register(_open_windows, first_interval=0.0)
-    return found is not None or (new_window and chosen == OPEN_WINDOW)
+    free = [(window, area) for window, area in editors if _is_free(area.spaces.active)]
+    if free:
+        _show(*max(free, key=lambda item: item[1].width * item[1].height), image)
+        return True
+    if not new_window or chosen != OPEN_WINDOW:
+        return False
+    _waiting.append(image.name)
+    if not bpy.app.timers.is_registered(_open_windows):
+        bpy.app.timers.register(_open_windows, first_interval=0.0)
+    return True
 
 
 def unregister() -> None:
@@ -60,9 +64,6 @@ def unregister() -> None:
     _waiting.clear()
     if bpy.app.timers.is_registered(_open_windows):
         bpy.app.timers.unregister(_open_windows)
-
-
-_waiting: list[str] = []  # names of images that want a window
 
 
 def _open_windows() -> None:
@@ -79,32 +80,22 @@ def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image
     area.tag_redraw()
 
 
-def is_free(image: bpy.types.Image | None) -> bool:
+def may_replace(image: bpy.types.Image | None) -> bool:
     """Return whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
     return image is None or image.type in {"RENDER_RESULT", "COMPOSITING"} or is_own(image)
 
 
-def _editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    for window in manager.windows:
+def _is_free(space: bpy.types.SpaceImageEditor) -> bool:
+    """Return whether an Image Editor is not in use: neither pinned nor in a mode that edits or masks."""
+    pinned = space.use_image_pin and space.image is not None
+    return may_replace(space.image) and space.mode == "VIEW" and not pinned
+
+
+def _editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
+            if area.type == area.ui_type == "IMAGE_EDITOR":
                 yield window, area
-
-
-def _images(manager: bpy.types.WindowManager) -> Iterator[bpy.types.Image | None]:
-    return (area.spaces.active.image for _, area in _editors(manager))
-
-
-def _free_editors(manager: bpy.types.WindowManager) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """Find Image Editors not in use, the largest first: neither pinned nor in a mode that edits or masks."""
-    found = [
-        (window, area)
-        for window, area in _editors(manager)
-        if is_free(area.spaces.active.image)
-        and area.spaces.active.mode == "VIEW"
-        and not (area.spaces.active.use_image_pin and area.spaces.active.image is not None)
-    ]
-    return iter(sorted(found, key=lambda item: -item[1].width * item[1].height))
 
 
 def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types.Area] | None:
@@ -113,13 +104,14 @@ def _new_window(context: bpy.types.Context) -> tuple[bpy.types.Window, bpy.types
     It is as large as an editor other than a 3D viewport, over which it comes up: a window of Blender's own choice
     covers the one where the user works.
     """
-    before = {window.as_pointer() for window in context.window_manager.windows}
-    window = context.window or context.window_manager.windows[0]
-    areas = sorted(window.screen.areas, key=lambda item: (item.type == "VIEW_3D", -min(item.width, item.height)))
-    with context.temp_override(window=window, area=areas[0]):
+    manager = context.window_manager
+    before = manager.windows.values()
+    window = context.window or before[0]
+    place = min(window.screen.areas, key=lambda item: (item.type == "VIEW_3D", -min(item.width, item.height)))
+    with context.temp_override(window=window, area=place):
         bpy.ops.screen.area_dupli("INVOKE_DEFAULT")
-    for window in context.window_manager.windows:
-        if window.as_pointer() not in before:
+    for window in manager.windows:
+        if window not in before:
             area = max(window.screen.areas, key=lambda item: item.width * item.height)
             area.ui_type = "IMAGE_EDITOR"
             return window, area

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -11,34 +10,46 @@ from bpy.props import BoolProperty, EnumProperty, PointerProperty
 
 from ..properties.shapes import share
 from ..session.shown_view import HEATMAP, PREVIEW, TITLES
+from .framed import EDITORS
+from .paint import free_textures
 
 NOTHING = "NONE"
-_ITEMS = [
-    (name, title, description)
-    for (name, title), description in zip(
-        TITLES.items(),
-        (
-            "Priority of each pixel, up to the heatmap's configured maximum",
-            "One sample a pixel",
-            "What the network expects of each pixel",
-            "The picture after the budget is spent",
-            "32 x 32 samples in every pixel",
-            "The picture with the regions that Refine with Cycles rendered",
-            "How far the preview is from the reference",
-            "How far the predicted picture is from the reference",
-            "How far the refined picture is from the reference",
-        ),
-        strict=True,
-    )
-]
+_DESCRIPTIONS = (
+    "Priority of each pixel, up to the heatmap's configured maximum",
+    "One sample a pixel",
+    "What the network expects of each pixel",
+    "The picture after the budget is spent",
+    "32 x 32 samples in every pixel",
+    "The picture with the regions that Refine with Cycles rendered",
+    "How far the preview is from the reference",
+    "How far the predicted picture is from the reference",
+    "How far the refined picture is from the reference",
+)
+_ITEMS = [(*named, text) for named, text in zip(TITLES.items(), _DESCRIPTIONS, strict=True)]
+
+problem = ""  # why nothing is drawn any more, for the panel
 
 
-listeners: list[Callable[[bpy.types.Context], None]] = []  # called after a setting changed
+def refresh(context: bpy.types.Context) -> None:
+    """Draw viewports and Image Editors again, also after an error; textures go with the overlay."""
+    fail("")
+    values = overlay_settings(context)
+    if not (values.show_viewport or values.show_editor):
+        free_textures()
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in EDITORS:
+                area.tag_redraw()
+
+
+def fail(text: str) -> None:
+    """Keep why nothing is drawn until a setting changes."""
+    global problem
+    problem = text
 
 
 def _changed(_values: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    for listener in listeners:
-        listener(context)
+    refresh(context)
 
 
 def _switch(name: str, description: str, default: bool = False) -> Any:

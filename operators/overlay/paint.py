@@ -1,58 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rectangles, ramps, textures and text in the pixels of a region, in sRGB colours as Blender's own text."""
+"""Rectangles, ramps, textures and text in the pixels of a region, in sRGB colours as Blender's own text.
+
+`gpu` and `blf` need a window, so they are imported where something is drawn.
+"""
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 
 from ..session.shown_view import ShownView
 from .layout import Rect
-
-_MAX = 6  # two sides of a wipe in three editors
-_textures: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-
-
-def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
-    """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
-    key = (view.number, name, *((maximum, ramp) if name not in view.looks else ()))
-    if key not in _textures:
-        _textures[key] = uploaded(view.picture(name, maximum, ramp))
-        while len(_textures) > _MAX:
-            _textures.popitem(last=False)
-    _textures.move_to_end(key)
-    return _textures[key]
-
-
-def free_textures() -> None:
-    """Give the graphics card its memory back."""
-    _textures.clear()
-
-
-def held() -> int:
-    """Number of textures that are held."""
-    return len(_textures)
-
-
-def texels(picture: np.ndarray) -> np.ndarray:
-    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
-    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column where there is alpha
-    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
-
-
-def uploaded(picture: np.ndarray) -> Any:
-    """Upload sRGB colours as a texture, see `texels`."""
-    import gpu
-
-    height, width = picture.shape[:2]
-    pixels = texels(picture)
-    data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
-    return gpu.types.GPUTexture((width, height), format="RGBA8", data=data)
-
 
 Color = tuple[float, float, float, float]
 INK: Color = (0.92, 0.92, 0.92, 1.0)
@@ -74,55 +35,78 @@ void main()
 """
 
 
+def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
+    """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
+    return _texture(view, name, *((None, "") if name in view.looks else (maximum, ramp)))
+
+
+@lru_cache(maxsize=6)  # two sides of a wipe in three editors
+def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
+    return uploaded(view.picture(name, maximum, ramp))
+
+
+def free_textures() -> None:
+    """Give the graphics card its memory back."""
+    _texture.cache_clear()
+
+
+def held() -> int:
+    """Number of textures that are held."""
+    return _texture.cache_info().currsize
+
+
+def texels(picture: np.ndarray) -> np.ndarray:
+    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
+    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column where there is alpha
+    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
+
+
+def uploaded(picture: np.ndarray) -> Any:
+    """Upload sRGB colours as a texture, see `texels`."""
+    import gpu
+
+    pixels = texels(picture)
+    data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
+    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format="RGBA8", data=data)
+
+
 def fill(rect: Rect, color: Color) -> None:
     """Draw a rectangle of one colour."""
+    ramp(rect, [color, color])
+
+
+def ramp(rect: Rect, colors: Sequence[Color]) -> None:
+    """Draw a bar of colours from left to right."""
     import gpu
-    from gpu_extras.batch import batch_for_shader
 
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": _corners(rect)})
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    shader.uniform_float("color", color)
-    batch.draw(shader)
-    gpu.state.blend_set("NONE")
-
-
-def ramp(rect: Rect, colors: np.ndarray) -> None:
-    """Draw a bar of colours (N, 3) from left to right."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    places = np.linspace(rect.left, rect.right, len(colors))
-    points = [(float(x), y, 0.0) for x in places for y in (rect.bottom, rect.top)]
-    shades = [(*color.tolist(), 1.0) for color in colors for _ in range(2)]
-    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": points, "color": shades})
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    batch.draw(shader)
-    gpu.state.blend_set("NONE")
+    places = np.linspace(rect.left, rect.right, len(colors)).tolist()
+    points = [(x, y, 0.0) for x in places for y in (rect.bottom, rect.top)]
+    _draw_strip(gpu.shader.from_builtin("SMOOTH_COLOR"), pos=points, color=[shade for shade in colors for _ in "yy"])
 
 
 def picture(texture: Any, whole: Rect, seen: Rect, opacity: float) -> None:
     """Draw the part `seen` of a texture that covers `whole`; where it is magnified, its pixels are squares."""
     import gpu
-    from gpu_extras.batch import batch_for_shader
 
     if seen.empty:
         return
-    left, right = ((x - whole.left) / whole.width for x in (seen.left, seen.right))
-    bottom, top = ((y - whole.bottom) / whole.height for y in (seen.bottom, seen.top))
+    points = [(x, y) for y in (seen.bottom, seen.top) for x in (seen.left, seen.right)]
+    places = [((x - whole.left) / whole.width, (y - whole.bottom) / whole.height) for x, y in points]
+    uniforms = {"matrix": gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix(), "opacity": opacity}
     shader = _picture_shader()
-    corners = [(left, bottom), (right, bottom), (left, top), (right, top)]
-    points = [point[:2] for point in _corners(seen)]
-    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": points, "place": corners})
-    gpu.state.blend_set("ALPHA")
     shader.bind()
-    shader.uniform_float("matrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
     shader.uniform_sampler("image", texture)
-    shader.uniform_float("opacity", opacity)
-    batch.draw(shader)
+    for name, value in uniforms.items():
+        shader.uniform_float(name, value)
+    _draw_strip(shader, pos=points, place=places)
+
+
+def _draw_strip(shader: Any, **attributes: Sequence[tuple[float, ...]]) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    gpu.state.blend_set("ALPHA")
+    batch_for_shader(shader, "TRI_STRIP", attributes).draw(shader)
     gpu.state.blend_set("NONE")
 
 
@@ -170,23 +154,17 @@ def write(text: str, x: float, y: float, scale: float, color: Color = INK) -> No
     blf.draw(_FONT, text)
 
 
-def box(lines: Sequence[tuple[str, Color]], corner: tuple[float, float], scale: float) -> None:
+def box(lines: Sequence[str], corner: tuple[float, float], scale: float, color: Color = INK) -> None:
     """Lines of text on a dark ground, its lower left corner at `corner`."""
-    width, height = box_size([text for text, _ in lines], scale)
-    margin = 0.5 * _TEXT_PX * scale
-    fill(Rect(corner[0], corner[1], corner[0] + width, corner[1] + height), GROUND)
-    line = text_size("0", scale)[1]
-    for index, (text, color) in enumerate(lines):
-        y = corner[1] + height - margin - (index + 1) * line + 0.3 * line
-        write(text, corner[0] + margin, y, scale, color)
+    (x, y), (width, height) = corner, box_size(lines, scale)
+    fill(Rect(x, y, x + width, y + height), GROUND)
+    margin, line = 0.5 * _TEXT_PX * scale, text_size("0", scale)[1]
+    for index, text in enumerate(lines):
+        write(text, x + margin, y + height - margin - (index + 0.7) * line, scale, color)
 
 
-def box_size(texts: Sequence[str], scale: float) -> tuple[float, float]:
+def box_size(lines: Sequence[str], scale: float) -> tuple[float, float]:
     """Width and height of `box`."""
-    sizes = [text_size(text, scale) for text in texts]
+    sizes = [text_size(text, scale) for text in lines]
     margin = _TEXT_PX * scale
     return max(width for width, _ in sizes) + margin, sum(height for _, height in sizes) + margin
-
-
-def _corners(rect: Rect) -> list[tuple[float, float, float]]:
-    return [(x, y, 0.0) for y in (rect.bottom, rect.top) for x in (rect.left, rect.right)]

@@ -3,40 +3,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 
 from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of
-from ..ui.tab import draw_sentence
-from . import handlers
+from ..ui.tab import PanelBase, draw_sentence, split
+from . import overlay_settings as settings
+from .drawing import inspected
 from .handlers import NO_VIEW
-from .inspect_pixels import PATCHNET_OT_inspect_pixels
 from .overlay_settings import overlay_settings
 
-if TYPE_CHECKING:
-    from bpy.types import Panel as _Panel
-else:
-    _Panel = object  # Blender wants its own class among the direct bases of each panel
 
-
-class _OverlayPanel(_Panel):
+class _OverlayPanel(PanelBase):
     bl_region_type = "UI"
     bl_category = "PatchNet"
     shown_by = ""  # the setting that switches the overlay of this editor
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switch, the pictures, the wipe, the inspection."""
-        layout, values = self.layout, overlay_settings(context)
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout, values = split(self.layout), overlay_settings(context)
         on = getattr(values, self.shown_by)
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
-        if handlers.problem:
-            draw_sentence(layout, context, handlers.problem, "ERROR")
+        if settings.problem:
+            draw_sentence(layout, context, settings.problem, "ERROR")
         elif not views.has_views(context.scene):
             draw_sentence(layout, context, NO_VIEW, "INFO")
         elif on and not context.space_data.overlay.show_overlays:
@@ -48,16 +39,14 @@ class _OverlayPanel(_Panel):
                 draw_sentence(layout, context, unlike, "INFO")
         column = layout.column()
         column.active = on
-        column.prop(values, "picture")
-        column.prop(values, "opacity")
-        column.prop(values, "legend")
-        column.prop(values, "use_wipe")
+        for name in ("picture", "opacity", "legend", "use_wipe"):
+            column.prop(values, name)
         wipe = column.column()
         wipe.active = values.use_wipe
         wipe.prop(values, "other")
         wipe.prop(values, "wipe")
         layout.operator("patchnet.drag_wipe", icon="ARROW_LEFTRIGHT")
-        running = PATCHNET_OT_inspect_pixels.runs_in(context.window)
+        running = context.window is not None and context.window.as_pointer() in inspected
         layout.operator("patchnet.inspect_pixels", icon="EYEDROPPER", depress=running)
 
 

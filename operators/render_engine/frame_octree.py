@@ -7,10 +7,9 @@ in Blender's main thread, which is where renders run without a window and from s
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import bpy
 
@@ -29,7 +28,7 @@ from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, VISIB
 from ..session import results
 from ..session.octree_cache import found_on_disk, result_or_kept
 from ..session.scene_result import SceneResult
-from ..session.scene_session import KeyedResult, session_of
+from ..session.scene_session import KeyedResult, in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
 from ..state.block_hashes import MOVES_BY_ITSELF
@@ -102,87 +101,95 @@ def octree_of_frame(
     if animation:  # frames that are made alone would see other reflections
         gloss = settings.light.gloss
         settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
-    session, result = session_of(scene), result_or_kept(scene)
-    if result is not None:
-        look_again(result, scene)
-    fits = result is not None and (not result.stale or result.is_stale_by_gloss_alone)
-    kept = result if fits else None
-    if kept is not None:
-        kept = _with_its_gloss(kept, settings, warn, moves=animation and not still)
-    other_layer = _shows_other_layer(kept, scene, depsgraph.view_layer.name)
-    if kept is not None and other_layer:
-        if _can_bake(settings):
+    result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
+    if result.coded is not None:
+        return result.coded
+    coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
+    if results.result_of(scene) is result:
+        results.keep(scene, replace(result, coded=coded), "codes")
+    return coded
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Frame to be rendered; see `octree_of_frame`. still: all frames are seen from one place."""
+
+    depsgraph: bpy.types.Depsgraph
+    scene: bpy.types.Scene
+    camera: Camera
+    settings: JobSettings
+    warn: Callable[[str], None]
+    animation: bool
+    still: bool
+
+    @property
+    def can_bake(self) -> bool:
+        """Return whether light can be made here: Cycles bakes in the main thread alone."""
+        return not self.settings.light.is_baked or in_main_thread()
+
+
+def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
+    """Result that fits a frame: the scene's, the last frame's, one of the cache folder, or a new one."""
+    scene, session, there = frame.scene, session_of(frame.scene), result_or_kept(frame.scene)
+    if there is not None:
+        look_again(there, scene)
+    fits = there is not None and (not there.stale or there.is_stale_by_gloss_alone)
+    kept = _with_its_gloss(frame, there) if there is not None and fits else None
+    state, layer = kept.state if kept is not None else None, frame.depsgraph.view_layer.name
+    other_layer = state is not None and not state.fits_layer(scene, layer)
+    if state is not None and other_layer:
+        if frame.can_bake:
             kept = None  # it stays what the panel shows
         else:
-            assert kept.state is not None
-            warn(_LAYER.format(own=kept.state.layer, other=depsgraph.view_layer.name))
+            frame.warn(_LAYER.format(own=state.layer, other=layer))
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
-    if kept is not None and ((here and not animation) or not may_change(scene)):
-        return (yield from _coded(scene, kept, settings))
+    if kept is not None and ((here and not frame.animation) or not may_change(scene)):
+        return kept
     key = ""
     # Else nothing is there to compare with, nor will be.
-    if animation or kept is not None or other_layer or session.made_frame is not None:
+    if frame.animation or kept is not None or other_layer or session.made_frame is not None:
         yield Progress(0, 1, "Looking at the scene")
-        key = surface_key(depsgraph, settings)
+        key = surface_key(frame.depsgraph, frame.settings)
     if kept is not None and here:
         session.kept_frame = KeyedResult(kept, key)
     for known in (session.kept_frame, session.made_frame):
         if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
-            return (yield from _coded(scene, known.result, settings))
+            return known.result
     session.made_frame = None  # before the next one takes memory
-    if key and (found := _on_disk(depsgraph, settings, still=still)) is not None:
+    found = _on_disk(frame) if key else None
+    if found is not None:
         session.made_frame = KeyedResult(found, key)
-        return (yield from _coded(scene, found, settings))
+        return found
     there = results.result_of(scene)
-    result = yield from _made(depsgraph, camera, settings, warn, there)
-    if result is not there:
+    made = yield from _made(frame, there)
+    if made is not there:
         if key:
-            session.made_frame = KeyedResult(result, key)
+            session.made_frame = KeyedResult(made, key)
         if not fits:
-            results.keep(scene, result, "octree", "light")
-    return (yield from _coded(scene, result, settings))
+            results.keep(scene, made, "octree", "light")
+    return made
 
 
-def _with_its_gloss(
-    kept: SceneResult, settings: JobSettings, warn: Callable[[str], None], *, moves: bool
-) -> SceneResult | None:
-    """Result with a warning where its gloss is of another view; None where it is baked anew. moves: cameras do."""
-    of_one_view = moves and _is_gloss_of_one_view(kept)
-    if of_one_view and threading.current_thread() is threading.main_thread() and not settings.light.from_camera:
+def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
+    """Result with a warning where its gloss is of another view; None where it is baked anew."""
+    of_one_view = frame.animation and not frame.still and _is_gloss_of_one_view(kept)
+    if of_one_view and in_main_thread() and not frame.settings.light.from_camera:
         return None  # else its frame, or all of them, would show another gloss than those that are baked now
     if of_one_view or kept.stale:
-        warn(_GLOSS)
+        frame.warn(_GLOSS)
     return kept
 
 
-def _made(
-    depsgraph: bpy.types.Depsgraph,
-    camera: Camera,
-    settings: JobSettings,
-    warn: Callable[[str], None],
-    there: SceneResult | None,
-) -> Steps[SceneResult]:
-    """Result of a render's graph, or what is `there`, with a warning, if it cannot be made."""
-    try:
-        return (yield from _compute(depsgraph, camera, settings, warn, nothing_there=there is None))
-    except StoppedError:
-        raise
-    except PatchNetError as error:
-        if there is None:
-            raise
-        warn(f"{error}. {_AS_IT_WAS}")
-        return there
-
-
-def _on_disk(depsgraph: bpy.types.Depsgraph, settings: JobSettings, *, still: bool) -> SceneResult | None:
+def _on_disk(frame: _Frame) -> SceneResult | None:
     """Octree in the cache folder that the same settings made of what a graph shows; none beside a window."""
     if not bpy.app.background:
         return None
-    with quiet(), values_of_graph(depsgraph):
-        found = found_on_disk(depsgraph.scene.original)
-    if found is None or (_is_gloss_of_one_view(found) and not still):
+    with quiet(), values_of_graph(frame.depsgraph):
+        found = found_on_disk(frame.scene)
+    if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
-    return found if all(found.made_by.get(stage) == settings.key(stage) for stage in (OCTREE, LIGHT, CODES)) else None
+    same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
+    return found if same else None
 
 
 def _stands_still(scene: bpy.types.Scene) -> bool:
@@ -195,57 +202,45 @@ def _stands_still(scene: bpy.types.Scene) -> bool:
     return not moves
 
 
-def _shows_other_layer(result: SceneResult | None, scene: bpy.types.Scene, layer: str) -> bool:
-    """Return whether a view layer shows other objects than the one that a result is of."""
-    return result is not None and result.state is not None and not result.state.fits_layer(scene, layer)
-
-
-def _can_bake(settings: JobSettings) -> bool:
-    """Return whether light can be made here: Cycles bakes in the main thread alone."""
-    return not settings.light.is_baked or threading.current_thread() is threading.main_thread()
-
-
 def _is_gloss_of_one_view(result: SceneResult) -> bool:
     """Return whether a camera saw the gloss that was baked."""
     return result.state is not None and bool(result.state.gloss_from)
 
 
-def _coded(scene: bpy.types.Scene, result: SceneResult, settings: JobSettings) -> Steps[CodedOctree]:
-    """Codes of a result, which are kept with it where it is kept."""
-    if result.coded is None:
-        coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
-        if results.result_of(scene) is result:
-            results.keep(scene, replace(result, coded=coded), "codes")
-        return coded
-    return result.coded
+def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
+    """Result of a render's graph, or what is `there`, with a warning, if it cannot be made."""
+    if not frame.can_bake:
+        why = "there are no voxels yet" if there is None else "the scene is not what was voxelized and lit"
+        error: PatchNetError = SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")
+    else:
+        try:
+            return (yield from _compute(frame))
+        except StoppedError:
+            raise
+        except PatchNetError as problem:
+            error = problem
+    if there is None:
+        raise error
+    frame.warn(f"{error}. {_AS_IT_WAS}")
+    return there
 
 
-def _compute(
-    depsgraph: bpy.types.Depsgraph,
-    camera: Camera,
-    settings: JobSettings,
-    warn: Callable[[str], None],
-    *,
-    nothing_there: bool,
-) -> Steps[SceneResult]:
+def _compute(frame: _Frame) -> Steps[SceneResult]:
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
-    if not _can_bake(settings):
-        why = "there are no voxels yet" if nothing_there else "the scene is not what was voxelized and lit"
-        raise SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")
-    scene = depsgraph.scene.original
+    scene, settings = frame.scene, frame.settings
     weights = load_network(settings.network)
     overrides = OctreeOverrides(
-        cameras=lambda: [camera],
-        depsgraph=depsgraph,
-        baking=lambda: _bake_context(scene, depsgraph, settings),
+        cameras=lambda: [frame.camera],
+        depsgraph=frame.depsgraph,
+        baking=lambda: _bake_context(scene, frame.depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
     )
     with BakePageCache() as kept:
         made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, overrides)
     coded, _ = yield from encode(made.octree, weights, settings.compute)
     for warning in made.warnings:
-        warn(warning)
+        frame.warn(warning)
     return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)
 
 

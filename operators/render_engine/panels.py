@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
 from ..jobs.job_operator import JobOperator
 from ..session import results
-from ..ui.tab import draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
+from ..ui.tab import PanelBase, draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
 
 # Panels of EEVEE's that edit what a bake sees.
@@ -22,13 +22,8 @@ _BORROWED = frozenset(
 _LEFT_OUT = ("VIEWLAYER_PT_freestyle", "RENDER_PT_freestyle", "MATERIAL_PT_freestyle", "RENDER_PT_stereoscopy",
              "EEVEE_MATERIAL_PT_viewport_settings", "DATA_PT_light")  # fmt: skip
 
-if TYPE_CHECKING:
-    from bpy.types import Panel as _Panel
-else:
-    _Panel = object  # Blender wants its own class among the direct bases of each panel
 
-
-class _RenderPanel(_Panel):
+class _RenderPanel(PanelBase):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
@@ -48,9 +43,8 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Strategy, budget and painted importance, which views in the sidebar have, too."""
         layout = split(self.layout)
-        draw_setting(layout, context.scene.patchnet, "strategy")
-        draw_setting(layout, context.scene.patchnet, "unrefined")
-        draw_setting(layout, context.scene.patchnet, "budget")
+        for name in ("strategy", "unrefined", "budget"):
+            draw_setting(layout, context.scene.patchnet, name)
         draw_samples(layout, context.scene.patchnet)
         draw_settings(layout, context.scene.patchnet, "importance")
 
@@ -62,9 +56,7 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """State of the octree, the button that makes it, and what a render makes it from otherwise."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         result = results.result_of(context.scene)
         column = layout.column(align=True)
         if result is None:
@@ -90,9 +82,7 @@ class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the only property."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+        split(self.layout).prop(context.scene.render, "film_transparent", text="Transparent")
 
 
 CLASSES = (PATCHNET_PT_render_refinement, PATCHNET_PT_render_octree, PATCHNET_PT_render_film)

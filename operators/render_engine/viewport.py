@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 import numpy as np
@@ -39,11 +39,13 @@ _STALE = "the scene has changed: voxelize and bake again"
 class Viewport:
     """State of one viewport between two drawings; dropping it frees all of its memory.
 
-    region: address of the region of Blender's that it is drawn in, 0 before the first drawing.
+    region: address of the region of Blender's that it is drawn in, 0 before the first drawing. missed: nobody took it
+    since its engine ended, and time was looked at.
     """
 
     def __init__(self) -> None:
         self.region = 0
+        self.missed = False
         self._state: tuple[Any, ...] | None = None
         self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
@@ -91,14 +93,11 @@ class Viewport:
             self._forget()
             self._message(engine, context, _NO_CODES)
             return
-        octree, coded = result.octree, result.coded
-        bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+        bounds = result.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
         idle = self._preview is not None and self._preview.done
-        budget = None if values.spp else values.budget
-        tiny = AdaptivePicture(octree, camera.with_size(8, 8), chosen, coded, unrefined=values.unrefined, budget=budget)
-        prepared = self._prepare(context, tiny)
+        prepared = self._prepare(context, _picture(context, result, camera.with_size(8, 8), None))
         if not (self.mask.ready(context, idle=idle) and prepared):
             self._message(engine, context, _READY_SOON)
             engine.tag_redraw()
@@ -126,10 +125,7 @@ class Viewport:
         state = (id(result), *wanted, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
-            budget = None if values.spp else values.budget
-            picture = AdaptivePicture(
-                result.octree, camera, strategy(values.strategy), result.coded, importance, values.unrefined, budget
-            )
+            picture = _picture(context, result, camera, importance)
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples)
             self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # the first picture comes soon
@@ -156,6 +152,14 @@ class Viewport:
         self._state = self._preview = self._texture = None
 
 
+def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, importance: Any) -> AdaptivePicture:
+    """Picture of a result as the scene's settings have it."""
+    values = context.scene.patchnet
+    budget = None if values.spp else values.budget
+    chosen = strategy(values.strategy)
+    return AdaptivePicture(result.octree, camera, chosen, result.coded, importance, values.unrefined, budget)
+
+
 def _view(camera: Camera) -> tuple[Any, ...]:
     """Identity of a view: all that makes two views different."""
     axes = (camera.position_world, camera.right, camera.up)
@@ -163,16 +167,13 @@ def _view(camera: Camera) -> tuple[Any, ...]:
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
 
 
-if TYPE_CHECKING:
-    pass
-
 _KEPT_S = 1.0  # at least, and at most twice
 _left: dict[int, Viewport] = {}  # by the address of the region that they were drawn in
-_old: list[Viewport] = []  # those of them that were there when time was looked at
 
 
 def leave(viewport: Viewport) -> None:
     """Keep what an engine that ends has drawn, for a moment."""
+    viewport.missed = False
     _left[viewport.region] = viewport
     if not bpy.app.timers.is_registered(_free):
         bpy.app.timers.register(_free, first_interval=_KEPT_S, persistent=True)
@@ -182,17 +183,17 @@ def left_in(region: bpy.types.Region) -> Viewport | None:
     """What an engine has left of a region, if it ended just now."""
     viewport = _left.pop(region.as_pointer(), None)
     if viewport is not None:
-        _old[:] = [each for each in _old if each is not viewport]
         viewport.adopted()
     return viewport
 
 
 def _free() -> float | None:
     """Free what nobody took since the last time: there was time to draw between the two, however long work took."""
-    gone = [region for region, viewport in _left.items() if viewport in _old]
+    gone = [region for region, viewport in _left.items() if viewport.missed]
     for region in gone:
         del _left[region]
-    _old[:] = _left.values()
+    for viewport in _left.values():
+        viewport.missed = True
     if gone:
         give_back()  # steps of a preview that did not end hold it, and it them
     return _KEPT_S if _left else None
@@ -201,6 +202,5 @@ def _free() -> float | None:
 def unregister() -> None:
     """Free what is kept."""
     _left.clear()
-    _old.clear()
     if bpy.app.timers.is_registered(_free):
         bpy.app.timers.unregister(_free)

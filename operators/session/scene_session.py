@@ -37,23 +37,13 @@ class KeyedMap:
     problem: str = ""
 
 
-@dataclass
-class InspectedPixel:
-    """Pixel that the mouse points at: in which region (its address), where there, and lines about it."""
-
-    region: int
-    x: float
-    y: float
-    lines: list[str]
-
-
 @dataclass(eq=False)
 class SceneSession:
     """State that is kept of one scene.
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
     kept_frame: `result`, once a render has asked for its key; made_frame: what was made for the last frame that needed
-    an octree of its own. inspected: by the address of the window. world: its light in all directions.
+    an octree of its own. world: its light in all directions.
     """
 
     result: SceneResult | None = None
@@ -61,14 +51,12 @@ class SceneSession:
     views: dict[str, ShownView] = field(default_factory=dict)
     kept_frame: KeyedResult | None = None
     made_frame: KeyedResult | None = None
-    inspected: dict[int, InspectedPixel] = field(default_factory=dict)
     world: KeyedMap | None = None
 
     def free(self) -> None:
         """Drop all but the estimate."""
         self.result = self.kept_frame = self.made_frame = self.world = None
         self.views.clear()
-        self.inspected.clear()
 
     def free_frames(self) -> None:
         """Drop what was made for frames of an animation."""

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from itertools import count
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from weakref import ReferenceType, ref
 
@@ -70,7 +69,6 @@ TITLES = {
 PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
 LUMINANCES = ("preview luminance", "predicted luminance", "refined luminance", "reference luminance")
 SAMPLES = "samples"
-_numbers = count(1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,7 @@ class ShownView:
     (H, W, 4) with alpha where no background is. Without a reference that, and errors against it, are
     missing. strategy: name.
     maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
-    octree: that it shows, which may be gone. number: of no other view in this process.
+    octree: that it shows, which may be gone.
     """
 
     camera: Camera
@@ -92,7 +90,6 @@ class ShownView:
     maximum: float
     chosen_maximum: float
     octree: ReferenceType[Octree]
-    number: int = field(default_factory=lambda: next(_numbers))
 
     @property
     def size_px(self) -> tuple[int, int]:

@@ -11,9 +11,9 @@ from ..jobs.job_operator import JobOperator
 from ..session import results
 from ..session.memory import held
 from ..session.result_images import shown_pictures
-from ..settings.job_settings import ESTIMATED, changed
+from ..settings.job_settings import ESTIMATED
 from .presets_menu import PATCHNET_PT_presets
-from .tab import SubPanel, Tab, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
+from .tab import SubPanel, Tab, changed_text, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
 
 _MOST_CAMERAS = 3
 
@@ -72,8 +72,7 @@ def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said:
     if body is None:
         return
     box = body.box().column(align=True)
-    setting = changed(scene.patchnet, found.settings, *ESTIMATED)
-    why = f"'{setting}' changed" if setting else found.stale_because
+    why = changed_text(scene.patchnet, found.settings, *ESTIMATED) or found.stale_because
     if why:
         draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
     for line in found.made_for:
@@ -100,14 +99,14 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
         if result is None:
             draw_sentence(layout, context, "Nothing computed yet")
             return
-        column = layout.column(align=True)
-        for line in result.summary:
-            draw_sentence(column, context, line)
-        column = layout.column(align=True)
         taken = held()
-        draw_sentence(column, context, f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}")
+        memory = [f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}"]
         if taken.process is not None:
-            draw_sentence(column, context, f"Blender as a whole: {_size(taken.process)}")
+            memory.append(f"Blender as a whole: {_size(taken.process)}")
+        for lines in (result.summary, memory):
+            column = layout.column(align=True)
+            for line in lines:
+                draw_sentence(column, context, line)
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 

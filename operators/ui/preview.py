@@ -9,7 +9,7 @@ from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..schema.table import AUTO, FIT, VIEW
 from ..session import results
-from ..session.scene_result import Comparison, SceneResult
+from ..session.scene_result import SceneResult
 from ..settings.job_settings import recorded
 from .tab import SubPanel, Tab, draw_samples, draw_sentence, draw_setting, draw_settings, draw_stale, draw_todo, split
 
@@ -18,16 +18,15 @@ BETTER = 0.95  # share of the chosen strategy's error from which another one is 
 
 def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
     """Advice on a result's last view; none before there is one. `values`: settings of its scene."""
-    found = [_look_ahead(result, values), _strategy(result, values)]
-    return [item for item in found if item is not None]
+    return [*filter(None, (_look_ahead(result, values), _strategy(result, values)))]
 
 
-def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
+def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
     from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # with a result its kernels are there already
 
     share = result.lookahead_share
     if share is None or share >= LOOK_AHEAD_SHARE:
-        return None
+        return ""
     again = "press Preview Selection again"
     text = f"Voxels are too coarse to look ahead on {1.0 - share:.0%} of this picture: "
     if values.resolution == FIT:
@@ -37,22 +36,19 @@ def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str | N
     return f"{text}choose Resolution: By Cameras, then {again}"
 
 
-def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str | None:
+def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
     """Best strategy of the comparison where it is clearly better; only for the view that was compared."""
-    if result.comparison is None or result.why(VIEW) or _others(recorded(values, VIEW)) != _others(_made_with(result)):
-        return None
+    same = _others(recorded(values, VIEW)) == _others(result.made_with.get(VIEW, {}))
+    if result.comparison is None or result.why(VIEW) or not same:
+        return ""
     rows = {row.name: row for row in result.comparison.rows if STRATEGIES[row.name].group != "oracle"}
     chosen = rows.get(values.strategy)
     best = min(rows.values(), key=lambda row: row.error, default=None)
     if chosen is None or best is None or best.error > BETTER * chosen.error:
-        return None
+        return ""
     less = 1.0 - best.error / chosen.error
     leaves = f"leaves {less:.0%} less error than {chosen.title}"
     return f"In this picture {best.title} {leaves}: choose Strategy: {best.title}, and render again"
-
-
-def _made_with(result: SceneResult) -> dict[str, object]:
-    return result.made_with.get(VIEW, {})
 
 
 def _others(settings: dict[str, object]) -> dict[str, object]:
@@ -122,15 +118,12 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         draw_sentence(layout, context, f"{found.view}: squared error x 10,000, budget {found.budget:.0%}")
         table = layout.box().column(align=True)
         _row(table, context, "Strategy", "Error", "Left")
-        for title, error in found.pictures:
-            _row(table, context, f"{title}, unrefined", error_text(error), _share(error, found))
-        for row in found.rows:
-            marked = "> " if row.name == context.scene.patchnet.strategy else ""
-            _row(table, context, f"{marked}{row.title}", error_text(row.error), _share(row.error, found))
-
-
-def _share(error: float, found: Comparison) -> str:
-    return f"{error / found.unrefined:.0%}" if found.unrefined else "-"
+        rows = [(f"{title}, unrefined", error) for title, error in found.pictures]
+        chosen = context.scene.patchnet.strategy
+        rows += [(f"{'> ' if row.name == chosen else ''}{row.title}", row.error) for row in found.rows]
+        for name, error in rows:
+            share = f"{error / found.unrefined:.0%}" if found.unrefined else "-"
+            _row(table, context, name, error_text(error), share)
 
 
 def _row(layout: bpy.types.UILayout, context: bpy.types.Context, name: str, error: str, share: str) -> None:

@@ -7,8 +7,7 @@ import bpy
 
 from ..schema.table import CYCLES, GLOSS_OFF
 from ..session import results
-from ..settings.job_settings import changed
-from .tab import SubPanel, Tab, draw_sentence, draw_setting, draw_settings, draw_stale, split
+from .tab import SubPanel, Tab, changed_text, draw_sentence, draw_setting, draw_settings, draw_stale, split
 
 
 class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
@@ -77,7 +76,5 @@ class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
             return
         if result.encoder:
             draw_sentence(layout, context, f"Prepared by {result.encoder}", "INFO")
-        before = result.made_with.get("codes")
-        name = changed(context.scene.patchnet, before, "codes") if before is not None else ""
-        if name:
-            draw_sentence(layout, context, f"'{name}' changed: prepare again", "ERROR")
+        if why := changed_text(context.scene.patchnet, result.made_with.get("codes"), "codes"):
+            draw_sentence(layout, context, f"{why}: prepare again", "ERROR")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Notes on what a job left out or shows only about, and advice, with buttons that do what they say."""
+"""What panels are made of: settings, sentences with buttons that do what they say, progress, what is stale."""
 
 from __future__ import annotations
 
@@ -19,39 +19,12 @@ from ..session.scene_result import SceneResult
 from ..session.staleness import look_soon
 from ..settings.job_settings import changed, step_settings
 
-_MOST = 5
-
-
-def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Sequence[str], of: str) -> None:
-    """Draw notes below a heading that closes and opens them; none for none. of: what they are notes of, its name."""
-    if not notes:
-        return
-    header, body = layout.panel(f"PATCHNET_notes_{of}")
-    header.label(text=counted(len(notes), "Note"), icon="INFO")
-    if body is None:
-        return
-    notes = sorted(notes, key=lambda text: not named_settings(text))  # those first that a button helps
-    for text in notes[:_MOST]:
-        draw_todo(body.box(), context, text, "NONE")
-    if len(notes) > _MOST:
-        draw_sentence(body, context, f"and {len(notes) - _MOST} more in the Info log")
-    if any("Refine with Cycles" in text for text in notes[:_MOST]):
-        body.operator("patchnet.refine_with_cycles", icon="RENDER_STILL").cycles_light = COMBINED
-
-
-def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """Draw a sentence, and a button for each setting that it names, unless that has the value already."""
-    draw_sentence(layout, context, text, icon)
-    for words, (row, value) in named_settings(text).items():
-        if getattr(context.scene.patchnet, row.name) != value:
-            button = layout.operator(f"wm.context_set_{'enum' if row.kind is Kind.CHOICE else 'boolean'}", text=words)
-            button.data_path, button.value = f"scene.patchnet.{row.name}", value
-
-
 if TYPE_CHECKING:
-    from bpy.types import Panel as _Panel
+
+    class PanelBase(bpy.types.Panel):
+        """Base of mixins for panels."""
 else:
-    _Panel = object  # Blender wants its own class among the direct bases of each panel
+    PanelBase = object  # Blender wants its own class among the direct bases of each panel
 
 # Settings that a first user sees; sub-panels have all others.
 FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
@@ -59,14 +32,12 @@ FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budge
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
 # Of texts in panels, where nothing is scaled: points, what tabs and frames take of a region, and what an icon does.
 _POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
-_ADVICE = {
-    "surface": ("voxelize again", "octree"),
-    "light": ("bake again", "light"),
-    "view": ("render again", "view"),
-}
+# What to do about a step that does not fit any more, and the settings that it was made with.
+_STALE = {"surface": ("voxelize", "octree"), "light": ("bake", "light"), "view": ("render", "view")}
+_MOST_NOTES = 5
 
 
-class Tab(_Panel):
+class Tab(PanelBase):
     """Panel of the sidebar tab."""
 
     bl_space_type = "VIEW_3D"
@@ -78,6 +49,32 @@ class SubPanel(Tab):
     """Panel below the first one."""
 
     bl_parent_id = "PATCHNET_PT_main"
+
+
+def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Sequence[str], of: str) -> None:
+    """Draw notes below a heading that closes and opens them; none for none. of: what they are notes of, its name."""
+    if not notes:
+        return
+    header, body = layout.panel(f"PATCHNET_notes_{of}")
+    header.label(text=counted(len(notes), "Note"), icon="INFO")
+    if body is None:
+        return
+    notes = sorted(notes, key=lambda text: not named_settings(text))  # those first that a button helps
+    for text in notes[:_MOST_NOTES]:
+        draw_todo(body.box(), context, text, "NONE")
+    if len(notes) > _MOST_NOTES:
+        draw_sentence(body, context, f"and {len(notes) - _MOST_NOTES} more in the Info log")
+    if any("Refine with Cycles" in text for text in notes[:_MOST_NOTES]):
+        body.operator("patchnet.refine_with_cycles", icon="RENDER_STILL").cycles_light = COMBINED
+
+
+def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+    """Draw a sentence, and a button for each setting that it names, unless that has the value already."""
+    draw_sentence(layout, context, text, icon)
+    for words, (row, value) in named_settings(text).items():
+        if getattr(context.scene.patchnet, row.name) != value:
+            button = layout.operator(f"wm.context_set_{'enum' if row.kind is Kind.CHOICE else 'boolean'}", text=words)
+            button.data_path, button.value = f"scene.patchnet.{row.name}", value
 
 
 def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
@@ -108,10 +105,9 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     elif name == "size":
-        column = layout.column(align=True)
-        both = "" if any(values.size) else "As Render"
-        _draw_automatic(column, values, "size_x", "Picture Size X", both or TABLE[name].automatic)
-        _draw_automatic(column, values, "size_y", "Y", both or TABLE[name].automatic)
+        column, empty = layout.column(align=True), TABLE[name].automatic if any(values.size) else "As Render"
+        _draw_automatic(column, values, "size_x", "Picture Size X", empty)
+        _draw_automatic(column, values, "size_y", "Y", empty)
     elif name == "strategy":
         layout.prop(values, "short_strategy")
     elif name in TABLE and TABLE[name].kind is Kind.AUTOMATIC:
@@ -175,19 +171,20 @@ def draw_progress(layout: bpy.types.UILayout) -> None:
 def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: str) -> None:
     """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
     result = results.result_of(context.scene)
-    if result is None:
-        return
-    look_soon()
-    for step in steps:
-        if text := stale_text(result, context.scene, step):
+    if result is not None:
+        look_soon()
+        for text in filter(None, (stale_text(result, context.scene, step) for step in steps)):
             draw_sentence(layout, context, text, "ERROR")
 
 
 def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
     """Reason for a step not fitting any more, and what to do, or ""."""
-    advice, settings = _ADVICE[step]
-    why = result.why(step)
-    if not why and settings in result.made_with:
-        name = changed(scene.patchnet, result.made_with[settings], settings)
-        why = f"'{name}' changed" if name else ""
-    return f"{why[:1].upper()}{why[1:]}: {advice}" if why else ""
+    todo, settings = _STALE[step]
+    why = result.why(step) or changed_text(scene.patchnet, result.made_with.get(settings), settings)
+    return f"{why[:1].upper()}{why[1:]}: {todo} again" if why else ""
+
+
+def changed_text(values: bpy.types.PropertyGroup, before: dict[str, object] | None, *steps: str) -> str:
+    """Name the setting of some steps that changed since, or ""; before: None where nothing was made with them."""
+    name = changed(values, before, *steps) if before is not None else ""
+    return f"'{name}' changed" if name else ""

@@ -1,6 +1,176 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxel object, which shows the voxels of one level in the scene: its points, their shape, their colour."""
+"""Object "PatchNet Voxels": one vertex a voxel of a level, and geometry nodes that give it its shape and colour."""
 
-from .voxel_object import CUBES, NAME, POINTS, show
+from __future__ import annotations
 
-__all__ = ["CUBES", "NAME", "POINTS", "show"]
+import re
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...patchnet_addon.image.tone import srgb_encode
+from ...patchnet_addon.octree.voxel_cloud import VoxelCloud
+from ...patchnet_addon.runtime.errors import SceneError
+from ..scene_access.blender_version import start_nodes
+from ..scene_access.own import OWNER, check_own_scene
+
+NAME = "PatchNet Voxels"
+CUBES = "CUBES"
+POINTS = "POINTS"
+_GROUPS = {CUBES: "PatchNet Voxels as Cubes", POINTS: "PatchNet Voxels as Points"}
+_LUMINANCE, _SIDE = "luminance", "side"
+_COLOR = "voxel_color"  # "color" would be the object's own, white, where it is not there
+_SHOWN = "luminance_color"  # what the viewport's solid mode shows for Color: Attribute
+_LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+
+
+def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.Object:
+    """Show `cloud` in `scene` by an object, as CUBES or POINTS.
+
+    The one of an earlier call is filled anew and stays in its collection, with its visibility; a renamed one is kept as
+    it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited,
+    and as `check_own_scene`.
+    """
+    check_own_scene(scene)
+    item = next((each for each in scene.objects if _is_ours(each)), None)
+    if item is not None and item.mode != "OBJECT":
+        raise SceneError(f"'{item.name}' is being edited: leave Edit Mode, or rename it to keep it")
+    before = item.data if item is not None else None
+    mesh = _mesh(cloud)
+    if item is None:
+        item = _new_object(scene, mesh)
+    item.data = mesh
+    item.matrix_world = Matrix.Identity(4)
+    if before is not None and before.users == 0:
+        bpy.data.meshes.remove(before)
+    material = _own(bpy.data.materials, NAME) or _new_material()
+    mesh.materials.append(material)
+    name = _GROUPS[display]
+    group = _own(bpy.data.node_groups, name) or _new_group(name, material, as_cubes=display == CUBES)
+    modifier = next((each for each in item.modifiers if each.type == "NODES" and each.name == NAME), None)
+    (modifier or item.modifiers.new(NAME, "NODES")).node_group = group
+    return item
+
+
+def _is_ours(item: bpy.types.Object) -> bool:
+    """Test for our object under its own name; Blender appends a number where another scene has the same one."""
+    return item.get(OWNER) == NAME and re.fullmatch(rf"{NAME}(\.\d+)?", item.name) is not None
+
+
+def _own(blocks: bpy.types.bpy_prop_collection, name: str) -> bpy.types.ID | None:
+    """Data-block of ours, made once a file; what a user changes in it stays."""
+    return next((item for item in blocks if item.get(OWNER) == name), None)
+
+
+def _new_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """Create the object in the scene's own collection; where a user enables it for renders, it changes no light."""
+    item = bpy.data.objects.new(NAME, mesh)
+    item[OWNER] = NAME
+    item.hide_render = True
+    for ray in _LIGHT_RAYS:
+        setattr(item, f"visible_{ray}", False)
+    scene.collection.objects.link(item)
+    return item
+
+
+def _mesh(cloud: VoxelCloud) -> bpy.types.Mesh:
+    """Vertices at the centres with their attributes."""
+    mesh = bpy.data.meshes.new(NAME)
+    mesh.vertices.add(len(cloud))
+    mesh.vertices.foreach_set("co", cloud.centres_world.astype(np.float32).ravel())
+    for name, values in ((_LUMINANCE, cloud.luminance), (_SIDE, cloud.side_world)):
+        mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", values)
+    mesh.attributes.new(_COLOR, "FLOAT_VECTOR", "POINT").data.foreach_set("vector", cloud.color.ravel())
+    colors = np.ones((len(cloud), 4), np.float32)
+    colors[:, :3] = srgb_encode(cloud.color)
+    mesh.attributes.new(_SHOWN, "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.active_color_name = _SHOWN
+    return mesh
+
+
+def _new_material() -> bpy.types.Material:
+    """Emission of the voxels' colour, gray where the octree has luminance alone."""
+    material = bpy.data.materials.new(NAME)
+    material[OWNER] = NAME
+    material.cycles.emission_sampling = "NONE"  # nothing else in the scene is lit by it
+    tree = start_nodes(material)
+    tree.nodes.clear()
+    color = tree.nodes.new("ShaderNodeAttribute")
+    color.attribute_name = _COLOR
+    emission = _node(tree, "ShaderNodeEmission", Color=color.outputs["Vector"])
+    _node(tree, "ShaderNodeOutputMaterial", Surface=emission.outputs[0])
+    _in_columns(tree)
+    return material
+
+
+def _new_group(name: str, material: bpy.types.Material, *, as_cubes: bool) -> bpy.types.NodeTree:
+    """Group from points to the shapes of their voxels, with the input Size, a factor on all sides."""
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree[OWNER] = name
+    tree.is_modifier = True
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    size = tree.interface.new_socket("Size", in_out="INPUT", socket_type="NodeSocketFloat")
+    size.default_value, size.min_value, size.max_value = 1.0, 0.0, 1.0
+    size.description = "Share of each voxel that is filled; less than 1 leaves gaps between them"
+    given = tree.nodes.new("NodeGroupInput")
+    attribute = _node(tree, "GeometryNodeInputNamedAttribute", Name=_SIDE)  # of floats, as new nodes are
+    side = _product(tree, attribute.outputs["Attribute"], given.outputs["Size"])
+    shapes = (_cubes if as_cubes else _points)(tree, given.outputs["Geometry"], side)
+    coloured = _node(tree, "GeometryNodeSetMaterial", Geometry=shapes, Material=material)
+    _node(tree, "NodeGroupOutput", Geometry=coloured.outputs["Geometry"])
+    return _in_columns(tree)
+
+
+def _cubes(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Cubes as one mesh, which the viewport draws faster than instances, and in their colour in solid mode, too.
+
+    Solid mode shows the attribute that is the active colour. A joined mesh takes that from the first one, here a single
+    vertex of the original, inside its own cube.
+    """
+    cube = _node(tree, "GeometryNodeMeshCube", Size=(1.0, 1.0, 1.0))
+    instances = _node(tree, "GeometryNodeInstanceOnPoints", Points=points, Instance=cube.outputs["Mesh"], Scale=side)
+    realized = _node(tree, "GeometryNodeRealizeInstances", Geometry=instances.outputs["Instances"])
+    later = _node(tree, "FunctionNodeCompare", A=tree.nodes.new("GeometryNodeInputIndex").outputs[0], B=0.5)
+    first = _node(tree, "GeometryNodeDeleteGeometry", Geometry=points, Selection=later.outputs["Result"])
+    joined = tree.nodes.new("GeometryNodeJoinGeometry")
+    for node in (realized, first):  # the last link is the first mesh
+        tree.links.new(node.outputs["Geometry"], joined.inputs["Geometry"])
+    return joined.outputs["Geometry"]
+
+
+def _points(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Point cloud of spheres that fit into the voxels."""
+    cloud = _node(tree, "GeometryNodeMeshToPoints", Mesh=points, Radius=_product(tree, side, 0.5))
+    return cloud.outputs["Points"]
+
+
+def _product(tree: bpy.types.NodeTree, *factors: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation = "MULTIPLY"
+    for socket, factor in zip(node.inputs, factors, strict=False):
+        _set(tree, socket, factor)
+    return node.outputs[0]
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.Node:
+    node = tree.nodes.new(kind)
+    for name, value in inputs.items():
+        _set(tree, node.inputs[name], value)
+    return node
+
+
+def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) -> None:
+    """Sockets become links, other values defaults."""
+    if isinstance(value, bpy.types.NodeSocket):
+        tree.links.new(value, socket)
+    else:
+        socket.default_value = value
+
+
+def _in_columns(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
+    """Tree with its nodes in columns by what they depend on."""
+    for index, node in enumerate(tree.nodes):
+        node.location = (220 * (index // 2), -220 * (index % 2))
+    return tree

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import drawing, framed, handlers, layout, open_pictures
+from patchnet.operators.overlay import drawing, layout, open_pictures
 from patchnet.operators.overlay.layout import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.scene_access.images import ERROR_MAXIMUM
 from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
-from patchnet.operators.session.result_images import RAW, image_name, show_images
+from patchnet.operators.session.result_images import PAGES, RAW, image_name, show_images
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
@@ -63,65 +63,26 @@ def test_frame_is_where_blender_has_it(kind: str, fit: str) -> None:
     matrix = zoomed @ window_matrix(eye, (120, 80))
     rect = layout.frame_rect(camera, matrix, 600, 400)
     np.testing.assert_allclose(rect, (225, 100, 525, 300), atol=1e-2)
+    if (kind, fit) == ("PERSP", "AUTO"):  # one of another aspect keeps its own
+        eye.data.shift_x = eye.data.shift_y = 0.0
+        rect = layout.frame_rect(tracing_camera(eye, scene, (20, 20)), window_matrix(eye, (120, 80)), 600, 400)
+        np.testing.assert_allclose(rect, (0, -100, 600, 500), atol=1e-2)
+    for nowhere in (np.diag([1.0, 1.0, 1.0, -1.0]), np.full((4, 4), np.nan)):
+        assert layout.frame_rect(camera, nowhere, 600, 400) is None
 
 
-def test_frame_of_another_aspect_stays_its_own() -> None:
-    build()
-    scene, eye = bpy.context.scene, bpy.context.scene.camera
-    scene.render.resolution_x, scene.render.resolution_y = 120, 80
-    square = tracing_camera(eye, scene, (20, 20))
-    rect = layout.frame_rect(square, window_matrix(eye, (120, 80)), 600, 400)
-    np.testing.assert_allclose(rect, (0, -100, 600, 500), atol=1e-2)
-
-
-def test_frame_behind_the_eye_is_nowhere() -> None:
-    build()
-    camera = tracing_camera(bpy.context.scene.camera, bpy.context.scene, SIZE)
-    assert layout.frame_rect(camera, np.diag([1.0, 1.0, 1.0, -1.0]), 600, 400) is None
-    assert layout.frame_rect(camera, np.full((4, 4), np.nan), 600, 400) is None
-
-
-def test_image_rect() -> None:
+def test_places_of_images_pixels_and_boxes() -> None:
     rect = layout.image_rect((-0.5, -1.0), (1.5, 1.0), 400, 300)
     np.testing.assert_allclose(rect, (100, 150, 300, 300))
     assert layout.image_rect((0, 0), (0, 1), 400, 300) is None
-
-
-def test_pixel_under_a_point() -> None:
     rect = Rect(100, 50, 340, 210)  # 10 pixels of the region a pixel of the picture
-    assert layout.pixel_at(rect, SIZE, 100, 50) == (0, 0)
-    assert layout.pixel_at(rect, SIZE, 109.9, 59.9) == (0, 0)
-    assert layout.pixel_at(rect, SIZE, 110, 60) == (1, 1)
-    assert layout.pixel_at(rect, SIZE, 339.9, 209.9) == (23, 15)
+    for point, pixel in (((100, 50), (0, 0)), ((109.9, 59.9), (0, 0)), ((110, 60), (1, 1)), ((339.9, 209.9), (23, 15))):
+        assert layout.pixel_at(rect, SIZE, *point) == pixel
     for outside in ((99.9, 60), (340, 60), (200, 210), (200, 49)):
         assert layout.pixel_at(rect, SIZE, *outside) is None
-
-
-def test_wipe() -> None:
-    rect = Rect(100, 0, 300, 80)
-    left, right = layout.sides_of_wipe(rect, 0.25)
-    assert left == Rect(100, 0, 150, 80) and right == Rect(150, 0, 300, 80)
-    assert layout.sides_of_wipe(rect, 0.0)[0].empty and layout.sides_of_wipe(rect, 1.0)[1].empty
-    assert layout.wipe_at(rect, 150) == 0.25
-    assert layout.wipe_at(rect, 0) == 0.0 and layout.wipe_at(rect, 999) == 1.0
-
-
-def test_what_bars_leave_of_a_region() -> None:
-    region = Rect(0, 0, 800, 600)
-    bars = [Rect(0, 570, 800, 600), Rect(0, 0, 800, 20), Rect(0, 20, 50, 570), Rect(600, 20, 800, 570)]
-    assert layout.visible_rect(region, bars) == Rect(50, 20, 600, 570)
-    assert layout.visible_rect(region, [Rect(900, 0, 1000, 600)]) == region
-
-
-def test_box_beside_the_mouse_stays_inside() -> None:
     within = Rect(0, 0, 400, 300)
-    assert layout.beside((100, 200), (80, 60), 10, within) == (110, 130)
-    assert layout.beside((390, 200), (80, 60), 10, within) == (300, 130)
-    assert layout.beside((100, 20), (80, 60), 10, within) == (110, 30)
-
-
-def test_ticks_end_at_the_configured_maximum() -> None:
-    assert layout.tick_values(0.2, 3) == [(0.0, "0"), (0.5, "0.1"), (1.0, "0.2")]
+    for mouse, corner in (((100, 200), (110, 130)), ((390, 200), (300, 130)), ((100, 20), (110, 30))):
+        assert layout.beside(mouse, (80, 60), 10, within) == corner
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -200,6 +161,8 @@ def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> N
     result, wanted = made
     shown = shown_view.view_to_show(result, wanted, 0.0)
     images = show_images(result, shown)
+    for name, count in PAGES.items():
+        assert len(places_on_page(result.pictures[name].shape[1::-1], SIZE, count)) == count
     assert image_name("Eye", "priority") == "PatchNet Eye priority"
     for name in RAW:
         image = bpy.data.images[image_name("Eye", name)]
@@ -249,15 +212,14 @@ def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None
     result, wanted = made
     overlay.forget(bpy.context)
     overlay.show(bpy.context, [result], wanted)
-    assert not views.has_views(bpy.context.scene) and not handlers.is_drawing()
-    bpy.context.window_manager.patchnet_overlay.show_viewport = True
-    assert not handlers.is_drawing()
-    bpy.context.window_manager.patchnet_overlay.show_viewport = False
+    assert not views.has_views(bpy.context.scene)
     for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
         assert not operator.poll()
     with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):
         bpy.ops.patchnet.toggle_overlay()
     assert not open_pictures.open_picture(bpy.context, bpy.data.images.new("Any", 4, 4))
+    assert open_pictures.may_replace(None)
+    assert not open_pictures.may_replace(bpy.data.images.new("Painting", 4, 4))
 
 
 @pytest.mark.parametrize("kind", ["VIEW_3D", "IMAGE_EDITOR"])
@@ -280,20 +242,8 @@ def test_show_overlays_hides_ours_too(kind: str, monkeypatch: pytest.MonkeyPatch
     assert looked == [kind]
 
 
-def test_editors_with_a_picture_of_the_person_are_not_free() -> None:
-    assert open_pictures.is_free(None)
-    assert not open_pictures.is_free(bpy.data.images.new("Painting", 4, 4))
-
-
 def test_views_go_with_their_file(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     views.keep_view(bpy.context.scene, shown_view.view_to_show(result, wanted, 0.0))
     build()
     assert not views.has_views(bpy.context.scene)
-
-
-def test_a_page_has_the_same_places_as_its_image(made: tuple[View, ViewSettings]) -> None:
-    result, _ = made
-    for name, count in framed.PAGES.items():
-        page = result.pictures[name]
-        assert len(places_on_page((page.shape[1], page.shape[0]), SIZE, count)) == count

@@ -21,11 +21,10 @@ from patchnet.patchnet_addon.runtime.eta import FramesEta
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
 from patchnet.tests.blender.job_scene import box, principled
@@ -42,11 +41,15 @@ def kept(scene: bpy.types.Scene) -> SceneResult:
     return result
 
 
+def camera() -> Camera:
+    """The scene's camera."""
+    return choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
+
+
 def expected(scene: bpy.types.Scene) -> PixelBuffers:
     """The pixels as `render_preview` traces it."""
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
     chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
-    return drain(trace_view(kept(scene).octree, camera, chosen, coded=kept(scene).coded))
+    return drain(trace_view(kept(scene).octree, camera(), chosen, coded=kept(scene).coded))
 
 
 def hdr_highlights(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
@@ -80,28 +83,6 @@ def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:
     assert (combined[:, 3] == 1.0).all()
 
 
-def test_refined_pixels_have_as_many_samples_as_the_scene_says(scene: bpy.types.Scene) -> None:
-    scene.patchnet.refined_samples = 100.0
-    counts = rendered(scene)["Sample Count"][..., 0]
-    buffers = expected(scene)
-    chosen = STRATEGIES[scene.patchnet.strategy]
-    samples = rank(chosen, buffers, scene.patchnet.budget).refined_samples(100.0)
-    assert set(samples.tolist()) == {1, 64, 256} and 90.0 < samples[samples > 1].mean() <= 100.0
-    np.testing.assert_array_equal(counts, buffers.picture(samples))
-
-
-def test_renders_rank_in_stages_if_they_are_told_to(scene: bpy.types.Scene) -> None:
-    scene.patchnet.strategy, scene.patchnet.budget = "patchnet-plus-staged", 0.1
-    found = rendered(scene)
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
-    octree, coded = kept(scene).octree, kept(scene).coded
-    buffers, score = drain(scores_in_stages(octree, camera, STRATEGIES["patchnet-plus-staged"], 0.1, coded))
-    assert np.allclose(found["Priority"][..., 0], buffers.picture(score), rtol=1e-4, atol=1e-6)
-    refined = found["Sample Count"][..., 0] > 1
-    assert refined.sum() == round(0.1 * buffers.active.sum())
-    assert found["Priority"][refined].min() >= found["Priority"][~refined].max()
-
-
 def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.types.Scene) -> None:
     scene.render.film_transparent = True
     scene.patchnet.strategy, scene.patchnet.budget = "ss-variance", 0.5
@@ -110,8 +91,7 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     mask = refined_mask(buffers, refinement_order(buffers, STRATEGIES["ss-variance"].scores(buffers)), 0.5)
     combined = found["Combined"].reshape(-1, 4)
     exposure = kept(scene).octree.exposure
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
-    refined = supersample_pixels(kept(scene).octree, camera, np.flatnonzero(mask))
+    refined = supersample_pixels(kept(scene).octree, camera(), np.flatnonzero(mask))
     assert np.array_equal(refined.luminance, buffers.reference[mask])
     assert np.allclose(combined[mask, :3], refined.colors / exposure, rtol=1e-5, atol=1e-6)
     assert np.array_equal(combined[~mask, 3], buffers.hit[~mask].astype(np.float32))
@@ -275,7 +255,12 @@ def test_light_is_baked_within_the_render_and_leaves_nothing(scene: bpy.types.Sc
     assert combined[..., 0].max() > 0.1 and scene.render.engine == ENGINE
 
 
-def test_errors_are_sentences(scene: bpy.types.Scene) -> None:
+def test_errors_and_warnings_are_sentences(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
+    scene.render.use_multiview = True
+    bpy.ops.render.render()
+    assert "no stereo" in "".join(capfd.readouterr())
+    scene.render.use_multiview = False
+    results.forget(scene)
     scene.camera.data.type = "PANO"
     with pytest.raises(RuntimeError, match="choose a perspective or orthographic camera"):
         bpy.ops.render.render()
@@ -285,13 +270,6 @@ def test_errors_are_sentences(scene: bpy.types.Scene) -> None:
             bpy.data.objects.remove(item)
     with pytest.raises(RuntimeError, match="No visible object has a surface"):
         bpy.ops.render.render()
-
-
-def test_stereo_is_mentioned(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
-    scene.render.use_multiview = True
-    bpy.ops.render.render()
-    said = "".join(capfd.readouterr())
-    assert "no stereo" in said
 
 
 class Stopping:

@@ -49,6 +49,9 @@ def said() -> Iterator[str]:
 def test_words() -> None:
     texts = list(said())
     assert len(texts) > 300
+    own = [item for item in PatchNetSettings.bl_rna.properties if item.identifier not in ("rna_type", "name")]
+    kinds = [getattr(bpy.ops.patchnet, name).get_rna_type() for name in dir(bpy.ops.patchnet)]
+    assert [item.identifier for item in (*own, *kinds) if not (item.name and item.description)] == []
     assert not [text for text in texts if BRITISH.search(text)]
     assert not [text for text in texts if PRIVATE.search(text)]
 

@@ -5,7 +5,6 @@ BLENDER=/path/to/blender takes that one; its window opens under xvfb-run where t
 Debian with Blender 5.2 is made in BLENDER_ROOT (.blender-root), which needs root.
 """
 
-import json
 import os
 import shutil
 import subprocess
@@ -18,6 +17,37 @@ from patchnet.tests.real_blender.executable import ROOT, Blender
 
 OUT = ROOT / "out" / "real-blender"
 _SCENE = "bl_ext.user_default.patchnet.operators.demo_scene"
+# A wall, a floor and laths before a world that is a gradient, which a visit reads and bakes in a moment.
+YARD = """
+import bpy
+bpy.ops.wm.read_homefile(use_empty=True)
+scene = bpy.context.scene
+stone = bpy.data.materials.new("Stone")
+
+def box(name, place, sides):
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=place)
+    bpy.context.object.name, bpy.context.object.scale = name, sides
+    bpy.context.object.data.materials.append(stone)
+
+box("Back wall", (0.0, 1.0, 1.0), (4.0, 0.2, 2.0))
+box("Floor", (0.0, 0.0, -0.05), (4.0, 3.0, 0.1))
+for index in range(5):
+    box(f"Lath {index}", (0.5 * index - 1.0, -0.2, 0.8), (0.08, 0.08, 1.6))
+bpy.ops.object.light_add(type="SUN", rotation=(0.6, 0.3, 0.0))
+bpy.context.object.name = "Sun"
+bpy.ops.object.camera_add(location=(0.0, -6.0, 1.2), rotation=(1.5, 0.0, 0.0))
+bpy.context.object.name = "Far"
+scene.camera = bpy.context.object
+scene.world = bpy.data.worlds.new("Gradient")
+scene.world.use_nodes = True
+nodes, links = scene.world.node_tree.nodes, scene.world.node_tree.links
+gradient, place = nodes.new("ShaderNodeTexGradient"), nodes.new("ShaderNodeTexCoord")
+links.new(place.outputs["Generated"], gradient.inputs["Vector"])
+links.new(gradient.outputs["Color"], nodes["Background"].inputs["Color"])
+scene.render.engine = "CYCLES"
+bpy.ops.object.select_all(action="SELECT")
+bpy.ops.wm.save_as_mainfile(filepath=PATH)
+"""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -77,12 +107,8 @@ def courtyard(installed: Blender, out: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def visit(installed: Blender, courtyard: Path, out: Path) -> dict:
-    """Report of window.py."""
-    script = Path(__file__).with_name("window.py")
-    done = installed.run_window(courtyard, "-P", script, "--", out)
-    (out / "window.log").write_text(done.stdout + done.stderr)
-    report = out / "window.json"
-    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'window.log'}"
-    seen: dict = json.loads(report.read_text())
-    return seen | {"said": done.stdout + done.stderr}
+def yard(installed: Blender, out: Path) -> Path:
+    """A small scene."""
+    path = out / "yard.blend"
+    installed.execute(f"exec({YARD!r}, {{'PATH': {str(path)!r}}})")
+    return path

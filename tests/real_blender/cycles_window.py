@@ -21,7 +21,7 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "blender"))
 import clicks
 import scene_snapshot
 import x_keys
-from visits import OUT, Visit, module
+from visits import OUT, Visit, choose, module, open_tab, running
 
 PART = sys.argv[-1]
 SIZE = (48, 32)
@@ -50,10 +50,7 @@ def build() -> None:
         eye.location, eye.rotation_euler = (0.4, -5.0, 0.3), (math.radians(turned), 0.0, 0.05)
         scene.collection.objects.link(eye)
     scene.camera = bpy.data.objects["Eye"]
-    for name, value in SETTINGS.items():
-        setattr(scene.patchnet, name, value)
-    for name, value in CYCLES.items():
-        setattr(scene.patchnet, f"cycles_{name}", value)
+    choose(**SETTINGS, **{f"cycles_{name}": value for name, value in CYCLES.items()})
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
     scene.render.resolution_x, scene.render.resolution_y = 48, 32
 
@@ -80,11 +77,6 @@ def prepare() -> clicks.Session:
 def drawn() -> None:
     """The viewport is drawn."""
     watch["draws"] += bpy.app.is_job_running("RENDER")
-
-
-def running() -> str:
-    """Title of the job that works now, or ""."""
-    return module("jobs.job_operator").JobOperator.running
 
 
 def watched(until) -> clicks.Session:
@@ -140,10 +132,7 @@ def by_button() -> clicks.Session:
     for item in [each for each in classes if each.__name__ in keep]:
         item.bl_options = set()
         bpy.utils.register_class(item)
-    area.spaces.active.show_region_ui = True
-    yield 0.5
-    clicks.region("UI").active_panel_category = "PatchNet"
-    yield 0.3
+    yield from open_tab()
     buttons = yield from clicks.find_buttons({"patchnet.refine_with_cycles"})
     before = state()
     yield from clicks.click(buttons["patchnet.refine_with_cycles"])

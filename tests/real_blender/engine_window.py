@@ -9,7 +9,6 @@ them.
 """
 
 import sys
-import time
 from pathlib import Path
 
 import bpy
@@ -17,7 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, module
+from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, module
 
 visit = Visit("engine")
 seen = visit.seen
@@ -29,12 +28,9 @@ def watched(viewports: list) -> None:
     before = kind.draw
 
     def draw(self, *given):
-        start = time.perf_counter()
         before(self, *given)
-        took = time.perf_counter() - start
         if self not in viewports:
             viewports.append(self)
-        self.longest = max(getattr(self, "longest", 0.0), took)
 
     kind.draw = draw
 
@@ -63,14 +59,12 @@ def preview():
     importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport")
     viewports: list = []
     watched(viewports)
-    values = clicks.window().scene.patchnet
-    values.resolution, values.depth, values.scope = "DEPTH", 7, "VISIBLE"
-    values.light, values.color, values.budget, values.refined_samples = "two-lights", True, 0.005, 1024.0
+    choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights")
+    choose(color=True, budget=0.005, refined_samples=1024.0)
     for step in ("voxelize", "bake_light", "precompute_codes"):
         getattr(bpy.ops.patchnet, step)()
     yield from clicks.wait_for(lambda: viewports and viewports[-1]._preview is not None, "a preview begins", 180.0)
     viewport = viewports[-1]
-    viewport.longest = 0.0
     first, engines = viewport._preview, len(viewports)
     seen["coarse at first"] = bool((first.picture.samples == 0).any())
     yield from clicks.wait_for(lambda: first.picture.buffers is not None, "every pixel is traced")
@@ -84,7 +78,6 @@ def preview():
     yield from settle(viewport, "the preview spends its budget")
     picture = viewport._preview.picture
     seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
-    seen["longest draw_s"] = round(viewport.longest, 2)
     yield from clicks.screenshot(OUT / "engine-refined.png")
     first = picture = None
     yield from masks(viewport)
@@ -111,7 +104,7 @@ def masks(viewport):
     image = bpy.data.images.new("Mask", 128, 64)
     paint(image, slice(0, 64))
     scene.patchnet.budget = 0.001
-    choose(importance="IMAGE", importance_image="Mask")
+    choose_mask(importance="IMAGE", importance_image="Mask")
     yield from settle_masked(viewport, "left")
     yield from clicks.screenshot(OUT / "engine-mask.png")
     paint(image, slice(64, 128))
@@ -122,7 +115,7 @@ def masks(viewport):
     wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
     yield 0.5
     seen["levels before"] = wall.modifiers["Smooth"].levels
-    choose(importance="VERTEX_GROUP", importance_group="Matters")
+    choose_mask(importance="VERTEX_GROUP", importance_group="Matters")
     yield from settle_masked(viewport, "group")
     yield from clicks.screenshot(OUT / "engine-group.png")
     seen["levels after"] = wall.modifiers["Smooth"].levels
@@ -130,18 +123,16 @@ def masks(viewport):
     wall.data.update_tag()
     yield from settle_masked(viewport, "lighter group")
     wall.modifiers.clear()
-    choose(importance_group="Nobody")
+    choose_mask(importance_group="Nobody")
     yield 1.0
     yield from clicks.screenshot(OUT / "engine-no-group.png")
     scene.patchnet.importance = "NONE"
 
 
-def choose(**values: str) -> None:
+def choose_mask(**values: str) -> None:
     """Set settings as buttons do, which tell the scene."""
-    scene = clicks.window().scene
-    for name, value in values.items():
-        setattr(scene.patchnet, name, value)
-    scene.update_tag()
+    choose(**values)
+    clicks.window().scene.update_tag()
 
 
 def paint(image: bpy.types.Image, columns: slice) -> None:
@@ -175,7 +166,7 @@ def final_renders():
     """
     scene = clicks.window().scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 200, 100
-    yield from render("render")
+    yield from rendered("render")
     yield 0.5
     seen["windows"] = [[area.type for area in window.screen.areas] for window in bpy.context.window_manager.windows]
     yield from clicks.screenshot(OUT / "engine-render.png")
@@ -185,42 +176,34 @@ def final_renders():
     frame, said = module("render_engine.render_frame"), []
     warn = frame.warn
     frame.warn = lambda engine, text: (said.append(text), warn(engine, text))
-    yield from render("render of old voxels")
+    yield from rendered("render of old voxels")
     seen["said of old voxels"] = said
     yield 0.5
     yield from clicks.screenshot(OUT / "engine-old.png")
     bpy.ops.patchnet.clear_results()
-    yield from render("render without voxels")
+    yield from rendered("render without voxels")
     yield 0.5
     yield from clicks.screenshot(OUT / "engine-error.png")
 
 
-def render(name: str):
-    """Press F12 and wait until the job ends; how it ended, and how long it took."""
-    ended: list[str] = []
-    notes = [(bpy.app.handlers.render_complete, "complete"), (bpy.app.handlers.render_cancel, "cancel")]
-    added = [(handlers, lambda *_, word=word: ended.append(word)) for handlers, word in notes]
-    for handlers, note in added:
-        handlers.append(note)
+def rendered(name: str) -> clicks.Session:
+    """Press F12 and wait until the job ends; how it ended."""
+    ended = ends_of_renders()
     yield from clicks.key("F12", *clicks.over_viewport())
     yield from clicks.wait_for(lambda: bool(ended) or bpy.app.is_job_running("RENDER"), f"{name} starts")
-    start = time.monotonic()
     yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), f"{name} ends")
-    seen[name] = {"ended": ended[-1], "seconds": round(time.monotonic() - start, 1)}
-    for handlers, note in added:
-        handlers.remove(note)
+    seen[name] = ended[-1]
 
 
 def sky_at_once():
     """In a file that has just been opened, F12 and all frames of an animation: the world is another one in each."""
     bpy.ops.wm.open_mainfile(filepath=str(OUT / "sky.blend"))
     yield 0.1
-    yield from render("sky at once")
+    yield from rendered("sky at once")
     bpy.data.images["Render Result"].save_render(str(OUT / "sky-at-once.exr"))
     scene = clicks.window().scene
     scene.render.filepath = str(OUT / "sky-window-")
-    ended: list[str] = []
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    ended = ends_of_renders()
     with bpy.context.temp_override(window=clicks.window()):
         bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
     yield from clicks.wait_for(lambda: bool(ended) and not bpy.app.is_job_running("RENDER"), "the animation ends")

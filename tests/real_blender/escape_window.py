@@ -16,15 +16,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 import x_keys
-from visits import OUT, Visit
-
-ENGINE = "bl_ext.user_default.patchnet.operators.render_engine"
+from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, render
 
 SIZE = 960, 540  # minutes of work, where all pixels are refined
 
 visit = Visit("escape")
 seen = visit.seen
-ended: list[str] = []
+ended = ends_of_renders()
 pictures: list = []
 
 
@@ -33,9 +31,8 @@ def prepare() -> clicks.Session:
     from importlib import import_module
 
     scene = clicks.window().scene
-    values = scene.patchnet
-    values.resolution, values.depth, values.scope, values.light = "DEPTH", 6, "VISIBLE", "two-lights"
-    values.color, values.strategy, values.refined_samples = True, "ss-variance", 1024.0
+    choose(resolution="DEPTH", depth=6, scope="VISIBLE", light="two-lights")
+    choose(color=True, strategy="ss-variance", refined_samples=1024.0)
     wall = scene.objects["Back wall"]
     wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
     bpy.context.view_layer.update()
@@ -45,8 +42,7 @@ def prepare() -> clicks.Session:
     settings = scene.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *SIZE, 100
-    module = import_module(f"{ENGINE}.render_frame")
+    module = import_module(f"{PACKAGE}.operators.render_engine.render_frame")
     whole = module.AdaptivePicture
 
     class Watched(whole):
@@ -57,16 +53,13 @@ def prepare() -> clicks.Session:
             pictures.append(self)
 
     module.AdaptivePicture = Watched
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
 
 
-def render() -> None:
-    """Call what F12 calls."""
+def begin(width: int, height: int) -> None:
+    """Start a render."""
     ended.clear()
     pictures.clear()
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
+    render(width, height)
 
 
 def escape(name: str) -> clicks.Session:
@@ -89,8 +82,8 @@ def keep(name: str) -> None:
 
 def stop_refining() -> clicks.Session:
     """Esc while pixels are refined: what was refined by then stays."""
-    clicks.window().scene.patchnet.budget = 1.0
-    render()
+    choose(budget=1.0)
+    begin(*SIZE)
     yield from clicks.wait_for(lambda: pictures and bool((pictures[0].samples == 1024).any()), "pixels are refined")
     yield from escape("stopped")
     keep("escape-stopped")
@@ -100,21 +93,20 @@ def stop_refining() -> clicks.Session:
 
 def render_again() -> clicks.Session:
     """Small ones to their ends, with a mask that is white on the left, and with a vertex group."""
-    scene = clicks.window().scene
-    scene.render.resolution_percentage, scene.patchnet.budget = 10, 0.1
+    choose(budget=0.1)
     image = bpy.data.images.new("Mask", 64, 32)
     pixels = np.ones((32, 64, 4), np.float32)
     pixels[:, 32:, :3] = 0.0
     image.pixels.foreach_set(pixels.ravel())
-    scene.patchnet.importance, scene.patchnet.importance_image = "IMAGE", "Mask"
+    choose(importance="IMAGE", importance_image="Mask")
     yield from render_to_end("image")
-    scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Matters"
+    choose(importance="VERTEX_GROUP", importance_group="Matters")
     yield from render_to_end("group")
 
 
 def render_to_end(name: str) -> clicks.Session:
-    """A render that nobody stops."""
-    render()
+    """A small render that nobody stops."""
+    begin(96, 54)
     yield from clicks.wait_for(over, f"the render with {name} ends")
     seen[name] = list(ended)
     keep(f"escape-{name}")

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Start of a real Blender, with and without a window."""
 
+import json
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 15.0  # three times the longest that a stop may take: machines that test do other things too
 SCREEN = (1500, 1500)  # as high as the tab with all its lines
 SMALL_SCREEN = (1000, 800)  # drawn and rendered sooner
 
@@ -39,6 +41,33 @@ class Blender:
         virtual = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
         place = (*(("--enable-event-simulate",) if simulate else ()), "-p", "0", "0", str(width), str(height))
         return self._start((*virtual, self.program, *place, *map(str, arguments)), seconds)
+
+    def visit(
+        self,
+        name: str,
+        out: Path,
+        *arguments: str | Path,
+        file: Path | None = None,
+        script: str = "",
+        ended: str = "",
+        simulate: bool = True,
+        screen: tuple[int, int] = SMALL_SCREEN,
+    ) -> dict:
+        """Let NAME_window.py play in a window that shows a file; its report `out`/NAME.json, and what Blender said.
+
+        Fails if the visit did not come to its end without errors. ended: "problem" of a visit that ends Blender itself.
+        """
+        path = ROOT / "tests" / "real_blender" / f"{script or name}_window.py"
+        opened = () if file is None else (file,)
+        done = self.run_window(
+            *opened, "-P", path, "--", out, *arguments, seconds=900.0, simulate=simulate, screen=screen
+        )
+        said, report = done.stdout + done.stderr, out / f"{name}.json"
+        (out / f"{name}.log").write_text(said)
+        assert report.exists(), f"Blender ended with code {done.returncode} before the visit did:\n{said}"
+        found: dict = json.loads(report.read_text())
+        assert found["problem"] == ended and "Traceback" not in said, f"{found['problem']}\n{said}"
+        return found | {"said": said, "code": done.returncode}
 
     def execute(self, line: str) -> str:
         """Run a line of Python in background; what was printed. Fails if it fails."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody goes on using Blender beside a job: saves, opens menus, edits, closes windows, undoes, renders.
 
-    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P jobs_window.py -- OUT
+    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P jobs_window.py -- OUT
 
 Writes OUT/jobs.json, a value for each thing that was seen. test_jobs_window.py judges them.
 """
@@ -14,7 +14,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, module
+from visits import OUT, Heard, Visit, baking, choose, ends_of_renders, modal, module, result, running
+from visits import render as press_f12
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
 LONG, SHORT = 4096, 1  # samples of a page that takes a minute, and of one that takes a moment
@@ -24,32 +25,9 @@ seen = visit.seen
 heard = Heard()
 
 
-def operators() -> type:
-    """The class that knows which job works now."""
-    return module("jobs.job_operator").JobOperator
-
-
-def running() -> str:
-    """Title of the job that works now, or ""."""
-    return operators().running
-
-
-def modal() -> list[str]:
-    """Modal operators of all windows."""
-    return [item.bl_idname for window in bpy.context.window_manager.windows for item in window.modal_operators]
-
-
-def result():
-    """Result of the scene so far, or None."""
-    return module("session.results").result_of(clicks.window().scene)
-
-
-def start(samples: int, name: str = "run_all") -> clicks.Session:
+def start(samples: int) -> clicks.Session:
     """Start a job as its button does, and wait until Cycles bakes."""
-    clicks.window().scene.patchnet.samples = samples
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
-    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
+    yield from baking(samples)
     yield 0.3
 
 
@@ -63,9 +41,7 @@ def stop() -> clicks.Session:
 
 def prepare() -> clicks.Session:
     """Small settings, and a picture of the user's own in an Image Editor."""
-    scene = clicks.window().scene
-    for name, value in SMALL.items():
-        setattr(scene.patchnet, name, value)
+    choose(**SMALL)
     editor = clicks.area("OUTLINER")
     editor.type = "IMAGE_EDITOR"
     editor.spaces.active.image = bpy.data.images.new("Mine", 16, 16)
@@ -110,7 +86,7 @@ def use_blender_meanwhile() -> clicks.Session:
 def edit_meanwhile() -> clicks.Session:
     """A script changes what is baked: the job ends with a sentence, and keeps no page of a scene that is none."""
     yield from start(SHORT)
-    watch = operators().in_window._watch
+    watch = module("jobs.job_operator").JobOperator.in_window._watch
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
     yield 0.3
@@ -142,7 +118,7 @@ def undo_meanwhile() -> clicks.Session:
 def resume() -> clicks.Session:
     """Esc after some pages; the next job goes on there."""
     yield from start(4)
-    share = operators().in_window._display
+    share = module("jobs.job_operator").JobOperator.in_window._display
     yield from clicks.wait_for(lambda: share.progress.label == "Baking light" and share.progress.done >= 2, "two pages")
     yield from stop()
     heard.labels.clear()
@@ -198,38 +174,27 @@ def false_reports() -> clicks.Session:
 
 def render() -> clicks.Session:
     """F12 uses the voxels that are there."""
-    scene, ended = clicks.window().scene, []
-    scene.render.engine = "PATCHNET"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 32, 100
-    octree = result().octree
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
+    octree, ended = result().octree, ends_of_renders()
+    press_f12(48, 32)
     yield from clicks.wait_for(lambda: bool(ended), "the render ends")
     yield 0.5
-    path = OUT / "jobs-render.png"
-    bpy.data.images["Render Result"].save_render(str(path))
-    image = bpy.data.images.load(str(path))
+    bpy.data.images["Render Result"].save_render(str(OUT / "jobs-render.png"))
+    image = bpy.data.images.load(str(OUT / "jobs-render.png"))
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
-    seen["render"] = {"ended": ended, "mean": float(pixels.reshape(-1, 4)[:, :3].mean())}
-    seen["render"]["same voxels"] = result().octree is octree
+    mean = float(pixels.reshape(-1, 4)[:, :3].mean())
+    seen["render"] = {"ended": ended, "mean": mean, "same voxels": result().octree is octree}
+
+
+PARTS = (
+    prepare, use_blender_meanwhile, edit_meanwhile, undo_meanwhile, resume, reports, after_the_job, false_reports,
+    render,
+)  # fmt: skip
 
 
 def session() -> clicks.Session:
     """The whole visit."""
-    for part in (
-        prepare,
-        use_blender_meanwhile,
-        edit_meanwhile,
-        undo_meanwhile,
-        resume,
-        reports,
-        after_the_job,
-        false_reports,
-        render,
-    ):
+    for part in PARTS:
         yield from part()
         visit.save(part.__name__)
 

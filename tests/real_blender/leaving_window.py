@@ -2,7 +2,7 @@
 """Somebody leaves in the middle of a bake, in every way there is: renders, disables PatchNet, deletes the
 scene, goes back to a step of undo, opens another file, quits.
 
-    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P leaving_window.py -- OUT
+    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P leaving_window.py -- OUT
 
 Writes OUT/leaving.json, a value for each thing that was seen. test_leaving.py judges them, and the quit.blend of it.
 """
@@ -15,7 +15,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Heard, Visit, module
+from visits import OUT, PACKAGE, Heard, Visit, baking, choose, ends_of_renders, modal, module, press, render, running
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
 ENDLESS = 65536  # samples of a page that takes hours
@@ -26,14 +26,9 @@ seen = visit.seen
 heard = Heard()
 
 
-def running() -> str:
-    """Title of the job that works now, or ""."""
-    return module("jobs.job_operator").JobOperator.running
-
-
 def state() -> dict[str, object]:
     """What a bake could leave behind: data-blocks, settings of the scene, modal operators, jobs."""
-    scene, window = clicks.window().scene, clicks.window()
+    scene = clicks.window().scene
     properties = [item for item in scene.cycles.bl_rna.properties if item.identifier != "rna_type"]
     linking = {lamp.name: lamp.light_linking.receiver_collection for lamp in scene.objects if lamp.type == "LIGHT"}
     names = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in KINDS}
@@ -43,7 +38,7 @@ def state() -> dict[str, object]:
         "cycles": {item.identifier: str(getattr(scene.cycles, item.identifier)) for item in properties},
         "curves": [scene.cycles_curves.shape],
         "lamps": {name: item and item.name for name, item in linking.items()},
-        "modal": [item.bl_idname for item in window.modal_operators if "render" not in item.bl_idname.lower()],
+        "modal": [name for name in modal() if "render" not in name.lower()],
         "jobs": [kind for kind in ("OBJECT_BAKE", "RENDER") if bpy.app.is_job_running(kind)],
     }
 
@@ -61,16 +56,13 @@ def differences(before: dict[str, object]) -> dict[str, object]:
 
 def start(samples: int) -> clicks.Session:
     """Start Preview Selection as its button does, and wait until Cycles bakes."""
-    clicks.window().scene.patchnet.samples = samples
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
-    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
+    yield from baking(samples)
     yield 1.0
 
 
 def left(name: str, leave) -> clicks.Session:
     """Start a bake that takes hours, leave, look at what is left of it."""
-    clicks.window().scene.patchnet.samples = ENDLESS
+    choose(samples=ENDLESS)
     before = state()
     yield from start(ENDLESS)
     begun = time.monotonic()
@@ -85,8 +77,7 @@ def left(name: str, leave) -> clicks.Session:
 def prepare() -> clicks.Session:
     """Small settings, a lamp that shines on one object alone, a setting of the user's."""
     scene = clicks.window().scene
-    for name, value in SMALL.items():
-        setattr(scene.patchnet, name, value)
+    choose(**SMALL)
     scene.cycles.samples, scene.cycles.sample_clamp_indirect = 64, 10.0
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 32, 100
     receivers = bpy.data.collections.new("Receivers")
@@ -98,15 +89,10 @@ def prepare() -> clicks.Session:
 
 def rendered(engine: str) -> clicks.Session:
     """Somebody renders while a page is baked: the job waits, and goes on."""
-    scene, ended = clicks.window().scene, []
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    scene, ended = clicks.window().scene, ends_of_renders()
     yield from start(2)
-    scene.render.engine, scene.cycles.samples = engine, 512
-    begun = time.monotonic()
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
-    seen[f"{engine} begins after"] = round(time.monotonic() - begun, 1)
+    scene.cycles.samples = 512
+    render(48, 32, engine)
     display = module("jobs.job_operator").JobOperator.in_window._display
     notes = set()
     while not ended:
@@ -117,8 +103,6 @@ def rendered(engine: str) -> clicks.Session:
     seen[f"rendered by {engine}"] = {"then": [running(), *ended], "notes": sorted(notes - {""})}
     yield from clicks.key("ESC", *clicks.over_viewport())
     yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
-    for handlers in (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel):
-        handlers.pop()
     scene.render.engine, scene.cycles.samples = "CYCLES", 64
     yield 0.5
 
@@ -133,10 +117,9 @@ def disabled() -> clicks.Session:
 def disabled_in_a_render() -> clicks.Session:
     """The extension is switched off, and on again, while Cycles renders for the user."""
     scene = clicks.window().scene
-    scene.render.engine, scene.cycles.samples = "CYCLES", ENDLESS
+    scene.cycles.samples = ENDLESS
     before = state()
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
+    render(48, 32, "CYCLES")
     yield 2.0
     begun, ran = time.monotonic(), bpy.app.is_job_running("RENDER")
     bpy.ops.preferences.addon_disable(module=PACKAGE)
@@ -169,8 +152,8 @@ def deleted_scene() -> clicks.Session:
 def other_scene_shown() -> clicks.Session:
     """A scene is made, and shown, while a job adds the demo scene in the one before."""
     first = clicks.window().scene
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        bpy.ops.patchnet.add_demo_scene("INVOKE_DEFAULT")
+    press("add_demo_scene")
+    with bpy.context.temp_override(window=clicks.window()):
         bpy.ops.scene.new()
     yield from clicks.wait_for(lambda: not running(), "the demo scene is there")
     seen["shown in the end"] = clicks.window().scene.name
@@ -182,8 +165,7 @@ def other_scene_shown() -> clicks.Session:
 
 def undone() -> clicks.Session:
     """A step of undo is made while a page is baked, and gone back to later."""
-    scene = clicks.window().scene
-    scene.patchnet.samples = ENDLESS
+    choose(samples=ENDLESS)
     bpy.ops.ed.undo_push(message="before")
     before = state()
     yield from start(ENDLESS)

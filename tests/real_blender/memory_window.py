@@ -17,9 +17,9 @@ from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import PACKAGE, Heard, Visit, module
+from visits import PACKAGE, Heard, Visit, choose, ends_of_renders, module, press, render, running
 
-SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "samples": 1, "cameras": "Middle"}
+SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 8, "samples": 1, "cameras": "Middle"}
 
 visit = Visit("memory")
 seen = visit.seen
@@ -47,15 +47,11 @@ def close_windows() -> clicks.Session:
         yield 0.5
 
 
-def render(engine: str) -> clicks.Session:
+def rendered(engine: str) -> clicks.Session:
     """F12, and the window with the picture closed again."""
-    scene, ended = clicks.window().scene, []
-    scene.render.engine = engine
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 480, 270, 100
-    scene.cycles.samples = 1
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
+    ended = ends_of_renders()
+    clicks.window().scene.cycles.samples = 1
+    render(480, 270, engine)
     yield from clicks.wait_for(lambda: bool(ended), f"the render by {engine} ends", 200.0)
     yield 1.0
     yield from close_windows()
@@ -63,13 +59,9 @@ def render(engine: str) -> clicks.Session:
 
 def preview() -> clicks.Session:
     """The whole job."""
-    scene = clicks.window().scene
-    for name, value in SETTINGS.items():
-        setattr(scene.patchnet, name, value)
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        bpy.ops.patchnet.run_all("INVOKE_DEFAULT")
-    job = module("jobs.job_operator").JobOperator
-    yield from clicks.wait_for(lambda: not job.running, "the job ends", 1200.0)  # kernels take a minute or more
+    choose(**SETTINGS)
+    press("run_all")
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 1200.0)  # kernels take a minute or more
     seen["steps"] = list(heard.labels)
     yield from measure("job")
 
@@ -106,11 +98,11 @@ def kernels() -> None:
 def session() -> clicks.Session:
     """The whole visit. Blender keeps 100 MB and more of its first render with Cycles, whoever asks for it."""
     yield from measure("start")
-    yield from render("CYCLES")
+    yield from rendered("CYCLES")
     yield from measure("rendered by Cycles")
     yield from preview()
     yield from look_around()
-    yield from render("PATCHNET")
+    yield from rendered("PATCHNET")
     yield from measure("rendered")
     yield from free()
     kernels()

@@ -17,7 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, module
+from visits import OUT, PACKAGE, Visit, choose, module
 
 SIZE = (48, 32)
 SAMPLES = ((0.15, 0.5), (0.3, 0.55), (0.7, 0.5), (0.8, 0.6))  # places in the frame, off legends and titles
@@ -43,9 +43,7 @@ def build() -> None:
     scene.collection.objects.link(eye)
     scene.camera = eye
     scene.render.resolution_x, scene.render.resolution_y = 960, 640
-    chosen = {"resolution": "DEPTH", "depth": 7, "size": SIZE, "light": "two-lights", "reference": True}
-    for name, value in chosen.items():
-        setattr(scene.patchnet, name, value)
+    choose(resolution="DEPTH", depth=7, size=SIZE, light="two-lights", reference=True)
 
 
 def in_area(kind: str, operator, *arguments: object, **settings: object):
@@ -72,18 +70,27 @@ def color_at(path: Path, x: float, y: float) -> list[int]:
 
 def compare(path: Path, kind: str, names: tuple[str, str]) -> list[list[list[int]]]:
     """Colours on the screen and in the pictures, at places left and right of the wipe in the middle."""
-    framed, drawing = module("overlay.framed"), module("overlay.drawing")
-    scene, region = clicks.window().scene, clicks.region("WINDOW", kind)
-    found = framed.framed(scene, clicks.area(kind), region)
-    rect, view = found.rect, found.view
-    pairs = []
+    view, (rect,) = framed(kind)
+    maximum = module("overlay.drawing").maximum_of(clicks.window().scene, view)
+    pictures = [view.picture(name, maximum, "viridis") for name in names]
+    return pairs(path, rect, clicks.region("WINDOW", kind), pictures)
+
+
+def framed(kind: str):
+    """View in the largest area of a kind, and its rectangles."""
+    return module("overlay.framed").framed(clicks.window().scene, clicks.area(kind), clicks.region("WINDOW", kind))
+
+
+def pairs(path: Path, rect, region: bpy.types.Region, pictures: list[np.ndarray]) -> list[list[list[int]]]:
+    """Colours on the screen and in two pictures, the left and the right one, that lie in a rectangle of a region."""
+    found = []
     for share_x, share_y in SAMPLES:
         column, row = int(share_x * SIZE[0]), int(share_y * SIZE[1])
         x = rect.left + (column + 0.5) / SIZE[0] * rect.width + region.x
         y = rect.bottom + (row + 0.5) / SIZE[1] * rect.height + region.y
-        picture = view.picture(names[share_x > 0.5], drawing.maximum_of(scene, view), "viridis")
-        pairs.append([color_at(path, x, y), [round(float(value) * 255) for value in picture[row, column]]])
-    return pairs
+        value = pictures[share_x > 0.5][row, column]
+        found.append([color_at(path, x, y), [round(float(channel) * 255) for channel in value]])
+    return found
 
 
 def into_camera():
@@ -129,10 +136,8 @@ def doubled():
 
 def inspect():
     """The pixel under the mouse; a right click ends it."""
-    framed = module("overlay.framed")
-    inspected = module("session.scene_session").session_of(clicks.window().scene).inspected
-    region = clicks.region("WINDOW")
-    rect = framed.framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
+    inspected, region = module("overlay.drawing").inspected, clicks.region("WINDOW")
+    _, (rect,) = framed("VIEW_3D")
     x, y = int(region.x + rect.left + 0.3 * rect.width), int(region.y + rect.bottom + 0.55 * rect.height)
     in_area("VIEW_3D", bpy.ops.patchnet.inspect_pixels, "INVOKE_DEFAULT")
     yield from clicks.move(x, y)
@@ -148,7 +153,7 @@ def drag():
     """The wipe follows the mouse; Esc brings it back, a click leaves it."""
     values = bpy.context.window_manager.patchnet_overlay
     region = clicks.region("WINDOW")
-    rect = module("overlay.framed").framed(clicks.window().scene, clicks.area("VIEW_3D"), region).rect
+    _, (rect,) = framed("VIEW_3D")
     y = int(region.y + rect.bottom + 0.5 * rect.height)
     seen["wiped"] = []
     for share, end in ((0.25, "ESC"), (0.75, "LEFTMOUSE")):
@@ -164,29 +169,18 @@ def drag():
 
 
 def unfinished():
-    """A job's unfinished picture where no Image Editor is free: in the camera's frame, else in a corner."""
-    place_of = module("overlay.unfinished").place_of
-    Unfinished = module("pipeline.unfinished").Unfinished
+    """A job's unfinished picture where no Image Editor is free: in a corner."""
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
-    item, area, region = Unfinished("Eye", "refining, 40%", picture), clicks.area("VIEW_3D"), clicks.region("WINDOW")
+    item, region = module("pipeline.unfinished").Unfinished("Eye", "refining, 40%", picture), clicks.region("WINDOW")
     preferences = bpy.context.preferences.addons[PACKAGE].preferences
     preferences.open_pictures = "WINDOW"
     before = len(bpy.context.window_manager.windows)
     with module("overlay").unfinished_pictures(bpy.context) as meanwhile:
-        for name in ("unfinished camera", "unfinished corner"):
-            meanwhile(item)
-            path = yield from shot("overlay-" + name.replace(" ", "-"))
-            with bpy.context.temp_override(window=clicks.window(), area=area, region=region):
-                rect = place_of(bpy.context, item)
-            seen[name] = []
-            for share_x, share_y in SAMPLES:
-                column, row = int(share_x * SIZE[0]), int(share_y * SIZE[1])
-                x = rect.left + (column + 0.5) / SIZE[0] * rect.width + region.x
-                y = rect.bottom + (row + 0.5) / SIZE[1] * rect.height + region.y
-                seen[name].append([color_at(path, x, y), [round(float(v) * 255) for v in picture[row, column]]])
-            in_area("VIEW_3D", bpy.ops.view3d.view_camera)  # out of the camera, and back into it
-            yield 0.5
-    path = yield from shot("overlay-unfinished-gone")
+        meanwhile(item)
+        path = yield from shot("overlay-unfinished")
+        with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=region):
+            rect = module("overlay.unfinished").inset_rect(bpy.context, picture)
+        seen["unfinished"] = pairs(path, rect, region, [picture, picture])
     seen["unfinished windows"] = len(bpy.context.window_manager.windows) - before
     preferences.open_pictures = "NEVER"
 
@@ -247,14 +241,14 @@ def automatic():
 
 def end():
     """A moved camera is marked; free memory ends all."""
-    handlers, textures, kept = module("overlay.handlers"), module("overlay.paint"), module("session.views")
+    settings, textures, kept = module("overlay.overlay_settings"), module("overlay.paint"), module("session.views")
     scene = clicks.window().scene
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
     seen["stale"] = kept.why_stale(scene, kept.view_of_camera(scene, "Eye"))
-    seen["drawing"] = [handlers.is_drawing(), textures.held() > 0, handlers.problem]
+    seen["drawing"] = [textures.held() > 0, settings.problem]
     in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
-    seen["cleared"] = [handlers.is_drawing(), textures.held(), kept.has_views(scene)]
+    seen["cleared"] = [textures.held(), kept.has_views(scene)]
 
 
 def session():

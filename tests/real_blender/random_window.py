@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody who clicks at random: panel, viewport, undo, files, windows, renders, the extension off and on again.
 
-    blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P random_window.py -- OUT [STEPS [SEED]]
+    blender --enable-event-simulate -p 0 0 1500 800 yard.blend -P random_window.py -- OUT [STEPS [SEED]]
 
 Writes OUT/random.json, and each step into OUT/random-steps.txt before it is taken, so that a crash leaves the last.
 """
@@ -17,11 +17,11 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit
+from visits import OUT, PACKAGE, Visit, choose
 
 WORDS = sys.argv[sys.argv.index("--") + 2 :]
 STEPS, SEED = int(WORDS[0]) if WORDS else 100, int(WORDS[1]) if len(WORDS) > 1 else 0
-COURTYARD = bpy.data.filepath
+YARD = bpy.data.filepath
 SMALL = {"resolution": "DEPTH", "depth": 5, "samples": 1, "texel_voxels": 8.0, "size": (32, 24), "scope": "VISIBLE"}
 CHOICES = {
     "light": ("cycles", "two-lights"), "resolution": ("AUTO", "FIT", "DEPTH"), "scope": ("SELECTED", "VISIBLE"),
@@ -135,7 +135,7 @@ def file() -> clicks.Session:
     chance.choice(
         (
             lambda: called(bpy.ops.wm.save_as_mainfile, filepath=path, copy=True),
-            lambda: called(bpy.ops.wm.open_mainfile, filepath=COURTYARD),
+            lambda: called(bpy.ops.wm.open_mainfile, filepath=YARD),
             lambda: called(bpy.ops.wm.read_homefile),
             lambda: called(bpy.ops.wm.revert_mainfile),
         )
@@ -203,8 +203,7 @@ def small() -> None:
     """Small pictures of coarse voxels, Blender's small renders, and the tab in front."""
     scene = clicks.window().scene
     scene.render.resolution_x, scene.render.resolution_y, scene.cycles.samples = 48, 32, 1
-    for name, value in SMALL.items():
-        setattr(scene.patchnet, name, value)
+    choose(**SMALL)
     if not any(area.type == "VIEW_3D" for area in clicks.window().screen.areas):
         max(clicks.window().screen.areas, key=lambda area: area.width * area.height).type = "VIEW_3D"
     clicks.area("VIEW_3D").spaces.active.show_region_ui = True

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody's Blender dies after a bake that nobody saved, then opens the file again and goes on without a bake.
 
-    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P reload_window.py -- OUT made
+    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P reload_window.py -- OUT made
     blender --enable-event-simulate -p 0 0 1000 800 OUT/reload.blend -P reload_window.py -- OUT opened
 
 Writes OUT/made.json and OUT/opened.json, a value for each thing that was seen. test_reload.py judges them.
@@ -17,7 +17,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, module, side_box
+from visits import OUT, Heard, Visit, choose, ends_of_renders, open_tab, press, render, result, running, side_box
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (96, 64), "cameras": "Far", "samples": 1}
 
@@ -25,11 +25,6 @@ name = sys.argv[-1]
 visit = Visit(name)
 seen = visit.seen
 heard = Heard()
-
-
-def result():
-    """Result of the scene, or None."""
-    return module("session.results").result_of(clicks.window().scene)
 
 
 def told() -> dict[str, object]:
@@ -47,18 +42,16 @@ def run(job: str) -> clicks.Session:
     """Press a button of the sidebar, and wait until its job is over; labels of the steps that it took."""
     heard.begun.clear()
     heard.labels.clear()
-    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
-        getattr(bpy.ops.patchnet, job)("INVOKE_DEFAULT")
+    press(job)
     yield from clicks.wait_for(lambda: bool(heard.begun), "the job starts")
-    yield from clicks.wait_for(lambda: not module("jobs.job_operator").JobOperator.running, "the job ends", 300.0)
+    yield from clicks.wait_for(lambda: not running(), "the job ends", 300.0)
     yield 0.5
     return list(heard.labels)
 
 
 def made() -> clicks.Session:
     """Save, then preview everything with Cycles' light, then die without saving."""
-    for setting, value in SMALL.items():
-        setattr(clicks.window().scene.patchnet, setting, value)
+    choose(**SMALL)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUT / "reload.blend"))
     yield 0.3
     seen["steps"] = yield from run("run_all")
@@ -74,35 +67,22 @@ def opened() -> clicks.Session:
     yield from clicks.wait_for(lambda: result() is not None, "the voxels come back", 60.0)
     seen["told"] = told()
     seen["pictures at first"] = pictures()
-    yield from sidebar()
+    yield from open_tab()
     yield from clicks.screenshot(OUT / "panel-reloaded.png", side_box())
     seen["steps of the preview"] = yield from run("render_preview")
     seen["pictures"] = len(pictures())
     visit.save("preview")
-    yield from render()
+    yield from rendered()
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.revert_mainfile()
     yield from clicks.wait_for(lambda: result() is not None, "the voxels come back", 60.0)
     seen["told when reverted"] = told()
 
 
-def sidebar() -> clicks.Session:
-    """The tab in the sidebar."""
-    clicks.area("VIEW_3D").spaces.active.show_region_ui = True
-    yield 0.5
-    clicks.region("UI").active_panel_category = "PatchNet"
-    yield 0.5
-
-
-def render() -> clicks.Session:
+def rendered() -> clicks.Session:
     """F12, with the voxels that came back."""
-    scene, ended, octree = clicks.window().scene, [], result().octree
-    scene.render.engine = "PATCHNET"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 96, 64, 100
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
-    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
-    with bpy.context.temp_override(window=clicks.window()):
-        bpy.ops.render.render("INVOKE_DEFAULT")
+    ended, octree = ends_of_renders(), result().octree
+    render(96, 64)
     yield from clicks.wait_for(lambda: bool(ended), "the render ends", 120.0)
     yield 0.5
     seen["render"] = {"ended": ended, "same voxels": result().octree is octree}

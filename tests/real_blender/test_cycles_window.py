@@ -1,26 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Refine with Cycles beside a window that lives; cycles_window.py is what happened there."""
 
-import json
 from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+from patchnet.tests.real_blender.executable import Blender
 
 RENDERS = 4  # the pixel with which Cycles reads the scene, the region, the whole picture, the reference
 
 
 def visit(part: str, blender: Blender, out: Path) -> dict:
     """Report of cycles_window.py."""
-    script = Path(__file__).with_name("cycles_window.py")
-    done = blender.run_window("-P", script, "--", out, part, simulate=part == "button", screen=SMALL_SCREEN)
-    said = done.stdout + done.stderr
-    (out / f"cycles-{part}.log").write_text(said)
-    report = out / f"cycles-{part}.json"
-    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did:\n{said}"
-    found: dict = json.loads(report.read_text())
-    assert not found["problem"] and "Traceback" not in said, found["problem"] + said
+    found = blender.visit(f"cycles-{part}", out, part, script="cycles", simulate=part == "button")
     assert found["left in the folder for temporary files"] == []
     return found
 

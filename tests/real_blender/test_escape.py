@@ -1,31 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """F12 in a job of Blender's own, stopped by Esc and started again; escape_window.py is what happened in the window."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
-
-# The longest that a stop may take by the project's rule, three times: machines that test do other things too.
-PATIENCE_S = 15.0
+from patchnet.tests.real_blender.executable import PATIENCE_S, Blender
 
 
 @pytest.fixture(scope="module")
 def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
     """Report of escape_window.py."""
-    script = Path(__file__).with_name("escape_window.py")
-    done = installed.run_window(courtyard, "-P", script, "--", out, simulate=False, screen=SMALL_SCREEN)
-    said = done.stdout + done.stderr
-    (out / "escape.log").write_text(said)
-    report = out / "escape.json"
-    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'escape.log'}"
-    found: dict = json.loads(report.read_text())
-    assert not found["problem"] and "Traceback" not in said, said
-    return found
+    return installed.visit("escape", out, file=courtyard, simulate=False)
 
 
 def single(out: Path, name: str, layer_pass: str) -> np.ndarray:

@@ -1,42 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender beside a job in a real window: what jobs_window.py saw is what a user should see."""
 
-import json
 from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+from patchnet.tests.real_blender.executable import Blender
 
 BLOCKS = "{kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in KINDS}"
 KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "collections", "scenes", "node_groups")
 
 
 @pytest.fixture(scope="module")
-def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
+def jobs(installed: Blender, yard: Path, out: Path) -> dict:
     """Report of jobs_window.py."""
-    script = Path(__file__).with_name("jobs_window.py")
-    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
-    done = small_pages.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN)
-    (out / "jobs.log").write_text(done.stdout + done.stderr)
-    report = out / "jobs.json"
-    assert report.exists(), f"Blender ended with code {done.returncode} before the visit did: see {out / 'jobs.log'}"
-    seen: dict = json.loads(report.read_text())
-    return seen | {"said": done.stdout + done.stderr}
-
-
-def test_visit_came_to_its_end(jobs: dict) -> None:
-    assert jobs["problem"] == ""
-    assert "Traceback" not in jobs["said"]
+    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "64"})
+    return small_pages.visit("jobs", out, file=yard)
 
 
 def test_keys_and_menus_save_beside_a_job(jobs: dict) -> None:
     assert jobs["saves"] == 2
 
 
-def test_a_file_saved_beside_a_job_is_the_users_own(jobs: dict, installed: Blender, courtyard: Path, out: Path) -> None:
+def test_a_file_saved_beside_a_job_is_the_users_own(jobs: dict, installed: Blender, yard: Path, out: Path) -> None:
     contents = []
-    for path in (courtyard, out / "jobs-saved.blend"):
+    for path in (yard, out / "jobs-saved.blend"):
         values = f"[{BLOCKS}, s.render.engine, s.cycles.samples, s.world.name]"
         line = f"import bpy, json; s = bpy.context.scene; KINDS = {KINDS}; print('blocks:', json.dumps({values}))"
         done = installed.run("-b", path, "--python-exit-code", "1", "--python-expr", line)

@@ -7,27 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+from patchnet.tests.real_blender.executable import Blender
 
 PATIENCE_S = 60.0  # for what takes a second or two; the bake that is left would take hours
 LEAVES = ("disabled", "disabled in a render", "undone", "deleted scene", "other file")
 
 
 @pytest.fixture(scope="module")
-def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
+def seen(installed: Blender, yard: Path, out: Path) -> dict:
     """Report of leaving_window.py."""
     folder = out / "leaving-temp"
     folder.mkdir()
     more = {"PATCHNET_PAGE_SIDE": "256", "TMPDIR": str(folder)}
     blender = Blender(installed.prefix, installed.program, installed.environment | more)
-    script = Path(__file__).with_name("leaving_window.py")
-    done = blender.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=900.0)
-    ended, said = time.time(), done.stdout + done.stderr
-    (out / "leaving.log").write_text(said)
-    found: dict = json.loads((out / "leaving.json").read_text())
-    assert found["problem"] in ("", "stopped after all"), found["problem"]
-    assert done.returncode == 0 and "Traceback" not in said and "Saved session recovery" in said, said
-    return found | {"seconds to quit": ended - found["quits at"]}
+    found = blender.visit("leaving", out, file=yard, ended="stopped after all")
+    assert found["code"] == 0 and "Saved session recovery" in found["said"], found["said"]
+    return found | {"seconds to quit": time.time() - found["quits at"]}
 
 
 def test_leaving_takes_a_moment_and_leaves_nothing(seen: dict) -> None:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Memory of a Blender that was used for a while and then freed: what memory_window.py saw."""
 
-import json
 from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import SMALL_SCREEN, Blender
+from patchnet.tests.real_blender.executable import Blender
 
 MB = 2**20
 KEPT_BYTES = 300_000_000  # of kernels, their loader and meshes
@@ -15,17 +14,9 @@ KEPT_BYTES = 300_000_000  # of kernels, their loader and meshes
 @pytest.fixture(scope="module")
 def memory(installed: Blender, courtyard: Path, out: Path) -> dict:
     """Report of memory_window.py."""
-    script = Path(__file__).with_name("memory_window.py")
-    done = installed.run_window(courtyard, "-P", script, "--", out, screen=SMALL_SCREEN, seconds=1800.0)
-    (out / "memory.log").write_text(done.stdout + done.stderr)
-    assert (out / "memory.json").exists(), f"see {out / 'memory.log'}"
-    seen: dict = json.loads((out / "memory.json").read_text())
-    return seen | {"said": done.stdout + done.stderr}
-
-
-def test_visit_came_to_its_end(memory: dict) -> None:
-    assert memory["problem"] == "" and "Traceback" not in memory["said"]
-    assert "Baking light" in memory["steps"]
+    seen = installed.visit("memory", out, file=courtyard)
+    assert "Baking light" in seen["steps"]
+    return seen
 
 
 def test_kernels_are_compiled_in_another_process(memory: dict) -> None:

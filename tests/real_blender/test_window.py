@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A real Blender window, used with simulated mouse and keys: what window.py saw is what a user should see."""
+"""A real Blender window, used with simulated mouse and keys: what tab_window.py saw is what a user should see."""
 
 from pathlib import Path
 
+import pytest
+
+from patchnet.tests.real_blender.executable import PATIENCE_S, SCREEN, Blender
+
 IMAGES = {f"PatchNet Far {name}" for name in ("preview", "heatmap", "overlay", "refined", "priority", "coverage")}
-PATIENCE_S = 15.0  # as in test_escape.py
 STEPS = ("voxelize", "bake_light", "precompute_codes", "render_preview", "run_all")
 
 
-def test_visit_came_to_its_end(visit: dict) -> None:
-    assert visit["problem"] == ""
-    assert "Traceback" not in visit["said"]
+@pytest.fixture(scope="module")
+def visit(installed: Blender, yard: Path, out: Path) -> dict:
+    """Report of tab_window.py."""
+    return installed.visit("tab", out, file=yard, screen=SCREEN)
 
 
 def test_tab_has_all_buttons(visit: dict) -> None:
@@ -18,12 +22,9 @@ def test_tab_has_all_buttons(visit: dict) -> None:
     assert {f"patchnet.{name}" for name in STEPS} <= set(visit["buttons"])
 
 
-def test_buttons_that_come_too_early_are_grey(visit: dict) -> None:
-    assert visit["bake before voxels"] == {"running": "", "result": False}
-
-
-def test_nothing_selected_changes_nothing(visit: dict) -> None:
-    assert visit["voxelize nothing"] == {"running": "", "result": False}
+def test_buttons_that_come_too_early_change_nothing(visit: dict) -> None:
+    """They are gray; and nothing is selected, which is a sentence."""
+    assert visit["bake before voxels"] == visit["voxelize nothing"] == {"running": "", "result": False}
 
 
 def test_escape_stops_and_leaves_no_trace(visit: dict) -> None:
@@ -48,9 +49,9 @@ def test_scene_is_as_before(visit: dict) -> None:
     assert visit["stale after own work"] == []
 
 
-def test_changes_are_noticed_and_undone(visit: dict) -> None:
-    assert "surface" in visit["stale after move"]
-    assert visit["undone"] and visit["result after undo"]
+def test_changes_are_noticed_and_undone_and_redone(visit: dict) -> None:
+    assert visit["stale"] == [[], ["surface"], [], ["surface"]]
+    assert visit["why"].endswith("moved") and visit["undone"]
 
 
 def test_run_all_writes_its_files(visit: dict) -> None:
@@ -62,5 +63,12 @@ def test_memory_is_given_back(visit: dict) -> None:
 
 
 def test_screenshots_are_there(visit: dict, out: Path) -> None:
-    for name in ("window-start", "window-progress", "window-steps", "window-heatmap", "panel-result"):
+    for name in (
+        "window-start",
+        "window-progress",
+        "window-steps",
+        "window-heatmap",
+        "panel-result",
+        "window-preferences",
+    ):
         assert (out / f"{name}.png").stat().st_size > 5000

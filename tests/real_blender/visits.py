@@ -20,10 +20,69 @@ def module(name: str) -> ModuleType:
     return sys.modules[f"{PACKAGE}.operators.{name}"]
 
 
+def running() -> str:
+    """Title of the job that works now, or ""."""
+    return module("jobs.job_operator").JobOperator.running
+
+
+def result():
+    """Result of the scene so far, or None."""
+    return module("session.results").result_of(clicks.window().scene)
+
+
+def choose(**values: object) -> None:
+    """Settings of the scene."""
+    for name, value in values.items():
+        setattr(clicks.window().scene.patchnet, name, value)
+
+
+def press(name: str) -> None:
+    """Call an operator of ours as its button does."""
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=clicks.region("WINDOW")):
+        getattr(bpy.ops.patchnet, name)("INVOKE_DEFAULT")
+
+
+def baking(samples: int) -> clicks.Session:
+    """Press Preview Selection, and wait until Cycles bakes."""
+    choose(samples=samples)
+    press("run_all")
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
+
+
+def modal() -> list[str]:
+    """Modal operators of all windows."""
+    return [item.bl_idname for window in bpy.context.window_manager.windows for item in window.modal_operators]
+
+
+def ends_of_renders() -> list[str]:
+    """List that gets "complete" or "cancel" at the end of each render from now on."""
+    ended: list[str] = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
+    bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
+    return ended
+
+
+def render(width: int, height: int, engine: str = "PATCHNET", **values: object) -> None:
+    """Call what F12 calls."""
+    settings = clicks.window().scene.render
+    settings.engine, settings.resolution_percentage = engine, 100
+    settings.resolution_x, settings.resolution_y = width, height
+    with bpy.context.temp_override(window=clicks.window()):
+        bpy.ops.render.render("INVOKE_DEFAULT", **values)
+
+
 def side_box() -> tuple[int, int, int, int]:
     """The sidebar, as a box for screenshots."""
     side = clicks.region("UI")
     return side.x, side.y, side.width, side.height
+
+
+def open_tab() -> clicks.Session:
+    """The tab in the sidebar."""
+    clicks.area("VIEW_3D").spaces.active.show_region_ui = True
+    yield 0.5
+    clicks.region("UI").active_panel_category = "PatchNet"
+    yield 0.5
 
 
 def tabs() -> list[type]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody tries PatchNet in a Blender window: opens the tab, presses every button, stops one, looks at the pictures.
 
-    blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P window.py -- OUT
+    blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P tab_window.py -- OUT
 
-Writes OUT/window.json, a value for each thing that was seen, and screenshots beside it. test_window.py judges them.
+Writes OUT/tab.json, a value for each thing that was seen, and screenshots beside it. test_window.py judges them.
 """
 
 import sys
@@ -14,25 +14,15 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, module, open_panels, side_box
+from visits import OUT, PACKAGE, Heard, Visit, choose, module, open_panels, open_tab, result, running, side_box
 
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
 STEPS = ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview")
 
-visit = Visit("window")
+visit = Visit("tab")
 seen = visit.seen
 heard = Heard()
-
-
-def running() -> str:
-    """Title of the job that works now, or ""."""
-    return module("jobs.job_operator").JobOperator.running
-
-
-def result():
-    """Result of the scene so far, or None."""
-    return module("session.results").result_of(clicks.window().scene)
 
 
 def pictures() -> list[str]:
@@ -48,39 +38,23 @@ def blocks() -> dict[str, list[str]]:
     return named | {"selected": sorted(item.name for item in layer.objects if item.select_get())}
 
 
-def job(buttons: dict[str, tuple[int, int]], name: str, seconds: float = 200.0):
-    """Click a button and wait for its job; the longest time that the window stood still meanwhile."""
+def job(buttons: dict[str, tuple[int, int]], name: str) -> clicks.Session:
+    """Click a button and wait for its job."""
     place = yield from clicks.find_again(name, buttons[name])
     before = len(heard.begun)
     yield from clicks.click(place)
     yield from clicks.wait_for(lambda: len(heard.begun) > before, "the button starts its job", 60.0)
-    start = last = time.monotonic()
-    longest = 0.0
-    while running():
-        if time.monotonic() - start > seconds:
-            raise TimeoutError(f"{running()} did not end within {seconds:.0f} s")
-        yield 0.02
-        now = time.monotonic()
-        longest, last = max(longest, now - last), now
+    yield from clicks.wait_for(lambda: not running(), f"the job of {name} ends", 200.0)
     yield 0.2
-    return {"seconds": round(last - start, 1), "longest_pause_s": round(longest, 2)}
 
 
-def open_tab():
-    """N opens the sidebar; the tab is chosen."""
-    window = clicks.window()
-    settings = window.scene.patchnet
-    for name, value in SMALL.items():
-        setattr(settings, name, value)
+def tab() -> clicks.Session:
+    """The sidebar opens; the tab is chosen, with all its panels."""
+    choose(**SMALL)
     open_panels()
-    if not clicks.area("VIEW_3D").spaces.active.show_region_ui:
-        yield from clicks.key("N", *clicks.over_viewport())
-    yield 0.5
-    clicks.region("UI").active_panel_category = "PatchNet"
-    yield 0.5
+    yield from open_tab()
     seen["tab"] = clicks.region("UI").active_panel_category
     yield from clicks.screenshot(OUT / "window-start.png")
-    yield from clicks.screenshot(OUT / "panel-start.png", side_box())
 
 
 def too_early(buttons: dict[str, tuple[int, int]]):
@@ -97,7 +71,6 @@ def nothing_selected(buttons: dict[str, tuple[int, int]]):
     yield from clicks.click(buttons["patchnet.voxelize"])
     yield 0.7
     yield from clicks.wait_for(lambda: not running(), "the step has ended", 30.0)
-    yield from clicks.screenshot(OUT / "window-nothing-selected.png")
     seen["voxelize nothing"] = {"running": running(), "result": result() is not None}
     yield from clicks.dismiss()
 
@@ -107,22 +80,19 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
     settings = clicks.window().scene.patchnet
     yield from clicks.key("A", *clicks.over_viewport())
     yield 0.3
-    seen["selected"] = len(blocks()["selected"])
-    yield from clicks.screenshot(OUT / "window-selected.png")
     before = blocks()
-    seen["voxelize"] = yield from job(buttons, "patchnet.voxelize")
+    yield from job(buttons, "patchnet.voxelize")
     seen["octree"] = {"voxels": result().octree.leaf_count, "depth": result().octree.depth}
     settings.samples = 65536  # hours for a single page, beside which the window lives
     seen["stopped bake"] = yield from stopped_job(buttons, "patchnet.bake_light")
     seen["stopped bake"] |= {"light": result().light, "unchanged": blocks() == before}
     settings.samples = 1
-    seen["bake_light"] = yield from job(buttons, "patchnet.bake_light")
+    yield from job(buttons, "patchnet.bake_light")
     seen["light"] = result().light
-    seen["precompute_codes"] = yield from job(buttons, "patchnet.precompute_codes")
+    yield from job(buttons, "patchnet.precompute_codes")
     seen["codes"] = len(result().coded.codes)
-    seen["render_preview"] = yield from job(buttons, "patchnet.render_preview")
+    yield from job(buttons, "patchnet.render_preview")
     seen["pictures"] = pictures()
-    seen["summary"] = list(result().summary)
     seen["stale after own work"] = sorted(result().stale)
     after = blocks()
     after["images"] = [name for name in after["images"] if not name.startswith("PatchNet")]
@@ -162,29 +132,40 @@ def stopped_world(buttons: dict[str, tuple[int, int]]):
 
 
 def change_and_undo(_buttons: dict[str, tuple[int, int]]):
-    """Moving an object makes the result stale, and says so; undo brings the object back, and all still lives."""
-    window, (x, y) = clicks.window(), clicks.over_viewport()
-    item = next(item for item in window.scene.objects if item.type == "MESH" and item.visible_get())
-    was = tuple(item.location)
-    name = item.name
+    """Moving an object makes the result stale, and says so; undo and redo with it, and all still lives."""
+    name, (x, y) = "Back wall", clicks.over_viewport()
+    was = tuple(bpy.data.objects[name].location)
+    for item in clicks.window().view_layer.objects:
+        item.select_set(item.name == name)
+    clicks.window().view_layer.objects.active = bpy.data.objects[name]
+    bpy.ops.ed.undo_push(message="before")
+    states = seen["stale"] = [sorted(result().stale)]
+    yield from clicks.move(x, y)
     yield from clicks.key("G", x, y)
     yield from clicks.move(x + 40, y + 40)
     yield from clicks.key("LEFTMOUSE", x + 40, y + 40)
+    while clicks.window().modal_operators:  # a move that has not ended yet is no step that undo could take back
+        yield 0.1
     yield 0.3
-    moved = tuple(window.scene.objects[name].location) != was
-    seen["stale after move"] = sorted(result().stale) if moved else "nothing moved"
+    states.append(sorted(result().stale))
+    seen["why"] = result().why("surface")
     yield from clicks.screenshot(OUT / "panel-stale.png", side_box())
     yield from clicks.key("Z", x, y, ctrl=True)
     yield 0.5
-    seen["undone"] = tuple(window.scene.objects[name].location) == was
-    seen["result after undo"] = result() is not None
+    states.append(sorted(result().stale))
+    seen["undone"] = tuple(bpy.data.objects[name].location) == was
+    bpy.ops.ed.redo()
+    yield 0.5
+    states.append(sorted(result().stale))
+    yield from clicks.key("A", x, y)
+    yield 0.3
 
 
 def all_at_once(buttons: dict[str, tuple[int, int]]):
     """Preview Selection does everything, with files."""
     window = clicks.window()
     window.scene.patchnet.out = str(OUT / "run-all")
-    seen["run_all"] = yield from job(buttons, "patchnet.run_all")
+    yield from job(buttons, "patchnet.run_all")
     seen["files"] = sorted(str(path.relative_to(OUT / "run-all")) for path in (OUT / "run-all").rglob("*.*"))
     shown = clicks.area("VIEW_3D")
     shown.type = "IMAGE_EDITOR"
@@ -206,13 +187,26 @@ def free_memory(_buttons: dict[str, tuple[int, int]]):
     seen["freed"] = result() is None
 
 
+def preferences(_buttons: dict[str, tuple[int, int]]):
+    """The add-on's preferences in their own window."""
+    bpy.context.window_manager.addon_search = "PatchNet"
+    bpy.ops.preferences.addon_expand(module=PACKAGE)
+    bpy.ops.screen.userpref_show(section="ADDONS")
+    yield 1.0
+    yield from clicks.screenshot(OUT / "window-preferences.png")
+
+
+PARTS = (
+    too_early, nothing_selected, step_by_step, stopped_world, change_and_undo, all_at_once, free_memory, preferences,
+)  # fmt: skip
+
+
 def session():
     """The whole visit."""
-    yield from open_tab()
-    visit.save("open_tab")
+    yield from tab()
     buttons = yield from clicks.find_buttons({f"patchnet.{name}" for name in STEPS})
     seen["buttons"] = sorted(buttons)
-    for part in (too_early, nothing_selected, step_by_step, stopped_world, change_and_undo, all_at_once, free_memory):
+    for part in PARTS:
         yield from part(buttons)
         visit.save(part.__name__)
 

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that follow the mouse over pictures: drag the line of the wipe, show the values of a pixel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..session import views
+from . import overlay_settings as settings
+from .drawing import InspectedPixel, inspected, maximum_of
+from .framed import UnderMouse, under_mouse
+from .handlers import NO_VIEW, switch_of
+from .layout import pixel_at
+from .overlay_settings import overlay_settings, refresh
+
+if TYPE_CHECKING:
+    from bpy.types import Operator as _Operator
+else:
+    _Operator = object  # Blender wants its own class among the direct bases of each operator
+
+
+class _MouseOperator(_Operator):
+    bl_label = ""
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Require a picture, and a window."""
+        without_window = bpy.app.background or context.window is None
+        if without_window or not views.has_views(context.scene):
+            cls.poll_message_set(f"{cls.bl_label} needs the mouse, in a window" if without_window else NO_VIEW)
+            return False
+        return True
+
+
+class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
+    """Move the line between the two pictures with the mouse: click to leave it there, Esc or right click to go back"""
+
+    bl_idname = "patchnet.drag_wipe"
+    bl_label = "Drag Wipe"
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Show the overlay where the button is, with a wipe."""
+        values = overlay_settings(context)
+        self._before = values.use_wipe, values.wipe
+        setattr(values, switch_of(context), True)
+        values.use_wipe = True
+        context.window_manager.modal_handler_add(self)
+        context.workspace.status_text_set("Wipe: the line follows the mouse; click to leave it there, Esc goes back")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Follow the mouse; navigation goes on."""
+        values = overlay_settings(context)
+        if event.type == "MOUSEMOVE":
+            cursor = under_mouse(context, event)
+            if cursor is not None and cursor.framed is not None and len(cursor.framed.rects) == 1:
+                rect = cursor.framed.rects[0]
+                values.wipe = min(max((cursor.x - rect.left) / rect.width, 0.0), 1.0)
+            return {"RUNNING_MODAL"}
+        if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
+            context.workspace.status_text_set(None)
+            return {"FINISHED"}
+        if not values.use_wipe or (event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS"):
+            self.cancel(context)
+            return {"CANCELLED"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop when the window closes, too; Blender calls this."""
+        values = overlay_settings(context)
+        values.use_wipe, values.wipe = self._before
+        context.workspace.status_text_set(None)
+
+
+class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
+    """Show coverage, luminance, priority and level of the pixel under the mouse, over the camera's view and PatchNet's
+    images. Other tools go on; Esc, a right click or this button ends it"""
+
+    bl_idname = "patchnet.inspect_pixels"
+    bl_label = "Inspect Pixels"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Begin in this window, or end there."""
+        self._window = context.window.as_pointer()
+        if self._window in inspected:
+            del inspected[self._window]  # the next event ends the one that runs
+            return {"FINISHED"}
+        inspected[self._window] = None
+        context.window_manager.modal_handler_add(self)
+        context.workspace.status_text_set("Inspect Pixels: move the mouse over the picture; Esc or right click ends")
+        self._look(context, event)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Look at the pixel under the mouse; all else is left to others."""
+        if self._window not in inspected or not views.has_views(context.scene) or settings.problem:
+            self.cancel(context)
+            return {"CANCELLED", "PASS_THROUGH"}
+        if event.type == "MOUSEMOVE":
+            self._look(context, event)
+        elif event.value == "PRESS" and (
+            event.type == "ESC" or (event.type == "RIGHTMOUSE" and under_mouse(context, event) is not None)
+        ):  # elsewhere a right click opens menus as ever
+            self.cancel(context)
+            return {"CANCELLED"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop when the window closes, too; Blender calls this."""
+        inspected.pop(self._window, None)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        refresh(context)
+
+    def _look(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
+        cursor, before = under_mouse(context, event), inspected[self._window]
+        lines = [] if cursor is None else _lines(context, cursor)
+        now = InspectedPixel(cursor.region.as_pointer(), cursor.x, cursor.y, lines) if cursor and lines else None
+        inspected[self._window] = now
+        if cursor is not None and now is not None:
+            cursor.region.tag_redraw()
+        if before is not None and (now is None or before.region != now.region):
+            refresh(context)
+
+
+def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
+    """Lines about the pixel under the mouse; none beside pictures."""
+    if cursor.framed is None:
+        return []
+    view, rects = cursor.framed
+    pixels = (pixel_at(rect, view.size_px, cursor.x, cursor.y) for rect in rects)
+    pixel = next((item for item in pixels if item is not None), None)
+    return view.describe_pixel(*pixel, maximum_of(context.scene, view)) if pixel is not None else []
+
+
+CLASSES = (PATCHNET_OT_drag_wipe, PATCHNET_OT_inspect_pixels)
