@@ -75,10 +75,9 @@ class JobEta:
     """Share of a job that is done, and seconds left, by expected seconds of its stages and the pace of each step.
 
     Seconds left are said once the pace of a step that takes a good part of them agrees with them; what this machine
-    took for other jobs is said from the start, for as long as a stage takes no longer. They do not rise when a stage goes to
-    its next step.
-    Stages come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. The
-    share never falls.
+    took for other jobs is said from the start, for as long as a stage takes no longer. They do not rise when a stage
+    goes to its next step. Stages come in the order of `expect`; those of `again` are entered several times, such as the
+    views of cameras. The share never falls.
     """
 
     def __init__(self, again: frozenset[str] = frozenset(), clock: Clock = time.perf_counter) -> None:
