@@ -70,7 +70,7 @@ NOTES = {
         "bpy.ops.patchnet.run_all(depth=6, samples=1); bpy.ops.patchnet.compare(strategy='ss-variance')",
     ),
     "refine_with_cycles": Note(
-        "images of the first camera: the preview with Cycles' regions over it, and where they are",
+        "images of the first camera: the preview with Cycles' pixels over it, and where they are",
         "bpy.ops.patchnet.run_all(depth=6, samples=1); "
         "bpy.ops.patchnet.refine_with_cycles(cycles_budget=0.1, cycles_samples=4)",
     ),

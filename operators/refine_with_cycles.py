@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operator that renders the preview's worst regions with Cycles."""
+"""Operator that renders the preview's worst pixels with Cycles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import bpy
 
 from ..patchnet_addon.runtime.eta import JobEta
 from ..patchnet_addon.runtime.progress import Steps, changed
-from ..patchnet_addon.runtime.quantities import counted, error_text
+from ..patchnet_addon.runtime.quantities import error_text
 from . import overlay
 from .jobs.polls import CodesJob
 from .jobs.tell import tell_notes
@@ -22,7 +22,7 @@ from .session.shown_view import CYCLES_PICTURE
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
-    from .pipeline.cycles_regions import CyclesView
+    from .pipeline.cycles_refine import CyclesView
 
 
 _ALL = "Cycles renders all objects, but the voxels are those of the selected ones: choose Objects: Visible for all"
@@ -32,15 +32,15 @@ _READING_S = 5.0  # that Cycles takes for a small scene before it renders, about
 class PATCHNET_OT_refine_with_cycles(
     CameraProperties, ViewProperties, CyclesRefineProperties, CodesJob, bpy.types.Operator
 ):
-    """Render the regions where the preview of the first camera is worst with Cycles, over the preview"""
+    """Render the pixels where the preview of the first camera is worst with Cycles, over the preview"""
 
     bl_idname = "patchnet.refine_with_cycles"
     bl_label = "Refine with Cycles"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Trace, score, choose regions, render them, show."""
+        """Trace, score, choose pixels, render them, show."""
         from .pipeline.cycles_pictures import show_cycles
-        from .pipeline.cycles_regions import check_light, refine_view
+        from .pipeline.cycles_refine import check_light, refine_view
         from .pipeline.job_work import JobFigures, Rates, work_of
         from .scene.cameras import camera_size_px
 
@@ -74,9 +74,8 @@ def summary(view: CyclesView) -> str:
     report = view.report
     seconds = report["seconds"]
     text = (
-        f"{view.camera.name}: Cycles rendered {report['pixels_share']:.1%} of the pixels in "
-        f"{counted(len(view.regions), 'region')} with {report['priority_share']:.0%} of the priority, "
-        f"{seconds['regions']:.1f} s"
+        f"{view.camera.name}: Cycles rendered {report['pixels_share']:.1%} of the pixels "
+        f"with {report['priority_share']:.0%} of the priority, {seconds['pixels']:.1f} s"
     )
     if view.full is None:
         return text
@@ -85,4 +84,3 @@ def summary(view: CyclesView) -> str:
     return f"{text}, all of them {seconds['full']:.1f} s; {errors}"
 
 
-CLASSES = (PATCHNET_OT_refine_with_cycles,)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ...patchnet_addon.runtime.quantities import counted, error_text
+from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .arguments import add_device, add_number
 
@@ -176,7 +176,7 @@ _TITLES = {
 
 def add_cycles(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that begin with --cycles."""
-    group = parser.add_argument_group("regions by Cycles")
+    group = parser.add_argument_group("pixels by Cycles")
     add_number(
         group,
         "--cycles-budget",
@@ -187,10 +187,6 @@ def add_cycles(parser: argparse.ArgumentParser) -> None:
     add_number(
         group, "--cycles-samples", bounds.CYCLES_SAMPLES, default=64, metavar="N", help="samples of these pixels (64)"
     )
-    add_number(
-        group, "--cycles-tile", bounds.CYCLES_TILE, default=16, metavar="PX", help="side of a region's tiles (16)"
-    )
-    add_number(group, "--cycles-regions", bounds.CYCLES_REGIONS, default=8, metavar="N", help="regions at most (8)")
     group.add_argument(
         "--cycles-light", choices=("diffuse", "combined"), default="diffuse",
         help="what they show: as the voxels, or with gloss and glass (diffuse)",
@@ -207,25 +203,23 @@ def cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
 
     if args.cycles_budget is None:
         if args.cycles_compare:
-            raise SettingError("--cycles-compare needs regions to compare: give --cycles-budget")
+            raise SettingError("--cycles-compare needs pixels to compare: give --cycles-budget")
         return None
     return CyclesSettings(
         args.cycles_budget,
         args.cycles_samples,
-        args.cycles_tile,
-        args.cycles_regions,
         args.cycles_light,
         args.cycles_compare,
     )
 
 
 def print_cycles(report: dict[str, Any] | None) -> None:
-    """Print a view's figures of regions by Cycles, if it has any."""
+    """Print a view's figures of pixels by Cycles, if it has any."""
     if report is None:
         return
     seconds = report["seconds"]
-    text = f"Cycles on {report['pixels_share']:.1%} of pixels in {counted(len(report['regions']), 'region')}: "
-    text += f"{seconds['regions']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
+    text = f"Cycles on {report['pixels_share']:.1%} of pixels: "
+    text += f"{seconds['pixels']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
     print(text + (f"; full render {seconds['full']:.1f} s" if "full" in seconds else ""))
     for name, value in report.get("mse", {}).items():
         print(f"  {_TITLES[name]:<24} {error_text(value):>6}")

@@ -20,7 +20,7 @@ _DESCRIPTIONS = (
     "What the network expects of each pixel",
     "The picture after the budget is spent",
     "32 x 32 samples in every pixel",
-    "The picture with the regions that Refine with Cycles rendered",
+    "The picture with the pixels that Refine with Cycles rendered",
     "How far the preview is from the reference",
     "How far the predicted picture is from the reference",
     "How far the refined picture is from the reference",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
-from ...patchnet_addon.sampling.regions import Region
 from ...patchnet_addon.surface.textures import luminance
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
 
@@ -24,12 +22,13 @@ REFINED, COMPOSITED, OVER_REFINED, FULL = (
 class Renders:
     """Cycles' pictures, (H, W, 4) float32, linear unexposed light and alpha, and the wall seconds of Blender's renders.
 
-    regions: empty outside them. seconds: of all regions, reading the scene included; sync_seconds: of that alone.
+    pixels: those that were chosen, empty elsewhere. seconds: of these, reading the scene included; sync_seconds: of
+    that alone.
     full: the whole picture with the same samples and seed, in full_seconds, reading the scene included.
     reference: with more samples and another seed.
     """
 
-    regions: np.ndarray
+    pixels: np.ndarray
     seconds: float = 0.0
     sync_seconds: float = 0.0
     full: np.ndarray | None = None
@@ -45,19 +44,17 @@ def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray
 
 
 def cycles_report(
-    priority: np.ndarray, regions: Sequence[Region], renders: Renders, settings: CyclesSettings
+    priority: np.ndarray, mask: np.ndarray, renders: Renders, settings: CyclesSettings
 ) -> dict[str, Any]:
-    """Shares and seconds; regions as left, bottom, width, height in pixels."""
-    total = float(priority.sum(dtype=np.float64))
-    held = sum(float(priority[region.slices].sum(dtype=np.float64)) for region in regions)
+    """Shares and seconds."""
+    total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))
     report: dict[str, Any] = {
         "budget": settings.budget,
         "samples": settings.samples,
         "light": settings.light,
-        "regions": [[region.left, region.bottom, region.width, region.height] for region in regions],
-        "pixels_share": sum(region.pixels for region in regions) / priority.size,
+        "pixels_share": float(mask.mean()),
         "priority_share": held / total if total > 0 else 0.0,
-        "seconds": {"regions": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
+        "seconds": {"pixels": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
     }
     if renders.full is not None:
         report["seconds"]["full"] = renders.full_seconds
@@ -74,7 +71,7 @@ def squared_errors(
     """
     assert renders.reference is not None and renders.full is not None
     reference, cycles, full = (
-        shown_light(light, exposure, False) for light in (renders.reference, renders.regions, renders.full)
+        shown_light(light, exposure, False) for light in (renders.reference, renders.pixels, renders.full)
     )
     preview, shown = buffers.picture(buffers.preview), buffers.picture(buffers.shown)
     pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, shown), FULL: full}

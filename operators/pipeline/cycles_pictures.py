@@ -11,14 +11,15 @@ import numpy as np
 from ...patchnet_addon.image.background import opaque
 from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
-from ...patchnet_addon.image.heatmap import magnify, outlined, with_legend
-from ...patchnet_addon.runtime.quantities import counted, error_text
+from ...patchnet_addon.image.heatmap import magnify, with_legend
+from ...patchnet_addon.runtime.quantities import error_text
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
 from .cycles_figures import COMPOSITED, FULL
-from .cycles_regions import CyclesView
+from .cycles_refine import CyclesView
 
 _SHEET_NAME = "cycles_compare.png"
-_NAMES, _COMPARISON_NAMES = ("cycles", "regions"), ("cycles full", "cycles error")
+_DIMMED = 0.35  # of the heatmap where Cycles does not render
+_NAMES, _COMPARISON_NAMES = ("cycles", "cycles mask"), ("cycles full", "cycles error")
 
 
 def cycles_file_names(compare: bool) -> list[str]:
@@ -35,11 +36,11 @@ def cycles_pictures(view: CyclesView) -> dict[str, np.ndarray]:
     """Name -> (h, w, 3) encoded colours; with `compare` also the full render and the errors. Light without a background
     has alpha, (h, w, 4).
 
-    "cycles" and "regions", the mask in black and white, have the camera's size.
+    "cycles" and "cycles mask", white where Cycles rendered, have the camera's size.
     """
     pictures = {
         "cycles": _shown(view, view.composited, "composited"),
-        "regions": np.repeat(view.mask[..., None].astype(np.float32), 3, axis=-1),
+        "cycles mask": np.repeat(view.mask[..., None].astype(np.float32), 3, axis=-1),
     }
     if view.full is not None:
         pictures |= {"cycles full": _shown(view, view.full, "full"), "cycles error": _errors(view)}
@@ -62,20 +63,21 @@ def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:
 
 
 def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS[0]) -> np.ndarray:
-    """(h, w, 3): preview, regions over the heatmap, composited and full render, with the figures as titles."""
+    """(h, w, 3): preview, heatmap of the chosen pixels, composited and full render, with the figures as titles."""
     assert view.full is not None
     report = view.report
-    mse, seconds, count, unrefined = report["mse"], report["seconds"], len(view.regions), report["unrefined"]
-    regions = outlined(colormap(view.priority / np.float32(maximum), map_name), view.regions)
+    mse, seconds, unrefined = report["mse"], report["seconds"], report["unrefined"]
+    heat = colormap(view.priority / np.float32(maximum), map_name)
+    chosen = np.where(view.mask[..., None], heat, heat * np.float32(_DIMMED))
     titles = [
         f"{unrefined.capitalize()} error {error_text(mse[unrefined])}",
-        f"{counted(count, 'region')}, {report['pixels_share']:.1%}",
-        f"Cycles {seconds['regions']:.1f} s error {error_text(mse[COMPOSITED])}",
+        f"Chosen {report['pixels_share']:.1%}, {report['priority_share']:.0%} of priority",
+        f"Cycles {seconds['pixels']:.1f} s error {error_text(mse[COMPOSITED])}",
         f"Full {seconds['full']:.1f} s error {error_text(mse[FULL])}",
     ]
     lit = {"preview": view.preview, "composited": view.composited, "full": view.full}
     preview, composited, full = (opaque(_shown(view, light, item)) for item, light in lit.items())
-    row = [preview, regions, composited, full]
+    row = [preview, chosen, composited, full]
     name = f"{view.camera.name}: {report['samples']} samples, error x 10,000 against {report['reference_samples']}"
     return contact_sheet([row], [name], titles)
 

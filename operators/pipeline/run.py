@@ -28,7 +28,7 @@ from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
-from .cycles_regions import CyclesView, refine_view
+from .cycles_refine import CyclesView, refine_view
 from .encoder import check_encoder
 from .job_work import JobPlan
 from .kernels_beside import compiling_beside
@@ -48,7 +48,7 @@ class JobResult:
     """Result of a job.
 
     notes: sentences about what had to be assumed or left out, by step. layout: levels of the leaves, if not all on one.
-    cycles: of each view, where regions by Cycles were wanted. state: of the scene when it was read.
+    cycles: of each view, where pixels by Cycles were wanted. state: of the scene when it was read.
     """
 
     coded: CodedOctree

@@ -77,8 +77,6 @@ def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) ->
     return CyclesSettings(
         budget=value("budget"),
         samples=value("samples"),
-        tile=value("tile"),
-        most=value("regions"),
         light=value("light"),
         compare=value("compare"),
     )

@@ -13,7 +13,6 @@ from typing import Any
 from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
-from ...patchnet_addon.sampling.regions import DEFAULT_MOST, DEFAULT_TILE
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .setting import Effect, Kind, Setting
 
@@ -268,28 +267,19 @@ _VIEWS = (
 _REFINEMENT = (
     Setting(
         "cycles_budget", "Pixels",
-        "Share of the picture's pixels that Cycles renders, in rectangles where priority is highest",
+        "Share of the picture's pixels that Cycles renders, those of highest priority",
         REFINEMENT, Kind.SHARE, 0.2, bounds.CYCLES_BUDGET,
     ),
     Setting(
-        "cycles_samples", "Cycles Samples", "Cycles samples of each of these pixels",
+        "cycles_samples", "Cycles Samples", "Samples of each of these pixels",
         REFINEMENT, Kind.NUMBER, 64, bounds.CYCLES_SAMPLES,
     ),
     Setting(
         "cycles_light", "Passes", "What Cycles' pixels show", REFINEMENT, Kind.CHOICE, DIFFUSE,
         choices=(
             (DIFFUSE, "Diffuse", "Diffuse light and emission, as the voxels around them do"),
-            (COMBINED, "Combined", "All light, gloss and glass too; regions with gloss then stand out"),
+            (COMBINED, "Combined", "All light, gloss and glass too; pixels with gloss then stand out"),
         ),
-    ),
-    Setting(
-        "cycles_tile", "Tile",
-        "Side in pixels of the tiles that regions are made of: smaller ones follow the heatmap closer",
-        REFINEMENT, Kind.NUMBER, DEFAULT_TILE, bounds.CYCLES_TILE, widget={"soft_min": 4, "subtype": "PIXEL"},
-    ),
-    Setting(
-        "cycles_regions", "Max Regions", "Regions at most",
-        REFINEMENT, Kind.NUMBER, DEFAULT_MOST, bounds.CYCLES_REGIONS, widget={"soft_max": 32},
     ),
     Setting(
         "cycles_compare", "Compare to Full",

@@ -10,29 +10,26 @@ from ..schema.table import COMBINED, CYCLES_TABLE, DIFFUSE
 
 WITH_GLOSS = "with-gloss"  # what DIFFUSE renders beside voxels with gloss
 REFERENCE_FACTOR = 4  # samples of the reference over those of what is judged
+REFERENCE_SEED = 1000  # of the reference over the seed of what is judged
 
 
 @dataclass(frozen=True)
 class CyclesSettings:
     """Settings of a refinement by Cycles.
 
-    budget: share of the picture's pixels. samples: paths per pixel. tile: side of the tiles that regions are made of,
-    in pixels. most: regions at most. light: DIFFUSE is diffuse light and emission, and all light of metals and glass if
-    the voxels have gloss; COMBINED is all light everywhere. compare: also render the whole picture, and a reference of
-    more samples with another seed, and measure.
+    budget: share of the picture's pixels. samples: paths per pixel. light: DIFFUSE is diffuse light and emission, and
+    all light of metals and glass if the voxels have gloss; COMBINED is all light everywhere. compare: also render the
+    whole picture, and a reference of more samples with another seed, and measure.
     """
 
     budget: float = CYCLES_TABLE["cycles_budget"].default
     samples: int = CYCLES_TABLE["cycles_samples"].default
-    tile: int = CYCLES_TABLE["cycles_tile"].default
-    most: int = CYCLES_TABLE["cycles_regions"].default
     light: str = CYCLES_TABLE["cycles_light"].default
     compare: bool = CYCLES_TABLE["cycles_compare"].default
     seed: int = 0
 
     def __post_init__(self) -> None:
-        values = {"cycles_budget": self.budget, "cycles_samples": self.samples, "cycles_tile": self.tile}
-        for name, value in (values | {"cycles_regions": self.most}).items():
+        for name, value in {"cycles_budget": self.budget, "cycles_samples": self.samples}.items():
             row = CYCLES_TABLE[name]
             assert row.bounds is not None
             row.bounds.check(value)

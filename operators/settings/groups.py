@@ -122,7 +122,7 @@ class ViewSettings:
     errors of all strategies against 32x32 rays in every pixel. background: what pictures show where no surface is.
     heatmap_maximum: None takes the strategy's own.
     importance: what was painted to matter; None where all pixels matter alike.
-    cycles: how Cycles renders the worst regions over the preview; None renders none.
+    cycles: how Cycles renders the worst pixels over the preview; None renders none.
     """
 
     cameras: tuple[str, ...] = ()

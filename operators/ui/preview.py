@@ -143,6 +143,6 @@ class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, then the button."""
         layout = split(self.layout)
-        for name in ("budget", "samples", "light", "tile", "regions", "compare"):
+        for name in ("budget", "samples", "light", "compare"):
             layout.prop(context.scene.patchnet, f"cycles_{name}")
         layout.operator("patchnet.refine_with_cycles", icon="RENDER_STILL")

@@ -6,13 +6,12 @@ All arrays are (H, W) or (H, W, 3), row 0 at the bottom, colours sRGB-encoded fl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 
 from ..runtime.errors import SettingError
 from ..runtime.quantities import error_text
-from ..sampling.regions import Region, region_mask
 from .colormaps import colormap, red_ramp
 from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
 from .tone import gray
@@ -147,15 +146,3 @@ def _draw_bar(
         half = text_width(label) * scale // 2
         start = min(max(x - half, margin), margin + width - 2 * half)
         draw_text(page, label, start, bottom - (GLYPH_HEIGHT + 1) * scale, scale, _INK)
-
-
-def outlined(picture: np.ndarray, regions: Iterable[Region]) -> np.ndarray:
-    """(H, W, 3) encoded colours: `picture` (H, W, 3), dimmed outside the regions, their border pixels white."""
-    regions = list(regions)
-    inside = region_mask(regions, *picture.shape[:2])
-    result = np.where(inside[..., None], picture, picture * np.float32(_DIMMED)).astype(np.float32)
-    for region in regions:
-        part = result[region.slices]
-        part[[0, -1]] = 1.0
-        part[:, [0, -1]] = 1.0
-    return result

@@ -99,8 +99,6 @@ FRAME_STEP = Bounds("Frame step", 1, LAST_FRAME, True)
 # Regions by Cycles, and comparisons with it.
 CYCLES_BUDGET = Bounds("Cycles' budget", 0, 1, advice=_PIXEL_SHARE)
 CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MAX_PATHS, True)
-CYCLES_TILE = Bounds("Side of tiles in pixels", 1, 1024, True)
-CYCLES_REGIONS = Bounds("Regions", 1, 256, True)
 PLACED_CAMERAS = Bounds("Number of cameras to place", 1, 1000, True, "or give the names of the scene's cameras")
 RENDER_SAMPLES = Bounds("Render samples", 2, _MAX_PATHS, True)
 DIFFERENCE = Bounds("End of the difference's legend", 1e-9, _LARGEST)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Regions by Cycles are bit for bit a full render's pixels, all others the preview's, and the scene stays as it was."""
+"""Pixels by Cycles have a full render's mean, all others are the preview's, and the scene stays as it was."""
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,9 +10,9 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles import region_renders as renders
+from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import render_call
-from patchnet.operators.pipeline.cycles_regions import CyclesView, refine_view, wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.cycles_refine import CyclesView, refine_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.schema.table import COMBINED
@@ -21,8 +20,9 @@ from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
-from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
-from patchnet.patchnet_addon.sampling.regions import Region, region_mask
+from patchnet.patchnet_addon.runtime.progress import Steps, drain
+from patchnet.patchnet_addon.surface.textures import luminance
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -30,7 +30,7 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (40, 24)
-CYCLES = CyclesSettings(budget=0.4, samples=32, tile=8, most=3, compare=True)
+CYCLES = CyclesSettings(budget=0.4, samples=32, compare=True)
 STOPS = 6
 
 
@@ -40,7 +40,7 @@ def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object)
 
 
 @pytest.mark.parametrize(("light", "color"), [(True, False), (False, True)])
-def test_inside_is_the_full_render_and_outside_the_preview(light: bool, color: bool, weights: Path) -> None:
+def test_inside_is_a_render_and_outside_the_preview(light: bool, color: bool, weights: Path) -> None:
     build(light=light)
     before = scene_snapshot()
     result = drain(run_job(bpy.context, job(weights, color=color)))
@@ -48,7 +48,8 @@ def test_inside_is_the_full_render_and_outside_the_preview(light: bool, color: b
     (view,) = result.cycles
     assert view.full is not None
     assert view.composited.shape == ((24, 40, 3) if color else (24, 40))
-    np.testing.assert_array_equal(view.composited[view.mask], view.full[view.mask])
+    cycles, full = (luminance(picture) if color else picture for picture in (view.composited, view.full))
+    assert same_mean(cycles[view.mask], full[view.mask])
     np.testing.assert_array_equal(view.composited[~view.mask], view.preview[~view.mask])
     assert (view.composited[view.mask] != view.preview[view.mask]).any(), "Cycles' pixels are others"
     assert view.composited.max() > 0.2
@@ -58,22 +59,22 @@ def test_inside_is_the_full_render_and_outside_the_preview(light: bool, color: b
 
 def check_figures(view: CyclesView) -> None:
     report = view.report
-    np.testing.assert_array_equal(view.mask, region_mask(list(view.regions), 24, 40))
-    assert 0.2 < report["pixels_share"] == view.mask.mean() <= CYCLES.budget
-    assert report["priority_share"] > report["pixels_share"], "regions are where priority is"
+    assert report["pixels_share"] == view.mask.mean() == CYCLES.budget
+    chosen, left = view.priority[view.mask], view.priority[~view.mask]
+    assert chosen.min() >= left.max() and report["priority_share"] > report["pixels_share"]
     seconds = report["seconds"]
-    assert 0.0 < seconds["of_that_reading_the_scene"] < seconds["regions"] and seconds["full"] > 0.0
+    assert 0.0 < seconds["of_that_reading_the_scene"] < seconds["pixels"] and seconds["full"] > 0.0
     mse = report["mse"]
     assert mse["full"] < mse["composited"] < mse["preview"]
     assert mse["composited_over_refined_octree"] <= mse["refined_octree"]
     json.dumps(report, allow_nan=False)
 
 
-def test_regions_are_rendered_at_once_or_in_parts_with_the_same_bits(
+def test_pixels_are_rendered_at_once_or_in_parts_with_the_same_bits(
     weights: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     build()
-    settings = CyclesSettings(budget=0.5, samples=4, tile=8)
+    settings = CyclesSettings(budget=0.5, samples=4)
     whole = drain(run_job(bpy.context, job(weights, settings))).cycles[0]
     monkeypatch.setattr(renders, "FIRST_PATHS", 100)
     monkeypatch.setattr(renders, "PART_S", 0.0)
@@ -81,7 +82,7 @@ def test_regions_are_rendered_at_once_or_in_parts_with_the_same_bits(
     parts = drain(run_job(bpy.context, job(weights, settings)), lambda report: labels.append(report.label)).cycles[0]
     np.testing.assert_array_equal(parts.composited, whole.composited)
     assert parts.full is None and parts.errors == {}
-    assert sum("regions" in label for label in labels) > len(parts.regions)
+    assert labels.count("Eye: Cycles") > 20, "of each row one"
 
 
 def special_scene() -> None:
@@ -104,7 +105,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     special_scene()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
-    wanted = wanted_pixels(wanted_surface(depsgraph), camera)
+    wanted = wanted_pixels(wanted_surface(depsgraph), camera).mask
     alone = {}
     for name in ("Mirror", "Pane", "Mist"):
         others = [item for item in bpy.context.scene.objects if item.type == "MESH" and item.name != name]
@@ -120,7 +121,7 @@ def test_pixels_that_only_cycles_shows_are_rendered_first(weights: Path) -> None
     traced = result.views[0]
 
     def refined(budget: float) -> CyclesView:
-        settings = CyclesSettings(budget=budget, samples=2, tile=2)
+        settings = CyclesSettings(budget=budget, samples=2)
         return drain(refine_view(bpy.context, traced, settings, sun=None))
 
     view = refined(0.15)
@@ -136,39 +137,85 @@ def test_what_fills_the_picture_is_wanted_from_inside() -> None:
     (camera,) = choose_cameras(depsgraph, ["Eye"], SIZE, np.zeros((2, 3)))
     surface = wanted_surface(depsgraph)
     around = np.array([[x, y, z] for x in (-9.0, 9.0) for y, z in ((-9.0, -9.0), (-9.0, 9.0), (9.0, 9.0), (9.0, -9.0))])
-    assert wanted_pixels(surface._replace(boxes=around[None]), camera).all()
+    assert wanted_pixels(surface._replace(boxes=around[None]), camera).mask.all()
     far = around / 9.0 * 0.2 + (1.5, 2.0, 0.0)
-    before = wanted_pixels(surface, camera)
-    assert not (before & ~wanted_pixels(surface._replace(boxes=far[None]), camera)).any()
-    assert (wanted_pixels(surface._replace(boxes=far[None]), camera) & ~before).any()
+    before, beside = wanted_pixels(surface, camera).mask, wanted_pixels(surface._replace(boxes=far[None]), camera).mask
+    assert not (before & ~beside).any() and (beside & ~before).any()
 
 
-@contextmanager
-def small_renders(samples: int = 4, seed: int = 0) -> Iterator[renders.RegionRenders]:
-    """Renders through the small scene's camera."""
+def eye() -> Camera:
+    """The small scene's camera."""
     (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ["Eye"], SIZE, np.zeros((2, 3)))
-    with renders.region_renders(bpy.context, camera, samples, seed, COMBINED) as cycles:
-        yield cycles
+    return camera
 
 
-def whole(cycles: renders.RegionRenders) -> np.ndarray:
-    """All of the picture."""
-    return drain(cycles.picture(Region(0, 0, *SIZE), lambda share: Progress(share, 1, "Cycles")))
-
-
-def whole_picture(samples: int = 4, seed: int = 0) -> np.ndarray:
+def whole_picture(samples: int = 4, seed: int = 0, camera: Camera | None = None) -> np.ndarray:
     """All of the picture, by a scene copy of its own."""
-    with small_renders(samples, seed) as cycles:
-        return whole(cycles)
+    with renders.pixel_renders(bpy.context, camera or eye(), COMBINED) as cycles:
+        return drain(cycles.picture(samples, seed, "Cycles"))
+
+
+def same_mean(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether two noisy pictures of as many samples have the same mean, and the same in each of eight parts.
+
+    Within four standard deviations, which the pictures' difference tells.
+    """
+    difference = (first - second).ravel()
+    parts = [difference, *np.array_split(difference, 8)]
+    return all(abs(part.mean()) <= 4.0 * part.std() / np.sqrt(len(part)) + 1e-6 for part in parts)
+
+
+def moved(kind: str) -> Camera:
+    """The small scene's camera, shifted, orthographic, with sight that begins far away, or in a scene far away."""
+    camera = eye()
+    if kind == "shifted":
+        return replace(camera, shift_x=0.4, shift_y=-0.3)
+    if kind == "orthographic":
+        return replace(camera, kind="ORTHO", half_x=1.8, half_y=1.8 * SIZE[1] / SIZE[0])
+    if kind == "clipped":
+        return replace(camera, clip_start=4.0)
+    for item in bpy.context.scene.objects:
+        if item.parent is None:
+            item.location.x += 500.0
+    bpy.context.view_layer.update()
+    return eye()
+
+
+@pytest.mark.parametrize("kind", ["shifted", "orthographic", "clipped", "far away"])
+def test_scattered_pixels_are_those_of_the_whole_picture(kind: str) -> None:
+    build()
+    camera = moved(kind)
+    mask = np.random.default_rng(2).random(SIZE[::-1]) < 0.3
+    mask[:4, :4] = mask[-4:, -4:] = np.eye(4, dtype=bool)
+    surface = wanted_surface(bpy.context.evaluated_depsgraph_get())
+    chosen = renders.Chosen(mask, wanted_pixels(surface, camera).depth_world)
+    before = scene_snapshot()
+    with renders.pixel_renders(bpy.context, camera, COMBINED, chosen) as cycles:
+        part = drain(cycles.picture(64, 0, "Cycles"))
+    assert_unchanged(before)
+    full = whole_picture(64, 1, camera)
+    assert (full[..., 3] > 0.0).any() and not part[~mask].any()
+    assert same_mean(part[mask][:, :3], full[mask][:, :3])
+    np.testing.assert_allclose(part[mask][:, 3], full[mask][:, 3], atol=0.2)
+    exact = (full[..., 3] == 1.0) & mask
+    np.testing.assert_allclose(part[exact][:, 3], 1.0, atol=0.02, err_msg="no ray of a chosen pixel is held out")
+
+
+def test_a_layer_that_overrides_materials_shows_them() -> None:
+    build()
+    bpy.context.view_layer.material_override = bpy.data.materials.new("Grey")
+    mask = np.zeros(SIZE[::-1], bool)
+    mask[8:16, 10:30] = True
+    with renders.pixel_renders(bpy.context, eye(), COMBINED, renders.Chosen(mask, 1.0)) as cycles:
+        part = drain(cycles.picture(4, 0, "Cycles"))
+    np.testing.assert_array_equal(part[mask], whole_picture()[mask])
 
 
 def test_other_samples_of_a_kept_scene_are_those_of_a_new_one() -> None:
     """Blender does not tell Cycles of every change of a setting."""
     build()
-    with small_renders() as cycles:
-        first = whole(cycles)
-        cycles.sample(16, 1)
-        second = whole(cycles)
+    with renders.pixel_renders(bpy.context, eye(), COMBINED) as cycles:
+        first, second = (drain(cycles.picture(samples, seed, "Cycles")) for samples, seed in ((4, 0), (16, 1)))
     np.testing.assert_array_equal(second, whole_picture(samples=16, seed=1))
     assert (first != second).any()
 
@@ -220,9 +267,9 @@ def test_cycles_says_so_when_it_has_finished() -> None:
         status = render_call._Status()
         bpy.app.handlers.render_stats.append(status.hear)
         try:
-            with small_renders() as cycles:
+            with renders.pixel_renders(bpy.context, eye(), COMBINED) as cycles:
                 cycles._scene.cycles.use_auto_tile, cycles._scene.cycles.tile_size = True, side
-                whole(cycles)
+                drain(cycles.picture(4, 0, "Cycles"))
         finally:
             bpy.app.handlers.render_stats.remove(status.hear)
         assert status._finished and status.done > 0.0
@@ -232,11 +279,11 @@ def test_a_budget_of_nothing_and_of_all(weights: Path) -> None:
     build()
     nothing = drain(run_job(bpy.context, job(weights, CyclesSettings(budget=0.0, samples=1)))).cycles[0]
     np.testing.assert_array_equal(nothing.composited, nothing.preview)
-    assert nothing.report["seconds"]["regions"] == 0.0
-    combined = CyclesSettings(budget=1.0, samples=1, tile=64, light=COMBINED, compare=True)
+    assert nothing.report["seconds"]["pixels"] == 0.0
+    combined = CyclesSettings(budget=1.0, samples=32, light=COMBINED, compare=True)
     everything = drain(run_job(bpy.context, job(weights, combined))).cycles[0]
     assert everything.mask.all()
-    np.testing.assert_array_equal(everything.composited, everything.full)
+    assert same_mean(everything.composited, everything.full)
 
 
 def test_stopped_anywhere_the_scene_is_as_before(
@@ -281,10 +328,10 @@ def test_operator_leaves_pictures_and_nothing_else(weights: Path, tmp_path: Path
     bpy.ops.patchnet.run_all(depth=7, samples=1, size=SIZE)
     drop_result_images()
     before = scene_snapshot()
-    values = {"cycles_budget": 0.3, "cycles_samples": 2, "cycles_tile": 8, "cycles_compare": True}
+    values = {"cycles_budget": 0.3, "cycles_samples": 2, "cycles_compare": True}
     assert bpy.ops.patchnet.refine_with_cycles(size=SIZE, **values) == {"FINISHED"}
     name = bpy.context.scene.camera.name
-    for kind in ("cycles", "regions", "cycles full"):
+    for kind in ("cycles", "cycles mask", "cycles full"):
         assert tuple(bpy.data.images[f"PatchNet {name} {kind}"].size) == SIZE
     assert f"PatchNet {name} cycles error" in bpy.data.images
     drop_result_images()
@@ -309,18 +356,18 @@ def test_the_command_writes_pictures_and_figures(
     build()
     scene, out = saved(tmp_path / "small.blend"), tmp_path / "out"
     arguments = ["--depth", "7", "--samples", "1", "--size", "40", "24", "--weights", str(weights)]
-    cycles = ["--cycles-budget", "0.4", "--cycles-samples", "2", "--cycles-tile", "8", "--cycles-compare"]
+    cycles = ["--cycles-budget", "0.4", "--cycles-samples", "2", "--cycles-compare"]
     assert commands.main(["run", str(scene), "--out", str(out), *arguments, *cycles]) == 0
     printed = capsys.readouterr().out
     assert "Cycles on" in printed and "full Cycles render" in printed
     report = json.loads((out / "report.json").read_text())["frames"][0]["cycles"]
     assert report["samples"] == 2 and report["reference_samples"] == 8
     names = {path.name for path in (out / "Eye").iterdir()}
-    assert {"cycles.png", "regions.png", "cycles_full.png", "cycles_error.png", "cycles_compare.png"} <= names
+    assert {"cycles.png", "cycles_mask.png", "cycles_full.png", "cycles_error.png", "cycles_compare.png"} <= names
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"budget": 1.5}, {"samples": 0}, {"tile": 0}, {"most": 0}, {"light": "glossy"}], ids=str
+    "wrong", [{"budget": 1.5}, {"samples": 0}, {"light": "glossy"}], ids=str
 )
 def test_settings_outside_their_range_are_refused(wrong: dict) -> None:
     with pytest.raises(SettingError):

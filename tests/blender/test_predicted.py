@@ -103,19 +103,19 @@ def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
     assert "Preview, unrefined" in labels and "Predicted, unrefined" in labels
 
 
-def test_it_stands_beside_regions_by_cycles(
+def test_it_stands_beside_pixels_by_cycles(
     scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     words = ["run", str(scene_file), "--weights", str(weights), "--depth", "5", "--size", "24", "16", "--samples", "1"]
-    cycles = ["--cycles-budget", "0.3", "--cycles-samples", "2", "--cycles-tile", "8", "--cycles-compare"]
+    cycles = ["--cycles-budget", "0.3", "--cycles-samples", "2", "--cycles-compare"]
     assert commands.main([*words, *cycles, "--unrefined", "predicted", "--out", str(out)]) == 0
     (frame,) = json.loads((out / "report.json").read_text())["frames"]
     found = frame["cycles"]
     assert found["unrefined"] == "predicted" and found["mse"]["predicted"] != found["mse"]["preview"]
     assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in capsys.readouterr().out
     shown, beside = (image_of(out / "Eye" / f"{name}.png") for name in ("predicted", "cycles"))
-    outside = image_of(out / "Eye" / "regions.png") == 0
+    outside = image_of(out / "Eye" / "cycles_mask.png") == 0
     assert 0 < outside.mean() < 1
     np.testing.assert_array_equal(shown[outside], beside[outside])
 

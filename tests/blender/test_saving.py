@@ -9,13 +9,12 @@ import pytest
 
 from patchnet.operators.cycles.bake import bake_luminance, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.cycles.region_renders import region_renders
+from patchnet.operators.cycles.pixel_renders import pixel_renders
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.runtime.progress import Progress, drain
-from patchnet.patchnet_addon.sampling.regions import Region
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -75,8 +74,8 @@ def test_saved_while_cycles_renders_regions(tmp_path: Path) -> None:
     bpy.data.objects["Lamp"].visible_camera = True
     before = save(tmp_path / "before.blend")
     camera = Camera.look_at((0, -5, 0), (0, 0, 0), fov=1.0, size_px=(16, 16), name="Eye")
-    with region_renders(bpy.context, camera, 1, 0, "diffuse", sun=True) as renders:
-        drain(renders.picture(Region(0, 0, 4, 4), lambda share: Progress(share, 1, "Cycles")))
+    with pixel_renders(bpy.context, camera, "diffuse", sun=True) as renders:
+        drain(renders.picture(1, 0, "Cycles"))
         assert not bpy.data.objects["Lamp"].visible_camera
         saved = save(tmp_path / "after.blend")
         assert not bpy.data.objects["Lamp"].visible_camera, "the job goes on as before"

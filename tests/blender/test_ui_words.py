@@ -60,7 +60,7 @@ def test_sides_of_pictures_are_pixels_of_one_setting() -> None:
     build()
     values = bpy.context.scene.patchnet
     rna = values.bl_rna.properties
-    assert {rna["size_x"].subtype, rna["size_y"].subtype, rna["cycles_tile"].subtype} == {"PIXEL"}
+    assert {rna["size_x"].subtype, rna["size_y"].subtype} == {"PIXEL"}
     assert (values.size_x, values.size_y) == tuple(values.size) == (192, 0)
     values.size_y = 108
     assert tuple(values.size) == (192, 108)

@@ -26,7 +26,7 @@ from visits import OUT, Visit, choose, module, open_tab, running
 PART = sys.argv[-1]
 SIZE = (48, 32)
 SETTINGS = {"resolution": "DEPTH", "depth": 7, "scope": "VISIBLE", "size": SIZE, "samples": 1, "cameras": "Eye"}
-CYCLES = {"budget": 0.2, "samples": 512, "tile": 8, "regions": 1, "compare": True}
+CYCLES = {"budget": 0.2, "samples": 512, "compare": True}
 FEW, MANY = 16, 65536  # samples: a second or two for a region of one tile, half a minute for the whole picture
 THIRD = 3  # render: after the pixel with which Cycles reads the scene, and the region
 
@@ -108,7 +108,7 @@ def state() -> dict[str, object]:
 def pixels() -> dict[str, bytes]:
     """Our pictures by Cycles."""
     result = {}
-    for name in ("cycles", "cycles full", "cycles error", "regions"):
+    for name in ("cycles", "cycles full", "cycles error", "cycles mask"):
         image = bpy.data.images[f"PatchNet Eye {name}"]
         values = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(values)

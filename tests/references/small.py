@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of small kernels: tables of errors, windows, rectangles, colours."""
+"""Plain references of small kernels: tables of errors, windows, colours."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from patchnet.patchnet_addon.octree.leaf_boxes import _MARGIN, STEPS
 from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import Form
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
-from patchnet.patchnet_addon.sampling.rectangles import Box
 from patchnet.patchnet_addon.sampling.windows import windows
 from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
 
@@ -40,21 +39,6 @@ def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -
     variance, mean = matrix @ values + bias[:, None]
     result: np.ndarray = np.sqrt(scale * ((mean + direct) ** 2 + np.exp(np.clip(variance, LOWEST, HIGHEST))))
     return result
-
-
-def best_rectangle_reference(values: np.ndarray, taken: np.ndarray) -> tuple[float, Box | None]:
-    """Find the same rectangle as `best_rectangle`, by trying all."""
-    rows, columns = values.shape
-    best: tuple[float, Box | None] = (-np.inf, None)
-    for bottom in range(rows):
-        for top in range(bottom + 1, rows + 1):
-            for left in range(columns):
-                for right in range(left + 1, columns + 1):
-                    box = np.s_[bottom:top, left:right]
-                    value = -np.inf if taken[box].any() else float(values[box].sum())
-                    if value > best[0]:
-                        best = value, (bottom, top, left, right)
-    return best
 
 
 def window_variance_reference(picture: np.ndarray) -> np.ndarray:

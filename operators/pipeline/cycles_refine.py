@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refinement by Cycles: from a traced view and its priority to a picture whose worst regions are Cycles'."""
+"""Refinement by Cycles: from a traced view and its ranking to a picture whose worst pixels are Cycles'."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,12 +12,11 @@ import numpy as np
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.worker import computed
-from ...patchnet_addon.sampling.regions import Region, choose_regions, region_mask
+from ...patchnet_addon.sampling.chosen_pixels import chosen_pixels
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
-from ..cycles.region_renders import OVERHEAD_PATHS, region_renders
+from ..cycles.pixel_renders import Chosen, pixel_renders
 from ..scene.images import ImageReader
 from ..scene.materials import is_partly_transparent, read_material
 from ..scene.read import LEFT_OUT, read_scene
@@ -26,7 +24,7 @@ from ..scene.scene_mesh import SceneMesh
 from ..scene.surface_instances import shown_instances, shows_itself
 from ..scene_access.blender_version import tree_in_use
 from ..schema.table import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
-from ..settings.cycles_settings import REFERENCE_FACTOR, WITH_GLOSS, CyclesSettings
+from ..settings.cycles_settings import REFERENCE_FACTOR, REFERENCE_SEED, WITH_GLOSS, CyclesSettings
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View
@@ -80,8 +78,18 @@ def _kind(material: bpy.types.Material | None) -> bool:
     return reading.alpha_texture is None and is_partly_transparent(reading)
 
 
-def wanted_pixels(surface: WantedSurface, camera: Camera) -> np.ndarray:
-    """(H, W) bool: pixels of a camera whose nearest surface, at their centres, is wanted, or lies behind a box."""
+class WantedPixels(NamedTuple):
+    """Pixels of a camera whose nearest surface, at their centres, is wanted, or lies behind a box.
+
+    mask: (H, W) bool. depth_world: of the nearest surface of all pixels, infinite without one.
+    """
+
+    mask: np.ndarray
+    depth_world: float
+
+
+def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
+    """Find the pixels that only Cycles shows as they are."""
     from ...patchnet_addon.tracing.seen_triangles import Sight
 
     size = camera.width_px, camera.height_px
@@ -94,7 +102,8 @@ def wanted_pixels(surface: WantedSurface, camera: Camera) -> np.ndarray:
     mask: np.ndarray = (seen >= 0) & np.concatenate(wanted)[seen]
     sides = surface.boxes[:, _SIDES].reshape(-1, 3, 3)
     around.add(sides, np.ones(len(sides), bool), 0)
-    return mask | (around.seen.depth[0] < sight.seen.depth[0]) | any(_is_in(box, camera) for box in surface.boxes)
+    mask |= (around.seen.depth[0] < sight.seen.depth[0]) | any(_is_in(box, camera) for box in surface.boxes)
+    return WantedPixels(mask, float(sight.seen.depth.min()))
 
 
 def _is_in(box: np.ndarray, camera: Camera) -> bool:
@@ -106,26 +115,24 @@ def _is_in(box: np.ndarray, camera: Camera) -> bool:
 
 _LEFT = (
     "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
-    "Pixels or Max Regions of Refine with Cycles"
+    "Pixels of Refine with Cycles"
 )
 NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
 
 
 @dataclass(frozen=True, eq=False)
 class CyclesView:
-    """View with Cycles' regions in it.
+    """View with Cycles' pixels in it.
 
     priority: (H, W) float32 that chose them, after the pixels that only Cycles shows as they are. mask: (H, W) bool,
-    their pixels. preview: what pixels beside regions show,
-    the predicted picture where that is chosen. preview, composited, full: (H, W), or
-    (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
+    these pixels. preview: the picture of all others, the predicted one where that is chosen. preview, composited, full:
+    (H, W), or (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
     alphas: of these three, by name, (H, W). ground: what pictures are laid over; the three are over black.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
     warnings: what the budget does not reach.
     """
 
     camera: Camera
-    regions: Sequence[Region]
     priority: np.ndarray
     mask: np.ndarray
     preview: np.ndarray
@@ -141,30 +148,28 @@ class CyclesView:
 def refine_view(
     context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
-    """Render a view's worst regions with Cycles; the scene is as before afterwards, also when closed.
+    """Render a view's worst pixels with Cycles; the scene is as before afterwards, also when closed.
 
     The refined octree picture, that of the view's budget, is measured too. sun: whether the octree was lit by a sun and
     a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
     octree, camera, buffers = view.octree, view.camera, view.buffers
     check_light(octree)
-    score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
-    priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
-    choosing = Progress(0, 1, f"{camera.name}: choosing regions")
+    choosing = Progress(0, 1, f"{camera.name}: choosing pixels")
     depsgraph = context.evaluated_depsgraph_get()
     surface = wanted_surface(depsgraph)
     wanted = yield from computed(lambda: wanted_pixels(surface, camera), choosing)
-    regions = yield from computed(lambda: _chosen(priority, wanted, settings), choosing)
+    mask = buffers.picture(chosen_pixels(view.ranking, wanted.mask.ravel(), settings.budget))
     added = not has_light(depsgraph) if sun is None else sun
-    gloss = bool(wanted.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
+    gloss = bool(wanted.mask.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
-    renders = yield from _rendered(context, camera, regions, (settings, light), added)
+    renders = yield from _rendered(context, camera, Chosen(mask, wanted.depth_world), (settings, light), added)
     refined = yield from computed(
-        lambda: _composited(view, priority, regions, renders, settings),
+        lambda: _composited(view, mask, renders, settings),
         Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
     )
-    left = float((wanted & ~refined.mask).mean())
-    refined.report["wanted"] = {"pixels_share": float(wanted.mean()), "left_share": left}
+    left = float((wanted.mask & ~mask).mean())
+    refined.report["wanted"] = {"pixels_share": float(wanted.mask.mean()), "left_share": left}
     return replace(refined, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
 
 
@@ -174,51 +179,36 @@ def check_light(octree: Octree) -> None:
         raise SettingError(NOT_CYCLES)
 
 
-def _chosen(priority: np.ndarray, wanted: np.ndarray, settings: CyclesSettings) -> Sequence[Region]:
-    overhead = OVERHEAD_PATHS / settings.samples
-    how = {"tile": settings.tile, "most": settings.most}
-    return choose_regions(priority, settings.budget, **how, overhead_px=overhead, wanted=wanted)
-
-
 def _rendered(
-    context: bpy.types.Context,
-    camera: Camera,
-    regions: Sequence[Region],
-    rendered: tuple[CyclesSettings, str],
-    sun: bool,
+    context: bpy.types.Context, camera: Camera, chosen: Chosen, rendered: tuple[CyclesSettings, str], sun: bool
 ) -> Steps[Renders]:
-    """Render the regions, then, to measure against, the whole picture and the reference.
+    """Render the pixels, then, to measure against, the whole picture and the reference.
 
     The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
     scene read.
     """
     settings, light = rendered
-    wanted = camera, settings.samples, settings.seed, light
-    empty = np.zeros((camera.height_px, camera.width_px, 4), np.float32)
-    result = Renders(empty)
-    if regions:
-        with region_renders(context, *wanted, sun=sun) as cycles:
+    result = Renders(np.zeros((camera.height_px, camera.width_px, 4), np.float32))
+    if chosen.mask.any():
+        with pixel_renders(context, camera, light, chosen, sun=sun) as cycles:
             yield from cycles.synced()
-            label = f"{camera.name}: Cycles, {counted(len(regions), 'region')}"
-            result.regions = yield from cycles.pictures(regions, label)
+            result.pixels = yield from cycles.picture(settings.samples, settings.seed, f"{camera.name}: Cycles")
             result.sync_seconds, result.seconds = cycles.sync_seconds, cycles.seconds
     if settings.compare:
-        whole = Region(0, 0, camera.width_px, camera.height_px)
-        label = f"{camera.name}: Cycles, the whole picture"
-        with region_renders(context, *wanted, sun=sun) as cycles:
-            result.full = yield from cycles.picture(whole, lambda share: Progress(share, 1, label))
+        with pixel_renders(context, camera, light, sun=sun) as cycles:
+            label = f"{camera.name}: Cycles, the whole picture"
+            result.full = yield from cycles.picture(settings.samples, settings.seed, label)
             result.full_seconds = cycles.seconds
-            cycles.sample(REFERENCE_FACTOR * settings.samples, settings.seed + 1)
-            result.reference = yield from cycles.pictures([whole], f"{camera.name}: Cycles, the reference")
+            samples, label = REFERENCE_FACTOR * settings.samples, f"{camera.name}: Cycles, the reference"
+            result.reference = yield from cycles.picture(samples, settings.seed + REFERENCE_SEED, label)
     return result
 
 
-def _composited(
-    view: View, priority: np.ndarray, regions: Sequence[Region], renders: Renders, settings: CyclesSettings
-) -> CyclesView:
+def _composited(view: View, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> CyclesView:
     buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
-    mask = region_mask(list(regions), camera.height_px, camera.width_px)
-    report = cycles_report(priority, regions, renders, settings) | {"unrefined": buffers.unrefined}
+    score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
+    priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
+    report = cycles_report(priority, mask, renders, settings) | {"unrefined": buffers.unrefined}
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
         squared = squared_errors(buffers, mask, renders, exposure, view.refined.luminance)
@@ -230,12 +220,12 @@ def _composited(
     color = buffers.shown_color
     colored = color is not None
     preview = buffers.picture(buffers.shown if color is None else color)
-    cycles = shown_light(renders.regions, exposure, colored)
+    cycles = shown_light(renders.pixels, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, preview)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)
     below = buffers.picture(buffers.shown_alpha)
-    alphas = {"preview": below, "composited": np.where(mask, renders.regions[..., 3], below)}
+    alphas = {"preview": below, "composited": np.where(mask, renders.pixels[..., 3], below)}
     if renders.full is not None:
         alphas["full"] = renders.full[..., 3]
     ground = Ground(camera, view.background, exposure)
-    return CyclesView(camera, regions, priority, mask, preview, composited, full, errors, report, alphas, ground)
+    return CyclesView(camera, priority, mask, preview, composited, full, errors, report, alphas, ground)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles renders of any pixels of one camera's picture.
+
+Cycles reads the scene once and keeps it ("persistent data"), so that each further call costs its paths and some 0.05 s.
+All settings are those of a scene of our own, which is gone afterwards with what Cycles kept.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.image.exr import read_exr
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.tracing.camera import Camera
+from ..scene_access.window_job import check_no_job, window_is_alive
+from ..schema.table import COMBINED, DIFFUSE
+from ..settings.cycles_settings import WITH_GLOSS
+from .camera_render import add_passes, baked_light, baked_light_with_gloss, combined_light, coverage
+from .daylight import daylight
+from .mask_plane import mask_plane
+from .render_call import rendered
+from .scene_copy import prepared
+
+# Without a window nothing acts while Blender renders: so much work between two reports. Beside a window Blender's job
+# says how far it is, and hears of a stop between two passes over a tile: those of Cycles are too large for that.
+PART_S = 1.0
+FIRST_PATHS = 50_000
+TILE_SIDE_IN_WINDOW = 256
+_LIGHTS = {DIFFUSE: baked_light, WITH_GLOSS: baked_light_with_gloss, COMBINED: combined_light}
+_INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
+
+
+class Chosen(NamedTuple):
+    """Pixels that are rendered: mask (H, W) bool, row 0 at the bottom, and the depth of the nearest surface."""
+
+    mask: np.ndarray
+    depth_world: float
+
+
+class PixelRenders:
+    """Renderer of one camera's pixels; made by `pixel_renders`.
+
+    seconds: of Blender's renders up to now and of reading their files, without those of the caller that waited.
+    sync_seconds: of the first, which reads the scene.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, path: Path, mask: np.ndarray, light: str) -> None:
+        self._scene, self._path, self._mask = scene, path, mask
+        self._light = _LIGHTS[light]
+        self.seconds = self.sync_seconds = 0.0
+
+    def synced(self) -> Steps[None]:
+        """Let Cycles read the scene, with one pixel, so that the time of that is known."""
+        self._sample(1, 0)
+        yield from self._part(slice(0, 1), lambda share: Progress(share, 1, "Cycles reads the scene"), columns=1)
+        self.sync_seconds = self.seconds
+
+    def picture(self, samples: int, seed: int, label: str) -> Steps[np.ndarray]:
+        """(H, W, 4) float32: linear unexposed light, and alpha; row 0 at the bottom; 0 for what is not rendered.
+
+        Without a window in parts of about a second. Raises SceneError, StoppedError.
+        """
+        canvas = np.zeros((*self._mask.shape, 4), np.float32)
+        of_rows = self._mask.sum(axis=1)
+        rows, done, pace = np.flatnonzero(of_rows), 0, FIRST_PATHS / samples
+        self._sample(samples, seed)
+        while len(rows):
+            fits = int(np.searchsorted(np.cumsum(of_rows[rows]), pace * PART_S, "right"))
+            taken = len(rows) if window_is_alive() else max(1, fits)
+            part, rows = slice(int(rows[0]), int(rows[taken - 1]) + 1), rows[taken:]
+            begun, work = self.seconds, int(of_rows[part].sum())
+            picture = yield from self._part(part, _reports(done, work, int(of_rows.sum()), label))
+            pace, done = work / max(self.seconds - begun, 1e-3), done + work
+            canvas[part] = np.where(self._mask[part][..., None], picture, np.float32(0.0))
+        return canvas
+
+    def _sample(self, samples: int, seed: int) -> None:
+        self._scene.cycles.samples, self._scene.cycles.seed = samples, seed
+        self._scene.update_tag()  # or Cycles goes on with those that it kept
+
+    def _part(self, rows: slice, at: Callable[[float], Progress], columns: int | None = None) -> Steps[np.ndarray]:
+        """(h, w, 4) float32: some rows of the picture, or the first columns of them."""
+        yield at(0.0)
+        height, width = self._mask.shape
+        values = self._scene.render
+        values.use_border = values.use_crop_to_border = True
+        values.border_min_x, values.border_max_x = 0.0, 1.0 if columns is None else (columns + _INSIDE) / width
+        values.border_min_y, values.border_max_y = 0.0, 1.0  # Blender keeps them in order while they are set
+        values.border_max_y, values.border_min_y = (rows.stop + _INSIDE) / height, (rows.start + _INSIDE) / height
+        self.seconds += yield from rendered(self._scene, self._path, at)
+        begun = time.perf_counter()
+        channels = read_exr(self._path)
+        self.seconds += time.perf_counter() - begun
+        result: np.ndarray = yield from computed(
+            lambda: np.dstack([self._light(channels), coverage(channels)]), at(1.0)
+        )
+        assert result.shape == (rows.stop - rows.start, width if columns is None else columns, 4)
+        return result
+
+
+@contextmanager
+def pixel_renders(
+    context: bpy.types.Context,
+    camera: Camera,
+    light: str,
+    chosen: Chosen | None = None,
+    *,
+    sun: bool = False,
+) -> Iterator[PixelRenders]:
+    """Renders of the scene, which is as before after the block.
+
+    chosen: the pixels that are rendered; None for whole pictures. sun: with a sun and a sky of ours, in the copy of
+    the scene only.
+    Raises SceneError if Cycles is not there, or if Blender renders or bakes something else beside its window.
+    """
+    if window_is_alive():
+        check_no_job()
+    with ExitStack() as stack:
+        path = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="patchnet-"))) / "pixels.exr"
+        scene, layer = stack.enter_context(prepared(context, camera, 1, 0, path))
+        add_passes(layer)
+        if window_is_alive() and scene.cycles.device == "CPU":  # a GPU is done with large tiles soon
+            scene.cycles.use_auto_tile, scene.cycles.tile_size = True, TILE_SIDE_IN_WINDOW
+        if sun:
+            stack.enter_context(daylight(scene))
+        if chosen is None:
+            chosen = Chosen(np.ones((camera.height_px, camera.width_px), bool), np.inf)
+        elif layer.material_override is None:  # which the plane would have, too
+            stack.enter_context(mask_plane(scene, camera, *chosen))
+        scene.render.use_persistent_data = True
+        stack.callback(_drop_kept, scene)
+        yield PixelRenders(scene, path, chosen.mask, light)
+
+
+def _drop_kept(scene: bpy.types.Scene) -> None:
+    """Drop what Cycles kept of `scene`, before anything of that is removed."""
+    with suppress(ReferenceError):  # the scene has gone with a render that was stopped
+        scene.render.use_persistent_data = False
+
+
+def _reports(done: int, work: int, total: int, label: str) -> Callable[[float], Progress]:
+    return lambda share: Progress(done + share * work, total, label)
