@@ -35,10 +35,10 @@ def test_estimate(scene: bpy.types.Scene) -> None:
 
 
 def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
+    from patchnet.commands.benches.bake import own_texels
     from patchnet.operators.scene.read import read_scene
     from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
     from patchnet.patchnet_addon.runtime.progress import drain
-    from patchnet.training.benchmarks.path_counts import own_texels
 
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
