@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet bench NAME`: measure against other programs, in the same run and on the same input.
 
-A bench is a module of `commands/benches/`:
+A bench is a module of `commands/benches/`, imported when it runs:
 
-    HELP                        what is measured against what
-    add_arguments(parser)       its arguments, without --json
     measure(args) -> Comparison the measurement
     text(values) -> str         its figures for the user, from the values of the JSON
 """
@@ -13,13 +11,29 @@ from __future__ import annotations
 
 import argparse
 import json
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from .benches import bake, decode, encode, frame, trace, train, voxelize, walkthrough
+from ..patchnet_addon.network.encoders import MLP
+from ..patchnet_addon.runtime import bounds
+from ..patchnet_addon.runtime.bounds import Bounds
+from ..training.settings import AUTO, BF16, FP32
+from .shared.arguments import add_device, add_number
+from .shared.job_arguments import require_blender
+from .shared.training_run import require_torch
+from .shared.views import add_views
 
 BENCHES = {
-    "voxelize": voxelize, "trace": trace, "encode": encode, "decode": decode, "frame": frame, "bake": bake,
-    "walkthrough": walkthrough, "train": train,
-}  # fmt: skip
+    "voxelize": "octree against Open3D's voxel grid",
+    "trace": "rays per second against Embree's, thread for thread",
+    "encode": "the whole encoder against torch's",
+    "decode": "the whole decoder against torch's layers alone",
+    "frame": "a frame, from camera to priority and picture, against four rays in each pixel",
+    "bake": "the bake against camera renders: paths per second, filling of pages",
+    "walkthrough": "a walk of a camera, with the bake, against Cycles frame by frame: who is ahead from which frame on",
+    "train": "training samples per second, on a GPU against the CPU",
+}
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
@@ -30,16 +44,126 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         description="Measure a part of PatchNet against another program, in the same run and on the same input.",
     )
     benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
-    for name, bench in BENCHES.items():
-        single = benches.add_parser(name, help=bench.HELP, description=bench.__doc__)
-        bench.add_arguments(single)
+    for name, text in BENCHES.items():
+        single = benches.add_parser(name, help=text, description=f"Measure {text}.")
+        _ARGUMENTS[name](single)
         single.add_argument("--json", action="store_true", help="print one line of JSON")
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print; returns 0; raises PatchNetError."""
-    bench = BENCHES[args.bench]
+    if args.bench in ("bake", "walkthrough"):
+        require_blender()
+    if args.bench == "train":
+        require_torch()
+    bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args).as_json()
     print(json.dumps(values) if args.json else bench.text(values))
     return 0
+
+
+def _number(parser: argparse.ArgumentParser, flag: str, row: Bounds, default: Any, text: str) -> None:
+    """Argument that is a number, or as many as its default has, which the help states."""
+    if isinstance(default, tuple):
+        shown = " ".join(map(str, default))
+        add_number(parser, flag, row, nargs=len(default), default=default, help=f"{text} ({shown})")
+    else:
+        add_number(parser, flag, row, default=default, help=f"{text} ({default:.7g})")
+
+
+def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
+    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
+    _number(parser, "--depth", bounds.DEPTH, 9, "octree depth")
+    _number(parser, "--threads", bounds.THREADS, 1, f"threads of ours; {peer} has one; one: processor seconds")
+    _repeats(parser, repeats)
+
+
+def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
+    parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
+    _number(parser, "--nodes", bounds.NODES, nodes, "nodes of the octree that is made")
+    _repeats(parser, repeats)
+
+
+def _network(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
+    _octree(parser, nodes, repeats)
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    _number(parser, "--threads", bounds.THREADS, 1, "threads of ours and of torch; one: processor seconds")
+
+
+def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
+    _number(parser, "--repeats", bounds.REPEATS, repeats, "runs of each, the median counts")
+
+
+def _trace(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "file", type=Path, nargs="?", help="octree file of the scene (its triangles are voxelized at --depth)"
+    )
+    _triangles(parser, 5, "Embree")
+    add_views(parser)
+
+
+def _decode(parser: argparse.ArgumentParser) -> None:
+    _network(parser, 1_000_000, 9)
+    _number(parser, "--pixels", bounds.DECODED_PIXELS, 150_000, "pixels with look-ahead, about")
+
+
+def _frame(parser: argparse.ArgumentParser) -> None:
+    _octree(parser, 1_000_000, 5)
+    add_views(parser)
+    add_number(parser, "--threads", bounds.THREADS, help="threads (one for each core)")
+
+
+def _bake(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
+    _number(parser, "--depth", bounds.DEPTH, 7, "octree depth")
+    _number(parser, "--samples", bounds.SAMPLES, 16, "paths per texel")
+    _number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, 2.0, "side of a texel in finest voxels")
+
+
+def _walkthrough(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scene", default="room",
+        help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
+        "(room)",
+    )  # fmt: skip
+    _number(parser, "--frames", bounds.TRACK_FRAMES, 250, "frames of the walk")
+    _number(parser, "--size", bounds.VIEW_PX, (320, 180), "pixels of each")
+    parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
+    _number(parser, "--samples", bounds.SAMPLES, 4, "of a baked texel")
+    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
+    _number(parser, "--timed", bounds.REPEATS, 3, "frames of PatchNet that are timed")
+    _number(parser, "--cycles-timed", bounds.REPEATS, 1, "frames of Cycles that are timed")
+    _number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, 32, "of Cycles' frames")
+    _number(parser, "--judged", bounds.REPEATS, 1, "frames whose errors are measured")
+    _number(parser, "--error-size", bounds.VIEW_PX, (160, 90), "pixels of these")
+    _number(parser, "--truth", bounds.CYCLES_SAMPLES, 256, "samples that they are judged by")
+
+
+def _train(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "datasets", nargs="*", type=Path, metavar="DATASET",
+        help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
+    )  # fmt: skip
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    _number(parser, "--nodes", bounds.NODES, 1_000_000, "nodes of the octree that is made")
+    _number(parser, "--samples", bounds.DATASET_SAMPLES, 400_000, "samples that are drawn of it")
+    add_number(parser, "--threads", bounds.THREADS, help="threads that train, or gather batches for a GPU (all cores)")
+    parser.add_argument(
+        "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
+        help="of the encoder's products (auto: bf16 where the processor has it)",
+    )  # fmt: skip
+    _number(parser, "--encoder-width", bounds.ENCODER_WIDTH, MLP.width, "values between the encoder's layers")
+    _repeats(parser, 9)
+
+
+_ARGUMENTS = {
+    "voxelize": lambda parser: _triangles(parser, 3, "Open3D"),
+    "trace": _trace,
+    "encode": lambda parser: _network(parser, 600_000, 5),
+    "decode": _decode,
+    "frame": _frame,
+    "bake": _bake,
+    "walkthrough": _walkthrough,
+    "train": _train,
+}

@@ -1,54 +1,62 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time the encoder against torch's on the same corners, and on the whole octree: corners per second."""
+"""Codes of a whole octree, from its nodes to stored codes, by the compiled encoder against torch's, in turns."""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
-from ...patchnet_addon.runtime import bounds
-from ..shared.arguments import add_number
-from .arguments import add_octree, add_repeats, add_threads, given_octree, in_other_process
+import numpy as np
 
-if TYPE_CHECKING:
-    from ...training.benchmarks.timing import Comparison
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.encode import encode_octree
+from ...patchnet_addon.network.devices import CPU, has_torch
+from ...patchnet_addon.network.encoders import Encoder
+from ...patchnet_addon.network.weights import load_weights
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.progress import drain
+from ...training.benchmarks.timing import Comparison, timed
+from .inputs import given_octree, use_threads
 
-HELP = "the whole encoder against torch's"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench encode`."""
-    add_octree(parser, 600_000)
-    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
-    add_number(parser, "--corners", bounds.CORNERS, default=50_000, help="corners to encode, about (50000)")
-    add_threads(parser, "threads of ours and of torch")
-    add_repeats(parser, 5)
+_REST_SECONDS = 0.3  # threads of torch spin on after a product, and would take the next one's cores
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of both, in a process that has so many threads; raises PatchNetError."""
-    if (result := in_other_process(args, "corners", "weights")) is not None:
-        return result
-    from ...patchnet_addon.network.weights import load_weights
-    from ...training.benchmarks.encoding import benchmark_encoding
+    """Rates of both, without torch of ours alone; raises PatchNetError, as for an octree without look-ahead."""
+    (octree, name), weights = given_octree(args), load_weights(args.weights)
 
-    octree, name = given_octree(args)
-    result = benchmark_encoding(octree, load_weights(args.weights), args.corners, args.repeats, threads=args.threads)
-    return replace(result, details={"octree": name, "nodes": octree.node_count, **result.details})
+    def encoded(encoder: Encoder | None = None) -> CodedOctree:
+        return drain(encode_octree(octree, weights, encoder=encoder))
+
+    runs: dict[str, Callable[[], CodedOctree]] = {"compiled": encoded}
+    if has_torch():
+        from ...patchnet_addon.network.torch_encode import TorchEncoder
+
+        runs["torch"] = partial(encoded, TorchEncoder(weights, CPU))
+    with use_threads(args.threads):
+        codes = [run().codes.astype(np.float32) for run in runs.values()]  # compiles, too
+        if not len(codes[0]):
+            raise SettingError("This octree has no corners to encode: take one of depth 2 or more")
+        seconds, details = timed(runs, args.repeats, args.threads, prepare=partial(time.sleep, _REST_SECONDS))
+    rates = {backend: len(codes[0]) / each for backend, each in seconds.items()}
+    details |= {
+        "octree": name,
+        "nodes": octree.node_count,
+        "corners": len(codes[0]),
+        "corners_per_s": rates,
+        "largest_difference": float(np.abs(codes[-1] - codes[0]).max()),
+        "largest_code": float(np.abs(codes[0]).max()),
+    }
+    return Comparison.of_rates("encode", rates["compiled"], rates.get("torch"), details, "corners per second")
 
 
 def text(values: dict[str, Any]) -> str:
-    """Sentences about corners and rates."""
-    peer = "no torch here" if values["peer"] is None else (
-        f"{values['peer_name']} {values['peer']:,.0f}, ratio {values['ratio']:.2f}"
-    )  # fmt: skip
+    """Sentence about corners and rates."""
+    peer = f"torch {values['peer']:,.0f}, ratio {values['ratio']:.2f}" if values["peer"] else "no torch here"
     return (
-        f"{values['octree']}: {values['corners']:,} corners of {values['blocks']:,} blocks, "
-        f"{values['occupied_cells']:.0%} of their cells occupied\n"
-        f"Corners per second: ours {values['ours']:,.0f}; {peer} "
-        f"({values['clock']} seconds, threads: {values['threads']})\n"
-        f"Whole octree, corners found and codes stored: {values['octree_corners_per_s']:,.0f} of "
-        f"{values['all_corners']:,} corners per second"
+        f"{values['octree']}: {values['corners']:,} corners a run; per second: ours {values['ours']:,.0f}; {peer} "
+        f"({values['clock']} seconds, threads: {values['threads']})"
     )

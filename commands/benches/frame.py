@@ -1,54 +1,91 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time whole frames stage by stage: rays, network, priority, picture; beside them four rays in each pixel."""
+"""Seconds of a whole frame, from camera to picture and priority, by stage; four rays in each pixel beside it.
+
+Stages: rays with what is finer and behind, the network, score and order of all pixels, and the preview under the
+heatmap of what a budget of 30 % refines.
+"""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from statistics import median
+from typing import Any
 
-from ...patchnet_addon.runtime import bounds
-from ..shared.arguments import add_number
-from ..shared.views import add_views, view_cameras
-from .arguments import add_octree, add_repeats, given_octree
+import numpy as np
 
-if TYPE_CHECKING:
-    from ...training.benchmarks.timing import Comparison
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.encode import encode_octree
+from ...patchnet_addon.codes.predict import predict
+from ...patchnet_addon.image.heatmap import tint
+from ...patchnet_addon.network.weights import load_weights
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.ranking import rank
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.render import patch_hits
+from ...patchnet_addon.tracing.supersample import supersample
+from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks.timing import Comparison
+from ..shared.views import view_cameras
+from .inputs import given_octree
+from .trace import views_of
 
-HELP = "a frame, from camera to priority and picture, against four rays in each pixel"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench frame`."""
-    add_octree(parser, 1_000_000)
-    add_views(parser)
-    add_number(parser, "--threads", bounds.THREADS, help="threads (one for each core)")
-    add_repeats(parser, 5)
+STAGES = ("trace", "decode", "priority", "picture")
+_BUDGET = 0.3
+_UNIFORM_SIDE = 2  # rays a pixel side
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Seconds of each view by stage; raises PatchNetError for a file that is no octree."""
-    from ...patchnet_addon.codes.encode import encode_octree
-    from ...patchnet_addon.network.weights import load_weights
-    from ...patchnet_addon.runtime.progress import drain
-    from ...patchnet_addon.runtime.threads import usable_cores
-    from ...training.benchmarks.frames import benchmark_frames
-    from ...training.benchmarks.tracing import views_of
-
+    """Median wall seconds of each view by stage, the first run left out; raises PatchNetError."""
     octree, name = given_octree(args)
     coded = drain(encode_octree(octree, load_weights()))
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
     threads = args.threads or usable_cores()
-    results = [benchmark_frames(coded, camera, args.repeats, threads=threads) for camera in cameras]
-    details = {"octree": name, "depth": octree.depth, "frames": [result.as_json() for result in results]}
-    return replace(results[0], details=details | results[0].details)
+    with limit_threads(threads):
+        frames = [_measured(coded, camera, args.repeats) for camera in cameras]
+    details = {
+        "octree": name,
+        "depth": octree.depth,
+        "size": list(args.size),
+        "threads": threads,
+        "repeats": args.repeats,
+        "peer_name": f"{_UNIFORM_SIDE} x {_UNIFORM_SIDE} rays in each pixel",
+        "frames": frames,
+    }
+    ours, peer = frames[0]["ours"], frames[0]["peer"]
+    return Comparison("frame", ours, peer, peer / ours, details)
+
+
+def _measured(coded: CodedOctree, camera: Camera, repeats: int) -> dict[str, Any]:
+    runs = [_frame(coded, camera) for _ in range(repeats + 1)][1:]
+    seconds = {name: median(run[name] for run in runs) for name in runs[0]}
+    stages = {name: seconds[name] for name in STAGES}
+    return {"view": camera.name, "stage_s": stages, "ours": sum(stages.values()), "peer": seconds["uniform"]}
+
+
+def _frame(coded: CodedOctree, camera: Camera) -> dict[str, float]:
+    """Wall seconds of each stage of one frame."""
+    clock = StageClock()
+    with clock.stage("trace"):
+        traced = patch_hits(coded.octree, camera, lookahead=coded.weights.lookahead)
+    with clock.stage("decode"):
+        prediction = predict(coded, traced.hits)
+    buffers = PixelBuffers(traced.hits, behind=traced.behind, prediction=prediction)
+    with clock.stage("priority"):
+        ranking = rank(STRATEGIES["patchnet-behind"], buffers, _BUDGET)
+    with clock.stage("picture"):
+        refined = int(np.count_nonzero(ranking.mask))
+        tint(buffers.picture(buffers.preview), buffers.picture(ranking.urgency(refined)))
+    with clock.stage("uniform"):
+        drain(supersample(coded.octree, camera, _UNIFORM_SIDE))
+    return clock.seconds
 
 
 def text(values: dict[str, Any]) -> str:
     """Markdown table with a row for each view."""
-    from ...training.benchmarks.frames import STAGES
-    from ...training.benchmarks.tables import markdown_table
-
     width, height = values["size"]
     rows = [
         [row["view"], *(f"{row['stage_s'][stage]:.3f}" for stage in STAGES), f"{row['ours']:.3f}", f"{row['peer']:.3f}"]

@@ -1,84 +1,185 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time the tracer against Embree on the same triangles."""
+"""Rays per second of the tracer in turns with Embree on the same triangles (https://pypi.org/project/embreex).
+
+Views are given, or found from the octree: from far outside, from the free space within, and close to what that sees.
+"""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from importlib.metadata import version
+from statistics import geometric_mean
+from types import ModuleType
+from typing import Any
 
-from ...patchnet_addon.runtime.errors import SceneError
-from ..shared.views import add_views, view_cameras
-from .arguments import SHELLS, add_depth, add_repeats, add_scene, add_threads, read_triangles
+import numpy as np
 
-if TYPE_CHECKING:
-    from ...patchnet_addon.octree.octree import Octree
-    from ...training.benchmarks.timing import Comparison
+from ...patchnet_addon.octree.file import load_octree
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError, SceneError
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.surface.mesh import TriangleMesh
+from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
+from ...patchnet_addon.tracing.supersample import supersample_pixels
+from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
+from ...patchnet_addon.tracing.viewpoints import viewpoints
+from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks.timing import Comparison, timed
+from ..shared.views import view_cameras
+from .inputs import SHELLS, read_triangles, voxelized
 
-HELP = "rays per second against Embree's, thread for thread"
+_BLOCK = 4  # pixels a side that are super-sampled together, as refinement does
+_BLOCKS = 40
+_SIDE = 32
+_CLOSE = 0.15  # of the way from what the view within sees back to it
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench trace`."""
-    parser.add_argument(
-        "file", type=Path, nargs="?", help="octree file of the scene (its triangles are voxelized at --depth)"
-    )
-    add_scene(parser)
-    add_depth(parser)
-    add_views(parser)
-    add_threads(parser, "threads of ours; Embree has one")
-    add_repeats(parser, 5)
+def import_embree() -> ModuleType:
+    """Embree's scenes, or a PatchNetError that says how to get them."""
+    try:
+        from embreex import mesh_construction, rtcore_scene  # noqa: F401
+    except (ImportError, OSError) as cause:
+        raise PatchNetError(f"Embree cannot be imported ({cause}): install patchnet-blender[peers]") from cause
+    return rtcore_scene
+
+
+class EmbreeScene:
+    """Triangles (T, 3, 3) in Embree's bounding volume hierarchy."""
+
+    def __init__(self, corners_world: np.ndarray) -> None:
+        """Build the hierarchy; around the middle of the triangles, since Embree computes in float32."""
+        from embreex.mesh_construction import TriangleMesh as EmbreeMesh
+
+        self._scene = import_embree().EmbreeScene()
+        corners = corners_world.reshape(-1, 3)
+        self._middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        EmbreeMesh(self._scene, (corners_world - self._middle).astype(np.float32))
+
+    def run(self, octree: Octree, camera: Camera) -> Callable[[], Any]:
+        """Run over the first hits of a perspective camera's pixels, whose rays are made before."""
+        direction = first_hits(octree, camera).direction
+        origin = np.tile((camera.position_world - self._middle).astype(np.float32), (len(direction), 1))
+        return partial(self._scene.run, origin, direction, query="INTERSECT")
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates in all views; raises PatchNetError without Embree, but for an octree file alone, which has no triangles."""
-    from ...training.benchmarks.tracing import EmbreeScene, benchmark_tracing, import_embree, views_of
+    """Rates in all views, their geometric mean over Embree's as ratio.
 
-    embree, triangles = None, None
+    Raises PatchNetError without Embree, but for an octree file alone, which has no triangles.
+    """
+    triangles = embree = None
     if args.scene is not None or args.file is None:
         import_embree()  # before a long scene is read
         if args.scene is not None and not args.scene.is_file():
             raise SceneError(f"Scene file {args.scene} does not exist: check its path")
         triangles = read_triangles(args.scene)
-    octree = _octree(args, triangles)
-    if triangles is not None:
         embree = EmbreeScene(triangles)
-        del triangles
+    octree = _octree(args, triangles)
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
-    result = benchmark_tracing(octree, cameras, embree, args.repeats, threads=args.threads)
+    with limit_threads(args.threads):
+        rows = [_view(octree, camera, embree, args.repeats, args.threads) for camera in cameras]
     given = args.scene or args.file
-    return replace(result, details={"scene": given.name if given else SHELLS, **result.details})
+    details = {
+        "scene": given.name if given else SHELLS,
+        "depth": octree.depth,
+        "nodes": octree.node_count,
+        "threads": args.threads,
+        "clock": "wall" if args.threads > 1 else "processor",
+        "repeats": args.repeats,
+        "peer_name": None if embree is None else f"Embree {version('embreex').partition('.post')[0]}",
+        "size": list(args.size),
+        "views": rows,
+    }
+    ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
+    peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
+    return Comparison.of_rates("trace", ours, peer, details, "rays per second")
 
 
-def _octree(args: argparse.Namespace, triangles: Any) -> Octree:
-    from ...patchnet_addon.octree.file import load_octree
-    from ...patchnet_addon.octree.grid import Grid
-    from ...training.benchmarks.voxelize import OurVoxels
-
-    if args.file is not None:
+def _octree(args: argparse.Namespace, triangles: np.ndarray | None) -> Octree:
+    if triangles is None or args.file is not None:
         return load_octree(args.file)
-    voxels = OurVoxels(triangles)
-    voxels.voxelize(Grid.around(voxels.mesh.bounds_world, args.depth))
-    assert voxels.octree is not None
-    return voxels.octree
+    return voxelized(TriangleMesh.from_arrays(triangles), args.depth)
+
+
+def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
+    """Views Far, Inside and Close of an octree with light; Inside is the best of the places with room.
+
+    Where no place has room, both others look from the same side as Far, from nearer.
+    """
+    cells = octree.grid.to_world((octree.cells(level := min(octree.depth, 6)) + 0.5) / (1 << level))
+    low, high = cells.min(axis=0), cells.max(axis=0)
+    middle, reach = (low + high) / 2, float(np.linalg.norm(high - low))
+    out = np.array([0.55, -0.75, 0.4])
+    far = Camera.look_at(middle + reach * out, middle, size_px=size_px, name="Far")
+    try:
+        inside = replace(drain(viewpoints(octree, 1, size_px))[0], name="Inside")
+    except PatchNetError:
+        inside = Camera.look_at(middle + 0.5 * reach * out, middle, size_px=size_px, name="Inside")
+    hits = first_hits(octree, inside.with_size(33, 33))
+    seen = hits.z_world[hits.hit]
+    forward = float(np.median(seen)) * (1.0 - _CLOSE) if len(seen) else 0.0
+    close = replace(inside, position_world=inside.position_world + forward * inside.forward, name="Close")
+    return [far, inside, close]
+
+
+def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
+    """Rates of one camera, and what the second and third answer of a walk cost."""
+    unit = camera_in_unit_cube(camera, octree.grid)
+    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
+    pixels = _blocks(camera)
+    runs: dict[str, Callable[[], Any]] = {
+        "ours": partial(trace_pixels, octree, camera, coarse),
+        "leaves": partial(trace_pixels, octree, camera, coarse._replace(at_0=0.0, per_z=0.0)),
+        "fine": partial(trace_pixels, octree, camera, coarse._replace(last=FINE)),
+        "behind": partial(trace_pixels, octree, camera, coarse._replace(last=BEHIND)),
+        "picture": partial(first_hits, octree, camera),
+        "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
+    }
+    if embree is not None:
+        runs["embree"] = embree.run(octree, camera)
+    for run in runs.values():
+        run()  # compiles, and reads the octree into the caches' reach
+    seconds, _ = timed(runs, repeats, threads)
+    rays = dict.fromkeys(runs, camera.pixel_count) | {"reference": len(pixels) * _SIDE**2}
+    return {
+        "name": camera.name,
+        "hit_share": float(first_hits(octree, camera).hit.mean()),
+        "visits_per_ray": visits_per_ray(octree, camera),
+        "rays_per_s": {name: rays[name] / seconds[name] for name in runs},
+        "ratio": None if embree is None else seconds["embree"] / seconds["ours"],
+        "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
+        "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
+    }
+
+
+def _blocks(camera: Camera) -> np.ndarray:
+    """Pixels (N,) int64 of small squares all over the picture, always the same."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, max(camera.height_px - _BLOCK, 1), _BLOCKS)
+    columns = rng.integers(0, max(camera.width_px - _BLOCK, 1), _BLOCKS)
+    inside = np.arange(_BLOCK)
+    row = np.minimum(rows[:, None, None] + inside[:, None], camera.height_px - 1)
+    column = np.minimum(columns[:, None, None] + inside, camera.width_px - 1)
+    return np.unique(row * camera.width_px + column)
 
 
 def text(values: dict[str, Any]) -> str:
     """Markdown table with a row for each view."""
-    from ...training.benchmarks.tables import markdown_table
-
     peer = values["peer_name"] or "no peer"
     head = [
         "view", "hit", "ours", peer, "ratio", "leaves", "with all hits' data", "fine costs", "behind costs", "32x32",
-        "visits a ray", "boxes cost, at 32x32",
+        "visits a ray",
     ]  # fmt: skip
-    rows = [_row(row) for row in values["views"]]
     width, height = values["size"]
     lines = [
         f"{values['scene']}, depth {values['depth']}, {width} x {height}, threads: {values['threads']}, "
         f"{values['clock']} seconds; million rays per second\n",
-        markdown_table(head, rows),
+        markdown_table(head, [_row(row) for row in values["views"]]),
     ]
     if values["ratio"] is not None:
         lines.append(f"\nGeometric mean over the views: {values['ratio']:.2f} of {peer}")
@@ -99,5 +200,4 @@ def _row(row: dict[str, Any]) -> list[str]:
         f"{row['behind_costs']:.0%}",
         rates["reference"],
         f"{row['visits_per_ray']:.2f}",
-        "" if row["boxes_cost"] is None else f"{row['boxes_cost']:.0%}, {row['boxes_cost_reference']:.0%}",
     ]

@@ -7,74 +7,98 @@ A step is all that a run does again and again: batches are gathered, gradients c
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+from statistics import median
+from typing import Any
 
-from ...patchnet_addon.network.encoders import MLP
-from ...patchnet_addon.runtime import bounds
-from ...training.settings import AUTO, BF16, FP32
-from ..shared.arguments import add_device, add_number
-from ..shared.training_run import require_torch
-from .arguments import add_repeats
+from ...patchnet_addon.network.devices import CPU, device_title, found_device
+from ...patchnet_addon.network.kinds import MIXTURE
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import usable_cores
+from ...training.benchmarks.shells import octree_of_shells
+from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks.timing import Comparison
+from ...training.data.corpus import corpus_of
+from ...training.data.dataset import Dataset, load_dataset, sample_files
+from ...training.data.samples import SampleSettings, draw_samples
+from ...training.run.learner import Learner
+from ...training.run.provenance import describe_machine, describe_versions
+from ...training.run.steps import StepPlan, batches_ahead
+from ...training.run.torch_threads import torch_threads
+from ...training.run.trainer import encoder_type
+from ...training.settings import IMPROVED, PAPER, TrainSettings
 
-if TYPE_CHECKING:
-    from ...training.benchmarks.timing import Comparison
-
-HELP = "training samples per second, on a GPU against the CPU"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench train`."""
-    parser.add_argument(
-        "datasets", nargs="*", type=Path, metavar="DATASET",
-        help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
-    )  # fmt: skip
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
-    add_number(parser, "--nodes", bounds.NODES, default=1_000_000, help="nodes of the octree that is made (1000000)")
-    add_number(
-        parser, "--samples", bounds.DATASET_SAMPLES, default=400_000, help="samples that are drawn of it (400000)"
-    )
-    add_number(
-        parser, "--threads", bounds.THREADS, help="threads that train, or gather batches for a GPU (all cores)"
-    )
-    parser.add_argument(
-        "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
-        help="of the encoder's products (auto: bf16 where the processor has it)",
-    )  # fmt: skip
-    add_number(
-        parser, "--encoder-width", bounds.ENCODER_WIDTH, default=MLP.width,
-        help=f"values between the encoder's layers ({MLP.width})",
-    )  # fmt: skip
-    add_repeats(parser, 9)
+_WARM = 4  # steps before those that are measured
+_STEPS = 16  # of a run
+_SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of both kinds of network; raises PatchNetError."""
-    require_torch()
-    from ...patchnet_addon.network.devices import found_device
-    from ...patchnet_addon.runtime.threads import usable_cores
-    from ...training.benchmarks.training_rate import TrainBench, benchmark_training
-    from ...training.data.dataset import load_dataset, sample_files
+    """Rates of both kinds of network; those of a GPU have the CPU's as their peer; raises PatchNetError."""
+    args.threads = args.threads or usable_cores()
+    device = found_device(args.device, "--device")
+    datasets = [load_dataset(path) for path in sample_files(args.datasets)] or [_made(args)]
+    rows = [_measured(datasets, kind, args, each) for kind in _SETTINGS for each in dict.fromkeys((device, CPU))]
+    details = {
+        "machine": describe_machine(device),
+        "versions": describe_versions(),
+        "threads": args.threads,
+        "encoder_width": args.encoder_width,
+        "data": [dataset.name for dataset in datasets],
+        "rows": rows,
+        "repeats": args.repeats,
+    }
+    ours, peer = rows[0]["samples_per_s"], None if device == CPU else rows[1]["samples_per_s"]
+    return Comparison.of_rates("train", ours, peer, details, "samples per second")
 
-    datasets = [load_dataset(path) for path in sample_files(args.datasets)]
-    return benchmark_training(
-        datasets,
-        TrainBench(
-            args.nodes,
-            args.samples,
-            repeats=args.repeats,
-            device=found_device(args.device, "--device"),
-            threads=args.threads or usable_cores(),
-            precision=args.precision,
-            encoder_width=args.encoder_width,
-        ),
-    )
+
+def _made(args: argparse.Namespace) -> Dataset:
+    octree = octree_of_shells(args.nodes)
+    settings = SampleSettings(min_level=min(5, octree.depth - 3), held_out=0.0)
+    return Dataset("shells", octree, drain(draw_samples(octree, args.samples, settings)), {})
+
+
+def _measured(datasets: Sequence[Dataset], kind: str, args: argparse.Namespace, device: str) -> dict[str, Any]:
+    """Medians of one kind of network on one device as JSON values."""
+    settings = replace(_SETTINGS[kind], precision=args.precision, encoder_width=args.encoder_width)
+    corpus, _ = corpus_of(datasets, nearby=settings.kind.mixes)
+    plan = StepPlan(corpus, settings, settings.batch // corpus.views_per_voxel)
+    learner = Learner(settings, corpus.lookahead, device)
+    runs = []
+    with torch_threads(args.threads):
+        steps = _steps(learner, plan, settings, args)
+        for _ in range(args.repeats):
+            start = time.perf_counter(), time.process_time()
+            for _ in range(_STEPS):
+                next(steps)
+            runs.append((time.perf_counter() - start[0], time.process_time() - start[1]))
+        steps.close()
+    wall, processor = (median(values) / _STEPS for values in zip(*runs, strict=True))
+    return {
+        "kind": kind, "device": device_title(device), "batch": settings.batch,
+        "precision": str(encoder_type(settings, 0.0, device)).removeprefix("torch."), "step_ms": 1e3 * wall,
+        "samples_per_s": settings.batch / wall, "samples_per_processor_s": settings.batch / processor,
+        "wall_runs": [round(run, 4) for run, _ in runs],
+    }  # fmt: skip
+
+
+def _steps(
+    learner: Learner, plan: StepPlan, settings: TrainSettings, args: argparse.Namespace
+) -> Generator[None, None, None]:
+    """Steps as a run takes them, one for each call, and those before that nobody measures."""
+    dtype, end = encoder_type(settings, 0.0, str(learner.device)), _WARM + _STEPS * args.repeats
+    for batch in batches_ahead(plan, 0, end, learner.device, args.threads):
+        gradients, sums = learner.differentiate(batch, dtype)
+        learner.step(gradients, settings.final_rate)
+        sums.tolist()  # waits for a GPU
+        if learner.steps > _WARM:
+            yield
 
 
 def text(values: dict[str, Any]) -> str:
     """Markdown table of both kinds."""
-    from ...training.benchmarks.tables import markdown_table
-
     rows = [
         [
             row["kind"], row["device"], f"{row['batch']:,}", row["precision"], f"{row['step_ms']:.1f}",

@@ -1,35 +1,93 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time clipping, averaging and building the octree against Open3D's voxel grid, on the same triangles in memory."""
+"""Octree of triangles in memory against Open3D's `VoxelGrid.create_from_triangle_mesh` (https://www.open3d.org).
+
+Open3D marks the voxels that a triangle meets, in one thread. Ours also clips the triangles, weighs and averages light
+and normals, and builds the octree of all levels. Both get the same triangles and the same voxel size.
+"""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
+from types import ModuleType
+from typing import Any
 
-from .arguments import SHELLS, add_depth, add_repeats, add_scene, add_threads, read_triangles
+import numpy as np
 
-if TYPE_CHECKING:
-    from ...training.benchmarks.timing import Comparison
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.surface.mesh import TriangleMesh
+from ...training.benchmarks.timing import Comparison, timed
+from .inputs import SHELLS, read_triangles, voxelized
 
-HELP = "octree against Open3D's voxel grid"
+_WARM_DEPTH = 5
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench voxelize`."""
-    add_scene(parser)
-    add_depth(parser)
-    add_threads(parser, "threads of ours; Open3D has one")
-    add_repeats(parser, 3)
+def import_open3d() -> ModuleType:
+    """Open3D, or a PatchNetError that says how to get it."""
+    try:
+        import open3d
+    except (ImportError, OSError) as cause:
+        raise PatchNetError(
+            f"Open3D cannot be imported ({cause}): install patchnet-blender[peers], and on Debian libusb-1.0-0"
+        ) from cause
+    return open3d
+
+
+class Open3DVoxels:
+    """Triangles (T, 3, 3) in Open3D's memory, and the last voxel grid made of them."""
+
+    def __init__(self, corners_world: np.ndarray) -> None:
+        self._open3d = import_open3d()
+        self.name = f"Open3D {self._open3d.__version__}"
+        utility = self._open3d.utility
+        vertices = utility.Vector3dVector(np.ascontiguousarray(corners_world, np.float64).reshape(-1, 3))
+        triangles = np.arange(3 * len(corners_world), dtype=np.int32).reshape(-1, 3)
+        self._mesh = self._open3d.geometry.TriangleMesh(vertices, utility.Vector3iVector(triangles))
+        self._voxels: Any = None
+
+    def voxelize(self, voxel_size_world: float) -> None:
+        """Make the grid, with voxels of this side; `clear` before, so that freeing the last one is not timed."""
+        self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_size_world)
+
+    @property
+    def voxel_count(self) -> int:
+        """Voxels of the last grid; its text says how many; `get_voxels` would make a Python object of each."""
+        return int(str(self._voxels).split()[2])
+
+    def clear(self) -> None:
+        """Let the last grid go."""
+        self._voxels = None
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Seconds of both; raises PatchNetError without Open3D."""
-    from ...training.benchmarks.voxelize import benchmark_voxelize, import_open3d
-
+    """Seconds of both; raises PatchNetError without Open3D, GeometryError if there is no surface."""
     import_open3d()  # before a long scene is read
-    result = benchmark_voxelize(read_triangles(args.scene), args.depth, args.repeats, threads=args.threads)
-    return replace(result, details={"scene": args.scene.name if args.scene else SHELLS, **result.details})
+    corners_world = read_triangles(args.scene)
+    mesh, theirs = TriangleMesh.from_arrays(corners_world), Open3DVoxels(corners_world)
+    side_world = Grid.around(mesh.bounds_world, args.depth).voxel_size_world
+    voxelized(mesh, _WARM_DEPTH)  # compiles
+    theirs.voxelize(Grid.around(mesh.bounds_world, _WARM_DEPTH).voxel_size_world)
+    runs: dict[str, Callable[[], Any]] = {
+        "ours": partial(voxelized, mesh, args.depth),
+        "peer": partial(theirs.voxelize, side_world),
+    }
+    with limit_threads(args.threads):
+        seconds, details = timed(runs, args.repeats, args.threads, prepare=theirs.clear)
+        octree = voxelized(mesh, args.depth)
+    details |= {
+        "scene": args.scene.name if args.scene else SHELLS,
+        "depth": args.depth,
+        "triangles": len(corners_world),
+        "ours_voxels": octree.leaf_count,
+        "ours_nodes": octree.node_count,
+        "peer_voxels": theirs.voxel_count,
+        "peer_name": theirs.name,
+    }
+    ours, peer = seconds["ours"], seconds["peer"]
+    return Comparison("voxelize", ours, peer, peer / max(ours, 1e-9), details)
 
 
 def text(values: dict[str, Any]) -> str:

@@ -9,60 +9,47 @@ their medians: the text says so.
 from __future__ import annotations
 
 import argparse
-from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from statistics import fmean
+from typing import Any
 
-from ...patchnet_addon.runtime import bounds
-from ..shared.arguments import add_device, add_number
-from ..shared.job_arguments import require_blender
+import bpy
+import numpy as np
 
-if TYPE_CHECKING:
-    from ...operators.verify_light.walkthrough import Walk
-    from ...training.benchmarks.timing import Comparison
-
-HELP = "a walk of a camera, with the bake, against Cycles frame by frame: who is ahead from which frame on"
-
+from ...operators import registration
+from ...operators.cycles.daylight import daylight, has_light
+from ...operators.pipeline.lit_octree import build_lit_octree
+from ...operators.scene.cameras import choose_cameras
+from ...operators.scene.read import read_scene
+from ...operators.settings.job_settings import JobSettings
+from ...operators.verify_light.walkthrough import Plan, Walk, walk, walk_cameras
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.tracing.camera import Camera
+from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks.timing import Comparison
+from ...training.evaluation.catalogue import SCENES
+from ..shared.job_arguments import depth_of
+from ..shared.own_scenes import open_or_build
+from ..shared.progress_bars import ProgressBars
+from ..shared.quiet import quiet_stdout
+from .walk_path import walk_keys
 
 _PATH_DEPTH = 7  # of the voxels between which the way is found
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `patchnet bench walkthrough`."""
-    parser.add_argument(
-        "--scene", default="room",
-        help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
-        "(room)",
-    )  # fmt: skip
-    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=250, help="frames of the walk (250)")
-    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(320, 180), help="pixels of each (320 180)")
-    parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
-    add_number(parser, "--samples", bounds.SAMPLES, default=4, help="of a baked texel (4)")
-    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
-    add_number(parser, "--timed", bounds.REPEATS, default=3, help="frames of PatchNet that are timed (3)")
-    add_number(parser, "--cycles-timed", bounds.REPEATS, default=1, help="frames of Cycles that are timed (1)")
-    add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, default=32, help="of Cycles' frames (32)")
-    add_number(parser, "--judged", bounds.REPEATS, default=1, help="frames whose errors are measured (1)")
-    add_number(parser, "--error-size", bounds.VIEW_PX, nargs=2, default=(160, 90), help="pixels of these (160 90)")
-    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, default=256, help="samples that they are judged by (256)")
-
-
 def measure(args: argparse.Namespace) -> Comparison:
-    """Seconds and errors of both; raises PatchNetError."""
-    require_blender()
-    import bpy
-
-    from ...operators.cycles.daylight import daylight, has_light
-    from ...operators.verify_light.walkthrough import Plan, walk, walk_cameras
-    from ...patchnet_addon.runtime.progress import drain
-    from ..shared.own_scenes import open_or_build
-    from ..shared.progress_bars import ProgressBars
-    from ..shared.quiet import quiet_stdout
-
-    settings = _settings(args)
+    """Seconds and errors of both; raises PatchNetError, as where a scene of the catalogue is not there."""
+    size = tuple(args.size)
+    settings = JobSettings.of(
+        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=size,
+        network_device=args.device,
+    )  # fmt: skip
     with quiet_stdout(), ProgressBars() as bars:
-        open_or_build(_scene(args.scene))
+        open_or_build(str(SCENES[args.scene].path()) if args.scene in SCENES else args.scene)
         with _registered():
-            cameras = walk_cameras(_keys(tuple(args.size)), args.frames, tuple(args.size))
+            cameras = walk_cameras(_keys(size), args.frames, size)
             timed, cycles, judged = (_spread(args.frames, n) for n in (args.timed, args.cycles_timed, args.judged))
             plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), args.cycles_samples, args.truth)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
@@ -71,58 +58,21 @@ def measure(args: argparse.Namespace) -> Comparison:
     return _compared(args, found)
 
 
-def _settings(args: argparse.Namespace) -> Any:
-    from ...operators.settings.job_settings import JobSettings
-    from ..shared.job_arguments import depth_of
-
-    return JobSettings.of(
-        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=tuple(args.size),
-        network_device=args.device,
-    )  # fmt: skip
-
-
-def _scene(name: str) -> str:
-    """File of a scene of the catalogue, else what was given; raises SceneError where the file is not there."""
-    from ...training.evaluation.catalogue import SCENES
-
-    return str(SCENES[name].path()) if name in SCENES else name
-
-
-def _registered() -> Any:
+@contextmanager
+def _registered() -> Iterator[None]:
     """Block in which Blender knows the render engine."""
-    from contextlib import contextmanager
-
-    import bpy
-
-    from ...operators import registration
-
-    @contextmanager
-    def block() -> Any:
-        known = hasattr(bpy.types.Scene, "patchnet")
+    known = hasattr(bpy.types.Scene, "patchnet")
+    if not known:
+        registration.register()
+    try:
+        yield
+    finally:
         if not known:
-            registration.register()
-        try:
-            yield
-        finally:
-            if not known:
-                registration.unregister()
-
-    return block()
+            registration.unregister()
 
 
-def _keys(size: tuple[int, int]) -> list[Any]:
+def _keys(size: tuple[int, int]) -> list[Camera]:
     """Cameras that the walk passes: the scene's own from far to near, or a straight way through its free space."""
-    import bpy
-    import numpy as np
-
-    from ...operators.pipeline.lit_octree import build_lit_octree
-    from ...operators.scene.cameras import choose_cameras
-    from ...operators.scene.read import read_scene
-    from ...operators.settings.job_settings import JobSettings
-    from ...patchnet_addon.runtime.progress import drain
-    from ...patchnet_addon.runtime.stage_clock import StageClock
-    from ...training.benchmarks.walk_path import walk_keys
-
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if sum(item.type == "CAMERA" for item in bpy.context.scene.objects) < 2:
         settings = JobSettings.of(depth=_PATH_DEPTH, light="two-lights")
@@ -140,10 +90,6 @@ def _spread(frames: int, count: int) -> list[int]:
 
 
 def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
-    from statistics import fmean
-
-    from ...training.benchmarks.timing import Comparison
-
     ours, peer = found.frame_s
     setup = sum(found.setup_s.values())
     details = {
@@ -169,8 +115,6 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
 
 def text(values: dict[str, Any]) -> str:
     """Figures of both in a table, and what they mean for a walk."""
-    from ...training.benchmarks.tables import markdown_table
-
     setup, frames = sum(values["setup_s"].values()), values["frames"]
     counts = [len(values["frames_s"][name]) for name in ("patchnet", "cycles")]
     cycles = f"Cycles, {values['cycles_samples']} samples{', denoised' if values['denoised'] else ''}"

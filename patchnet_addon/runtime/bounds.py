@@ -128,7 +128,6 @@ REPEATS = Bounds("Repeats", 1, 10_000, True)
 NODES = Bounds("Nodes", 1, 2**28, True)
 THREADS = Bounds("Threads", 1, 1024, True)
 TRACK_FRAMES = Bounds("Frames of a track", 1, 10**6, True)
-CORNERS = Bounds("Corners", 1, 10**9, True)
 DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
 SECONDS = Bounds("Seconds", 0, 1e6)
 

@@ -34,6 +34,17 @@ def test_estimate(scene: bpy.types.Scene) -> None:
         assert line in text
 
 
+def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
+    from patchnet.commands.benches.bake import own_texels
+    from patchnet.operators.scene.read import read_scene
+    from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
+    from patchnet.patchnet_addon.runtime.progress import drain
+
+    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
+    assert drain(texels_wanted(source, 0.05)) == pytest.approx(laid_out, rel=0.1)
+
+
 def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
     assert results.estimate_of(scene).too_large

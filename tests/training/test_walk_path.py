@@ -3,10 +3,10 @@
 
 import numpy as np
 
+from patchnet.commands.benches.walk_path import walk_keys
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.viewpoints import grown, occupied_cells
 from patchnet.tests.engine.test_viewpoints import box, octree_of
-from patchnet.training.benchmarks.walk_path import walk_keys
 
 
 def test_the_way_leads_along_a_hall() -> None:

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octrees and triangles that benches work on: of files, or of bumpy spheres where none are given."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+import numpy as np
+
+from ...patchnet_addon.network.devices import has_torch
+from ...patchnet_addon.octree.build import build_octree
+from ...patchnet_addon.octree.file import load_octree
+from ...patchnet_addon.octree.grid import Grid
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads
+from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
+from ...training.benchmarks.shells import octree_of_shells, shell_triangles
+from ...training.run.torch_threads import torch_threads
+from ..shared.job_arguments import require_blender
+from ..shared.quiet import quiet_stdout
+
+SHELLS = "shells"  # bumpy spheres inside each other, where no scene is given
+
+
+@contextmanager
+def use_threads(count: int) -> Iterator[None]:
+    """Let our kernels, and torch where it is, use so many threads."""
+    with limit_threads(count), torch_threads(count) if has_torch() else nullcontext():
+        yield
+
+
+def given_octree(args: argparse.Namespace) -> tuple[Octree, str]:
+    """Octree file, or an octree of `--nodes`, and its name; raises PatchNetError for a file that is none."""
+    if args.file is not None:
+        return load_octree(args.file), args.file.name
+    return octree_of_shells(args.nodes), SHELLS
+
+
+def read_triangles(scene: Path | None) -> np.ndarray:
+    """All placed triangles (T, 3, 3) of a scene file, in world units, or those of a bumpy sphere."""
+    if scene is None:
+        return shell_triangles(1.0)
+    require_blender()
+    import bpy
+
+    from ...operators.scene.files import open_scene
+    from ...operators.scene.read import read_scene
+
+    with quiet_stdout():
+        open_scene(scene)
+        source = read_scene(bpy.context.evaluated_depsgraph_get())
+        return np.concatenate([batch.corners_world for batch in source.batches()])
+
+
+def voxelized(mesh: TriangleMesh, depth: int) -> Octree:
+    """Octree of triangles under constant light, so that no texture is read."""
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), _constant_light, exposure=1.0))
+
+
+def _constant_light(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    return np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32)
