@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make cycles-refine.jpg: preview, regions over the heatmap, Cycles over the preview, and a full render by Cycles.
+"""Make cycles-refine.jpg: preview, heatmap of the chosen pixels, Cycles over the preview, and a full render by Cycles.
 
     python docs/pictures/make_cycles_refine.py [WIDTH HEIGHT SAMPLES BUDGET]
 

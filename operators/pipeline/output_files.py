@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
 import re
@@ -163,18 +162,15 @@ def _parent(out: Path) -> Path:
 
 
 def _move(source: Path, out: Path) -> None:
-    """Move all files, the report last, because it speaks of the others; to another disk by way of a copy."""
+    """Move all files, the report last, because it speaks of the others; all are on the output's disk before the first
+    replaces another."""
     names = [path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()]
-    for name in sorted(names, key=lambda name: (name == REPORT_NAME, name)):
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        try:
-            os.replace(source / name, out / name)
-        except OSError as cause:
-            if cause.errno != errno.EXDEV:
-                raise
-            temporary = temporary_path(out / name)
-            try:
-                shutil.copyfile(source / name, temporary)
-                os.replace(temporary, out / name)
-            finally:
-                temporary.unlink(missing_ok=True)
+    with ExitStack() as stack:
+        moved: dict[Path, Path] = {}
+        for target in sorted((out / name for name in names), key=lambda path: (path.name == REPORT_NAME, path)):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            temporary = moved[target] = temporary_path(target)
+            stack.callback(temporary.unlink, missing_ok=True)
+            shutil.move(source / target.relative_to(out), temporary)
+        for target, temporary in moved.items():
+            os.replace(temporary, target)
