@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet bench NAME`: measure against other programs, in the same run and on the same input.
+"""`patchnet bench NAME`: measure a part of PatchNet against another program, in one run and on the same input.
 
 A bench is a module of `commands/benches/`:
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 
+from . import add_commands
 from .benches import bake, decode, encode, frame, trace, train, voxelize, walkthrough
 
 BENCHES = {
@@ -22,19 +23,12 @@ BENCHES = {
 }  # fmt: skip
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet bench`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "bench",
-        help="measure against other programs",
-        description="Measure a part of PatchNet against another program, in the same run and on the same input.",
-    )
-    benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
-    for name, bench in BENCHES.items():
-        single = benches.add_parser(name, help=bench.HELP, description=bench.__doc__)
-        bench.add_arguments(single)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the benches, each with --json."""
+    helps = {name: bench.HELP for name, bench in BENCHES.items()}
+    for single in add_commands(parser, "bench", f"{__package__}.benches", helps).values():
         single.add_argument("--json", action="store_true", help="print one line of JSON")
-    return parser
+        single.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

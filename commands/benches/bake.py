@@ -45,9 +45,9 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...patchnet_addon.network.weights import load_weights
     from ...patchnet_addon.octree.grid import Grid
     from ...patchnet_addon.runtime.progress import drain
-    from ..shared.own_scenes import open_or_build
     from ..shared.progress_bars import ProgressBars
     from ..shared.quiet import quiet_stdout
+    from ..shared.scene_argument import open_or_build
 
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)

@@ -54,9 +54,9 @@ def measure(args: argparse.Namespace) -> Comparison:
     from ...operators.cycles.daylight import daylight, has_light
     from ...operators.verify_light.walkthrough import Plan, walk, walk_cameras
     from ...patchnet_addon.runtime.progress import drain
-    from ..shared.own_scenes import open_or_build
     from ..shared.progress_bars import ProgressBars
     from ..shared.quiet import quiet_stdout
+    from ..shared.scene_argument import open_or_build
 
     settings = _settings(args)
     with quiet_stdout(), ProgressBars() as bars:
