@@ -2,10 +2,10 @@
 """Command line: `patchnet SUB-COMMAND`, one sub-command a file.
 
 A sub-command NAME is the module `commands/NAME.py`, `patchnet lab NAME` the module `commands/lab/NAME.py`, a hyphen in
-its name an underscore, with two functions:
+its name an underscore. Its docstring is the help, and it has two functions:
 
-    add_parser(subparsers) -> argparse.ArgumentParser    its arguments and help
-    run(args) -> int                                     the work; the exit code
+    add_arguments(parser)    its arguments
+    run(args) -> int         the work; the exit code
 
 The modules are imported on every call, for the help: they import numba, torch and Blender inside functions only.
 """
@@ -13,13 +13,21 @@ The modules are imported on every call, for the help: they import numba, torch a
 import argparse
 import importlib
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from types import ModuleType
 from typing import NoReturn
 
-# In the order of the help.
-NAMES: tuple[str, ...] = ("run", "demo", "octree", "info", "export", "verify-light", "bench", "lab")
+# With a line each, in the order of the help.
+NAMES = {
+    "run": "refine the views of a scene where a coarse picture is wrong",
+    "demo": "build the demo courtyard and show what PatchNet does with it",
+    "octree": "voxelize and light a scene",
+    "info": "print what an octree, codes or weights file holds",
+    "export": "write the voxels of an octree as .ply, .npz or .vdb",
+    "verify-light": "compare the light in the voxels with Cycles",
+    "bench": "measure against other programs",
+    "lab": "research: train networks, compare strategies, draw figures",
+}
 
 EXIT_UNEXPECTED = 1
 EXIT_ERROR = 2
@@ -28,7 +36,7 @@ EXIT_ERROR = 2
 def main(
     argv: Sequence[str] | None = None,
     *,
-    names: Iterable[str] | None = None,
+    names: Iterable[str] = NAMES,
     program: str = "patchnet",
     level: str = "WARNING",
 ) -> int:
@@ -45,13 +53,12 @@ def main(
     from .shared.lines import say_error
 
     words = sys.argv[1:] if argv is None else list(argv)
-    modules = modules_of(names or NAMES)
     try:
         log.set_up(_log_format(words), level)
-        args = make_parser(modules, program).parse_args(words)
+        args = make_parser(names, program).parse_args(words)
         log.start(args.command, arguments=words)
         with prompt_interrupt():
-            return int(modules[args.command].run(args))
+            return int(args.run(args))
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
@@ -68,11 +75,6 @@ def main(
         return EXIT_UNEXPECTED
 
 
-def modules_of(names: Iterable[str] = NAMES) -> dict[str, ModuleType]:
-    """Modules of sub-commands, by name."""
-    return {name: importlib.import_module(f".{name.replace('-', '_')}", __name__) for name in names}
-
-
 class _Parser(argparse.ArgumentParser):
     """Argument parser that says in one sentence what it does not understand, without its usage."""
 
@@ -83,27 +85,32 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_ERROR)
 
 
-def make_parser(modules: dict[str, ModuleType], program: str = "patchnet") -> argparse.ArgumentParser:
-    """Parser of the whole command line, with one sub-parser a module; docs/make_commands.py reads it."""
+def make_parser(names: Iterable[str] = NAMES, program: str = "patchnet") -> argparse.ArgumentParser:
+    """Parser of the command line with these sub-commands; docs/make_commands.py reads it."""
     from .shared.arguments import add_version
 
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     add_version(parser)
     _add_log_format(parser)
-    subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
-    for module in modules.values():
-        for each in _with_nested(module.add_parser(subparsers)):
-            _add_log_format(each)
+    add_commands(parser, "command", __name__, {name: NAMES[name] for name in names}, "SUB-COMMAND")
     return parser
 
 
-def _with_nested(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """A parser and those of its own sub-commands, as `bench` and `lab` have."""
-    yield parser
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for nested in action.choices.values():
-                yield from _with_nested(nested)
+def add_commands(
+    parser: argparse.ArgumentParser, dest: str, package: str, helps: Mapping[str, str], metavar: str = "NAME"
+) -> dict[str, argparse.ArgumentParser]:
+    """Add a parser, by name, for each of a package's modules that are named with their helps."""
+    subparsers = parser.add_subparsers(dest=dest, metavar=metavar, required=True)
+    for name, text in helps.items():
+        module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
+        single = subparsers.add_parser(
+            name, help=text, description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        _add_log_format(single)
+        if hasattr(module, "run"):
+            single.set_defaults(run=module.run)
+        module.add_arguments(single)
+    return subparsers.choices
 
 
 def _add_log_format(parser: argparse.ArgumentParser) -> None:

@@ -36,19 +36,13 @@ BENCHES = {
 }
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet bench`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "bench",
-        help="measure against other programs",
-        description="Measure a part of PatchNet against another program, in the same run and on the same input.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the benches, each with --json."""
     benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
     for name, text in BENCHES.items():
         single = benches.add_parser(name, help=text, description=f"Measure {text}.")
         _ARGUMENTS[name](single)
         single.add_argument("--json", action="store_true", help="print one line of JSON")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet demo`: build the courtyard, run the whole job on its three cameras."""
+"""`patchnet demo`: build the demo courtyard, save it, and run the whole job on its cameras Far, Middle and Close."""
 
 from __future__ import annotations
 
@@ -17,17 +17,11 @@ CAMERAS = "Far,Middle,Close"
 DEPTH = "10"  # gives look-ahead to Far and Middle; Close shows what happens without
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet demo`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "demo",
-        help="build the demo courtyard and show what PatchNet does with it",
-        description="Build the demo courtyard, save it, and run the whole job on its cameras Far, Middle and Close.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_job_arguments(parser)
     parser.set_defaults(cameras=CAMERAS, depth=DEPTH)
     add_out(parser, "folder for the results (out/demo)", default=Path("out/demo"))
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet export OCTREE`: the voxels of one level for other programs."""
+"""`patchnet export OCTREE`: write the voxels of one level of an octree file for other programs. The ending of --out
+chooses: .ply is a point cloud, .npz holds arrays for NumPy, .safetensors is the octree down to the level, and .vdb
+holds the OpenVDB grids luminance and density, where Python has the module openvdb.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,11 @@ from .shared.arguments import add_number, add_out
 from .shared.lines import make_parent, say_result
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet export`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "export",
-        help="write the voxels of an octree as .ply, .npz or .vdb",
-        description="Write the voxels of one level of an octree file for other programs. The ending of --out chooses: "
-        ".ply is a point cloud, .npz holds arrays for NumPy, .safetensors is the octree down to the level, and .vdb "
-        "holds the OpenVDB grids luminance and density, where Python has the module openvdb.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("octree", type=Path, help="an octree file, such as octree.safetensors of `patchnet run`")
     add_number(parser, "--level", bounds.LEVEL, help="level of the voxels; the root is 0 (the finest)")
     add_out(parser, "file to write", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet info FILE`: what an octree, codes or weights file holds."""
+"""`patchnet info FILE`: print what an octree, codes or weights file holds. The whole file is read and checked."""
 
 from __future__ import annotations
 
@@ -13,19 +13,13 @@ from ..patchnet_addon.runtime.log import event
 from ..patchnet_addon.runtime.quantities import counted
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet info`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "info",
-        help="print what an octree, codes or weights file holds",
-        description="Print what an octree, codes or weights file holds. The whole file is read and checked.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("file", type=Path, help="a .safetensors file that PatchNet wrote")
     parser.add_argument(
         "--weights", type=Path, help="of an octree: weights whose look-ahead counts (those that are shipped)"
     )
     parser.add_argument("--json", action="store_true", help="print the metadata as JSON")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet octree SCENE`: the lit octree of a scene alone, as training needs it."""
+"""`patchnet octree SCENE`: write the lit octree of a scene, upright or turned, for training and experiments."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import re
 from typing import TYPE_CHECKING
 
 from ..patchnet_addon.runtime import bounds
@@ -14,11 +13,10 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .shared.arguments import add_number, add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
-from .shared.job_arguments import add_settings, given_settings, require_blender
+from .shared.job_arguments import add_settings, depth_of, given_settings, require_blender
 from .shared.lines import make_parent, say_exposure, say_note, say_result
-from .shared.own_scenes import OWN, open_or_build
 from .shared.quiet import quiet_stdout
-from .shared.scene_argument import add_scene, scene_path
+from .shared.scene_argument import OWN, add_scene, open_or_build, scene_path
 from .shared.views import add_views, say_unseen, view_cameras
 
 if TYPE_CHECKING:
@@ -28,18 +26,12 @@ if TYPE_CHECKING:
 FIT = "fit"
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet octree`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "octree",
-        help="voxelize and light a scene",
-        description="Write the lit octree of a scene, upright or turned, for training and experiments.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
-    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "both_sides", "gloss")
-    add_settings(parser, "device")
+    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "both_sides", "gloss", "device")
     parser.add_argument(
         "--color", action=argparse.BooleanOptionalAction, default=False,
         help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",
@@ -61,7 +53,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
     parser.add_argument(
         "--timings", action="store_true", help="end with a line of JSON: seconds of each stage, and the peak of memory"
     )
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:
@@ -124,11 +115,10 @@ def _settings(args: argparse.Namespace) -> JobSettings:
     from ..operators.schema.table import GLOSS_CAMERA
     from ..operators.settings.job_settings import JobSettings
 
-    depth = None if args.depth == FIT else int(args.depth)
     given = given_settings(args)
     if args.gloss != GLOSS_CAMERA:  # an octree is for any camera
         given["from_camera"] = False
-    return JobSettings.of(**given, depth=depth, fit=args.depth == FIT)
+    return JobSettings.of(**given, depth=depth_of(args.depth, (FIT,)), fit=args.depth == FIT)
 
 
 def _overrides(args: argparse.Namespace) -> OctreeOverrides:
@@ -165,9 +155,7 @@ def _check(args: argparse.Namespace) -> None:
         other = "--rotate" if args.rotate else f"--depth {FIT}"
         raise SettingError(f"--bisect and {other} contradict each other: leave one of them out")
     if args.depth != FIT:
-        if not re.fullmatch(r"[+-]?\d+", args.depth):
-            raise SettingError(f"Depth {args.depth!r} is neither a whole number nor '{FIT}'")
-        bounds.DEPTH.read(args.depth)
+        depth_of(args.depth, (FIT,))
         if args.view:
             raise SettingError(f"--view is what --depth {FIT} fits to: leave it out with a depth")
     elif not args.view:

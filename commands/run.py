@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet run SCENE`: from a scene file to refined pictures, heatmaps and a report."""
+"""`patchnet run SCENE`: voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from .shared.arguments import add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
-from .shared.job_arguments import add_job_arguments, job_settings, print_cycles, require_blender
+from .shared.job_arguments import add_job_arguments, job_settings, require_blender
 from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
 
@@ -20,22 +20,23 @@ if TYPE_CHECKING:
     from ..operators.settings.groups import ViewSettings
     from ..operators.settings.job_settings import JobSettings
 
-DEFAULT_OUT = "out"
+_CYCLES_TITLES = {
+    "preview": "preview",
+    "predicted": "predicted",
+    "refined_octree": "refined octree",
+    "composited": "Cycles over unrefined",
+    "composited_over_refined_octree": "Cycles over refined",
+    "full": "full Cycles render",
+}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet run`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "run",
-        help="refine the views of a scene where a coarse picture is wrong",
-        description="Voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_scene(parser, ".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
     parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
     add_job_arguments(parser)
     add_frames(parser)
     add_out(parser, "folder for the results (out/NAME-OF-SCENE)")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     require_blender()
     from ..operators.pipeline.output_files import check_job
 
-    settings = job_settings(args, args.out or Path(DEFAULT_OUT) / scene_path(args.scene).stem)
+    settings = job_settings(args, args.out or Path("out") / scene_path(args.scene).stem)
     check_job(settings, args.scene, frames=args.frames is not None)
     open_given(args.scene)
     if args.frames is not None:
@@ -112,7 +113,8 @@ def _print_view(view: dict[str, Any], wanted: ViewSettings) -> None:
     if "mse" in refined:
         share = error_text(refined["mse_of_share"])
         print(f"  Error of refined.png {error_text(refined['mse'])}; as many rays as a share of 1,024 each {share}")
-    print_cycles(view.get("cycles"))
+    if "cycles" in view:
+        _print_cycles(view["cycles"])
 
 
 def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> None:
@@ -129,6 +131,16 @@ def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> Non
     pictures = {"preview": view["mse_unrefined"], "predicted": view["predicted"]["mse_unrefined"]}
     pictures |= {f"{side} x {side} rays": error for side, error in view.get("uniform", {}).items() if side != "1"}
     print(f"  Unrefined: {', '.join(f'{name} {error_text(error)}' for name, error in pictures.items())}")
+
+
+def _print_cycles(report: dict[str, Any]) -> None:
+    """Figures of a view's regions by Cycles."""
+    seconds = report["seconds"]
+    text = f"Cycles on {report['pixels_share']:.1%} of pixels: "
+    text += f"{seconds['pixels']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
+    print(text + (f"; full render {seconds['full']:.1f} s" if "full" in seconds else ""))
+    for name, value in report.get("mse", {}).items():
+        print(f"  {_CYCLES_TITLES[name]:<24} {error_text(value):>6}")
 
 
 def _view_figures(view: dict[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet verify-light SCENE`: the octree's light against a Cycles render from the same cameras."""
+"""`patchnet verify-light SCENE`: render a scene with Cycles and its octree from the same cameras, and compare."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
 from .shared.job_arguments import add_settings, given_settings, require_blender
 from .shared.lines import say_note, say_result
-from .shared.own_scenes import OWN, open_or_build
-from .shared.scene_argument import add_scene
+from .shared.scene_argument import OWN, add_scene, open_or_build
 
 if TYPE_CHECKING:
     from ..operators.verify_light import CheckSettings, LightCheck
@@ -21,15 +20,10 @@ _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
 _WHOLE = "whole voxels"
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet verify-light`."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     from ..operators.schema.table import GLOSS_OFF, TABLE
 
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "verify-light",
-        help="compare the light in the voxels with Cycles",
-        description="Render a scene with Cycles (diffuse and emission) and its octree from the same cameras, compare.",
-    )
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
     add_number(parser, "--depth", bounds.DEPTH, required=True, help="octree depth")
     parser.add_argument(
@@ -65,7 +59,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParse
         help="also compare the same octree without the boxes in its finest voxels, and write whole_voxels.png",
     )  # fmt: skip
     add_out(parser, "folder for the report and the pictures", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

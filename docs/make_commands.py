@@ -15,7 +15,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from patchnet.commands import make_parser, modules_of
+from patchnet.commands import make_parser
 from patchnet.commands.blender_command import NAMES as IN_BLENDER
 
 PAGE = Path(__file__).with_name("commands.md")
@@ -117,7 +117,7 @@ def section(name: str, parser: argparse.ArgumentParser, depth: int, also: str) -
 
 def page() -> str:
     """The whole page."""
-    parser = make_parser(modules_of())
+    parser = make_parser()
     lines = [HEAD, "| sub-command | what it does | in Blender |", "|---|---|---|"]
     for name, text in helps(parser).items():
         lines.append(f"| [`{name}`](#{name}) | {_as_cell(text)} | {'yes' if name in IN_BLENDER else 'no'} |")

@@ -30,9 +30,9 @@ from ...patchnet_addon.surface.shading import two_lights_shade
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.viewpoints import viewpoints
 from ...training.benchmarks.timing import Comparison
-from ..shared.own_scenes import open_or_build
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
+from ..shared.scene_argument import open_or_build
 
 _VIEWS = 8
 

@@ -31,9 +31,9 @@ from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison
 from ...training.evaluation.catalogue import SCENES
 from ..shared.job_arguments import depth_of
-from ..shared.own_scenes import open_or_build
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
+from ..shared.scene_argument import open_or_build
 from .walk_path import walk_keys
 
 _PATH_DEPTH = 7  # of the voxels between which the way is found

@@ -1,47 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab NAME`: research: scenes and samples to learn from, training, comparison of strategies, figures.
+"""`patchnet lab NAME`: research: train networks, compare strategies, draw figures.
 
-A sub-command is a module of this folder, as those of `commands/` are.
+Needs the extras `train` and `bench`. A sub-command is a module of this folder, as those of `commands/` are.
 """
 
 from __future__ import annotations
 
 import argparse
 
-from . import (
-    dataset,
-    evaluate,
-    evaluate_cycles,
-    figures,
-    furnish,
-    train,
-    train_maps,
-    train_networks,
-    train_plus,
-    validate,
-)
+from .. import add_commands
 
-# In the order of the help.
-COMMANDS = {
-    "furnish": furnish, "dataset": dataset, "train": train, "validate": validate, "train-plus": train_plus,
-    "train-networks": train_networks, "train-maps": train_maps, "evaluate": evaluate,
-    "evaluate-cycles": evaluate_cycles, "figures": figures,
-}  # fmt: skip
+# With a line each, in the order of the help.
+NAMES = {
+    "furnish": "compose a furnished room or a garden",
+    "dataset": "draw training samples from octrees",
+    "train": "train PatchNet on sample files",
+    "validate": "errors of weights on samples of scenes",
+    "train-plus": "train the estimator of pixel errors",
+    "train-networks": "train the networks of the paper: of each scene, without one, by look-ahead, by encoder",
+    "train-maps": "train the sampling-map networks of the literature",
+    "evaluate": "compare all strategies on camera tracks of scenes",
+    "evaluate-cycles": "compare all strategies against renders by Cycles",
+    "figures": "draw figures of the paper from our own scenes",
+}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet lab`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "lab",
-        help="research: train networks, compare strategies, draw figures",
-        description="Train networks, compare strategies and draw figures. Needs the extras `train` and `bench`.",
-    )
-    commands = parser.add_subparsers(dest="lab", metavar="NAME", required=True)
-    for command in COMMANDS.values():
-        command.add_parser(commands)
-    return parser
-
-
-def run(args: argparse.Namespace) -> int:
-    """Run the sub-command; raises PatchNetError."""
-    return COMMANDS[args.lab].run(args)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the sub-commands."""
+    add_commands(parser, "lab", __name__, NAMES)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError
@@ -14,11 +13,8 @@ from ...training.settings import SAMPLES, VIEWS
 from ..shared.arguments import add_number, add_out, check_octrees
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab dataset`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "dataset", help="draw training samples from octrees", description=__doc__
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files, one per scene")
     add_number(
         parser,
@@ -44,7 +40,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(
         parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation (0.05)"
     )
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost."""
+"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost, with intervals,
+figures and a report. What is done is skipped in a later run.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +29,8 @@ RESULTS, TABLE, TABLES, REPORT, FIGURES = "results.json", "results.csv", "tables
 OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES, REPORT: EVALUATION_REPORT}
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab evaluate`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "evaluate",
-        help="compare all strategies on camera tracks of scenes",
-        description="Evaluate all strategies of the paper, and rivals of finer rays, on camera tracks of scenes: error "
-        "over budget and over time, with intervals, figures and a report. What is done is skipped in a later run.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
@@ -66,7 +62,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
     )
     add_out(parser, "folder for results, figures and the report", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

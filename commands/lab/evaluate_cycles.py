@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate-cycles`: all strategies against Cycles' pictures of the scenes, through a few cameras each."""
+"""`patchnet lab evaluate-cycles`: compare all strategies through a few cameras of each scene's track, with refined
+pixels from a render of the scene by Cycles. The error that the voxels themselves leave is stated apart.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_file
-from ..shared.arguments import add_number, add_out
+from ..shared.arguments import add_number, add_out, named_file
 from ..shared.job_arguments import require_blender
 from ..shared.lines import say_result
 from .scene_arguments import add_track
@@ -43,17 +45,11 @@ class _Settings:
     weights: str | None
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab evaluate-cycles`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "evaluate-cycles",
-        help="compare all strategies against renders by Cycles",
-        description="Evaluate all strategies on a few cameras of each scene's track, with refined pixels taken from a "
-        "render of the scene by Cycles. The error that the voxels themselves leave is stated apart.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all")
     parser.add_argument(
-        "--octree", type=_octree_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
+        "--octree", type=named_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
         "(made in --out); may be repeated",
     )  # fmt: skip
     add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
@@ -61,7 +57,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
     add_out(parser, "folder for results and figures; that of `patchnet lab evaluate` will do", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:
@@ -94,14 +89,6 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _octree_file(text: str) -> tuple[str, Path]:
-    """Read NAME=FILE."""
-    name, sign, path = text.partition("=")
-    if not (name and sign and path):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, such as courtyard=courtyard.safetensors")
-    return name, Path(path)
-
-
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
     from .scene_arguments import scenes_named
@@ -131,8 +118,8 @@ def _measured(
     from ...training.evaluation.codes import codes_path, kept_codes
     from ...training.evaluation.cycles_reference import spread_cameras
     from ...training.evaluation.tracks import camera_track
-    from ..shared.own_scenes import open_or_build
     from ..shared.quiet import quiet_stdout
+    from ..shared.scene_argument import open_or_build
 
     octree = load_octree(given or scene_octree(scene, out / "octrees"))
     open_or_build(str(scene.path()))

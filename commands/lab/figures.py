@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab figures`: draw figures of the paper from our own scenes."""
+"""`patchnet lab figures`: draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from
+several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the folder
+PATCHNET_SCENES. With octree files: where on their tracks the network is farthest from the patch.
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
@@ -18,15 +20,8 @@ SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
 FAILURES = "failures"
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab figures`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "figures",
-        help="draw figures of the paper from our own scenes",
-        description="Draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from "
-        "several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the "
-        "folder PATCHNET_SCENES. With octree files: where on their tracks the network is farthest from the patch.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("failures", nargs="*", type=Path, metavar="OCTREE", help="octree files to draw failures of")
     parser.add_argument("--only", choices=FIGURES, help="draw one figure of the paper (both)")
     add_number(
@@ -44,7 +39,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "train-networks that look-ahead shows as well, under their names, one for each look-ahead",
     )  # fmt: skip
     add_out(parser, "folder for the figures", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

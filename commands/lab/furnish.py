@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab furnish LIBRARY...`: compose a furnished room or a garden of models from furniture libraries."""
+"""`patchnet lab furnish LIBRARY...`: compose a room or a garden of models from furniture libraries of Sweet Home 3D
+(.sh3f), with a text of credits beside it. The same seed gives the same scene.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +19,12 @@ CREDITS = ".credits.txt"
 _KINDS = ("interior", "garden")  # those of `furnished/compose.py`, which the help is not to load
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> argparse.ArgumentParser:  # type: ignore[type-arg]
-    """Arguments of `patchnet lab furnish`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "furnish",
-        help="compose a furnished room or a garden",
-        description="Compose a scene of models from furniture libraries of Sweet Home 3D (.sh3f), with a text of "
-        "credits beside it. The same seed gives the same scene.",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("libraries", nargs="+", type=Path, metavar="LIBRARY", help=".sh3f files")
     parser.add_argument("--kind", choices=_KINDS, default=_KINDS[0], help="a room or a garden (interior)")
     add_number(parser, "--seed", bounds.SEED, default=1, help="of all random choices (1)")
     add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,7 +7,6 @@ import argparse
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from ...patchnet_addon.network.encoders import MLP, MLP_WIDTH_STEP
 from ...patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
@@ -63,14 +62,9 @@ Errors of an unseen scene are those of --validate, of scenes that are not in tra
 held out of scenes in training are validated on too, and reported apart."""
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab train`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "train",
-        help="train PatchNet on sample files",
-        description=description(),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
+    parser.description = description()
     parser.add_argument(
         "datasets", nargs="+", type=Path, metavar="DATASET",
         help="sample files, or folders of them; with --fresh octree files",
@@ -115,7 +109,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--seed", bounds.SEED, help="random seed")
     add_run_arguments(parser)
     parser.add_argument("--tensorboard", action="store_true", help="write curves for TensorBoard, too")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.progress import drain
@@ -26,14 +25,8 @@ from ..shared.training_run import add_run_arguments, require_torch
 from .scene_arguments import add_track
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab train-maps`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "train-maps",
-        help="train the sampling-map networks of the literature",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
     parser.add_argument("--network", choices=NAMES, required=True, help="weiss: WITW20; kuznetsov: KKR18; unet: ours")
     add_number(parser, "--steps", bounds.STOP_AFTER, required=True, help="steps of training")
@@ -47,7 +40,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
     add_run_arguments(parser)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

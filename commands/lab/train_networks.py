@@ -23,7 +23,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
@@ -33,6 +33,7 @@ from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
 from ...training.networks_of_paper.plan import KINDS, planned_networks
 from ...training.settings import LOSSES, PRESETS, preset_with
+from .. import main
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch
@@ -45,14 +46,8 @@ if TYPE_CHECKING:
 _SAMPLES, _PASSES, _VOXELS, _EVERY = 2_000_000, 16_000_000, 4096, 10
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab train-networks`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "train-networks",
-        help="train the networks of the paper: of each scene, without one, by look-ahead, by encoder",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files beside --scenes")
     parser.add_argument(
         "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
@@ -84,7 +79,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         parser, "--every", bounds.TRACK_FRAMES, default=_EVERY, help=f"frames of a track that they look at ({_EVERY})"
     )
     add_out(parser, "folder for octrees, samples, networks and tables", required=True)
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:
@@ -118,8 +112,8 @@ def run(args: argparse.Namespace) -> int:
     say_result(f"{args.out}: {counted(len(rows), 'network')}", file=args.out, networks=len(rows))
     for words in next_commands(args.out, octrees, plans, [scene.name for scene in scenes], args.every):
         print(shlex.join(["patchnet", *words]))
-        if args.evaluate:
-            _run_words(words)
+        if args.evaluate and (code := main(words)):
+            return code
     return 0
 
 
@@ -182,13 +176,3 @@ def next_commands(
         words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(octrees_folder(out))]
         found.append([*words, "--networks", *named([*compared, *ahead]), "--out", str(out / "look-ahead")])
     return found
-
-
-def _run_words(words: Sequence[str]) -> None:
-    """Run another of the commands in this process."""
-    from . import evaluate, figures
-
-    command = {"evaluate": evaluate, "figures": figures}[words[1]]
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
-    command.run(parser.parse_args(words[1:]))

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
@@ -28,14 +27,8 @@ from ..shared.training_run import require_torch, say_written
 from .scene_arguments import add_track
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab train-plus`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "train-plus",
-        help="train the estimator of pixel errors",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
     parser.add_argument("--weights", type=Path, help="weights of PatchNet (the shipped ones)")
     add_out(parser, "folder for weights and log", required=True)
@@ -50,7 +43,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")
     add_track(parser, "tracks, pixels and weights")
     add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that train (1)")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

@@ -22,21 +22,14 @@ from ..shared.training_run import require_torch
 _VOXELS = 4096
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
-    """Arguments of `patchnet lab validate`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "validate",
-        help="errors of weights on samples of scenes",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
     parser.add_argument("--weights", nargs="+", type=Path, default=[], metavar="FILE", help="weights files")
     add_number(
         parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of each file at most ({_VOXELS:,})"
     )
     add_out(parser, "JSON file for all errors, by level and pixel-voxel ratio too")
-    return parser
 
 
 def run(args: argparse.Namespace) -> int:

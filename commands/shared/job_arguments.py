@@ -5,44 +5,42 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from .arguments import add_device, add_number
 
 if TYPE_CHECKING:
     from ...operators.importance.painted import Importance
-    from ...operators.settings.job_settings import JobSettings
-if TYPE_CHECKING:
     from ...operators.settings.cycles_settings import CyclesSettings
+    from ...operators.settings.job_settings import JobSettings
 
 
-def add_settings(parser: argparse.ArgumentParser, *names: str) -> None:
-    """Arguments of settings of the table, by their names there."""
+def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
+    """Add the arguments of settings, by their names in the table."""
     from ...operators.schema.setting import Kind
-    from ...operators.schema.table import TABLE
+    from ...operators.schema.table import CYCLES_TABLE, TABLE
 
-    for row in (TABLE[name] for name in names):
+    for row in ((TABLE | CYCLES_TABLE)[name] for name in names):
+        flag, text = row.argument or f"--{row.name.replace('_', '-')}", row.help or row.description
         if row.kind is Kind.SWITCH and row.default:  # with a --no-... beside it
-            text = f"{row.help} (on)"
-            parser.add_argument(row.argument, action=argparse.BooleanOptionalAction, default=True, help=text)
+            parser.add_argument(flag, action=argparse.BooleanOptionalAction, default=True, help=f"{text} (on)")
         elif row.kind is Kind.SWITCH:
-            parser.add_argument(row.argument, action="store_true", help=row.help)
+            parser.add_argument(flag, action="store_true", help=text)
         elif row.kind is Kind.CHOICE:
             values, default = [value.lower() for value, _, _ in row.choices], row.default.lower()
-            parser.add_argument(row.argument, choices=values, default=default, help=f"{row.help} ({default})")
+            parser.add_argument(flag, choices=values, default=default, help=f"{text} ({default})")
         elif row.kind is Kind.FILE:
-            parser.add_argument(row.argument, type=Path, help=row.help)
+            parser.add_argument(flag, type=Path, help=text)
         elif row.bounds is None:
-            parser.add_argument(row.argument, default="", metavar=row.unit or None, help=row.help)
-        elif row.default is None:
-            add_number(parser, row.argument, row.bounds, metavar=row.unit or None, help=row.help)
+            parser.add_argument(flag, default="", metavar=row.unit or None, help=text)
         else:
-            add_number(parser, row.argument, row.bounds, default=row.default, help=f"{row.help} ({row.default:g})")
+            text = text if row.default is None else f"{text} ({row.default:g})"
+            add_number(parser, flag, row.bounds, default=row.default, metavar=row.unit or None, help=text)
 
 
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,17 +58,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(
-        parser,
-        "color",
-        "both_sides",
-        "gloss",
-        "device",
-        "budget",
-        "refined_samples",
-        "spp",
-        "reference",
-    )
+    add_settings(parser, "color", "both_sides", "gloss", "device", "budget", "refined_samples", "spp", "reference")
     costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
     parser.add_argument("--strategy", default=DEFAULT, help=f"what is refined first ({DEFAULT}): {costs}")
     add_settings(parser, "unrefined", "background")
@@ -82,7 +70,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
     add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
-    add_cycles(parser)
+    _add_cycles(parser)
 
 
 def require_blender() -> None:
@@ -118,7 +106,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         network_device=args.device,
         colormap=args.colormap,
         out=out,
-        cycles=cycles_settings(args),
+        cycles=_cycles_settings(args),
         importance=_importance(args),
     )
 
@@ -155,71 +143,30 @@ def given_settings(args: argparse.Namespace) -> dict[str, Any]:
     return found
 
 
-def depth_of(text: str) -> int | None:
-    """Depth that was given, None for auto and fit; raises SettingError for what is neither."""
-    if text in ("auto", "fit"):
+def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
+    """Depth that was given, None for one of the other words; raises SettingError for what is neither."""
+    if text in others:
         return None
     if not re.fullmatch(r"[+-]?\d+", text):
-        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto' or 'fit'")
+        raise SettingError(f"Depth {text!r} is neither a whole number nor {' or '.join(map(repr, others))}")
     return int(bounds.DEPTH.read(text))
 
 
-_TITLES = {
-    "preview": "preview",
-    "predicted": "predicted",
-    "refined_octree": "refined octree",
-    "composited": "Cycles over unrefined",
-    "composited_over_refined_octree": "Cycles over refined",
-    "full": "full Cycles render",
-}
-
-
-def add_cycles(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that begin with --cycles."""
+def _add_cycles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("pixels by Cycles")
     add_number(
-        group,
-        "--cycles-budget",
-        bounds.CYCLES_BUDGET,
-        metavar="SHARE",
-        help="share of pixels that Cycles renders, the worst (none)",
-    )
-    add_number(
-        group, "--cycles-samples", bounds.CYCLES_SAMPLES, default=64, metavar="N", help="samples of these pixels (64)"
-    )
-    group.add_argument(
-        "--cycles-light", choices=("diffuse", "combined"), default="diffuse",
-        help="what they show: as the voxels, or with gloss and glass (diffuse)",
+        group, "--cycles-budget", bounds.CYCLES_BUDGET, metavar="SHARE", help="share of pixels that Cycles renders, "
+        "those of highest priority (none)",
     )  # fmt: skip
-    group.add_argument(
-        "--cycles-compare", action="store_true", help="measure time and error against a full render by Cycles"
-    )
+    add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
 
 
-def cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
+def _cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
     """Read the settings, None unless a budget was given; raises SettingError for values outside their range."""
     from ...operators.settings.cycles_settings import CyclesSettings
-    from ...patchnet_addon.runtime.errors import SettingError
 
-    if args.cycles_budget is None:
-        if args.cycles_compare:
-            raise SettingError("--cycles-compare needs pixels to compare: give --cycles-budget")
-        return None
-    return CyclesSettings(
-        args.cycles_budget,
-        args.cycles_samples,
-        args.cycles_light,
-        args.cycles_compare,
-    )
-
-
-def print_cycles(report: dict[str, Any] | None) -> None:
-    """Print a view's figures of pixels by Cycles, if it has any."""
-    if report is None:
-        return
-    seconds = report["seconds"]
-    text = f"Cycles on {report['pixels_share']:.1%} of pixels: "
-    text += f"{seconds['pixels']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
-    print(text + (f"; full render {seconds['full']:.1f} s" if "full" in seconds else ""))
-    for name, value in report.get("mse", {}).items():
-        print(f"  {_TITLES[name]:<24} {error_text(value):>6}")
+    if args.cycles_budget is not None:
+        return CyclesSettings(args.cycles_budget, args.cycles_samples, args.cycles_light, args.cycles_compare)
+    if args.cycles_compare:
+        raise SettingError("--cycles-compare needs pixels to compare: give --cycles-budget")
+    return None

@@ -10,6 +10,8 @@ from typing import Any
 
 from ...patchnet_addon.runtime.errors import SceneError
 
+OWN = ("demo", "room", "glossy-room")
+"""Scenes that the project builds itself, named in the place of a file."""
 NO_SCENE = "There is no scene: name its file, or open one with `blender -b FILE --command patchnet`"
 
 
@@ -46,3 +48,20 @@ def opened_file(scene: Path | None) -> Path | None:
     from ...operators.scene.files import is_blend
 
     return scene if scene is not None and is_blend(scene) else None
+
+
+def open_or_build(scene: str | None) -> None:
+    """Open the scene's file if one is named, or build one of OWN in an empty file."""
+    import bpy
+
+    from ...operators.demo_scene import build_courtyard, build_glossy_room, build_room
+    from .quiet import quiet_stdout
+
+    builder = dict(zip(OWN, (build_courtyard, build_room, build_glossy_room), strict=True)).get(scene or "")
+    if scene is None or builder is None:
+        open_given(scene)
+        return
+    with quiet_stdout():
+        bpy.ops.wm.read_homefile(use_empty=True)
+        builder(bpy.context.scene)
+    bpy.context.scene.name = scene.capitalize()

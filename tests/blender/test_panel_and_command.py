@@ -44,7 +44,9 @@ ONLY_PANEL = {
 
 
 def parser() -> argparse.ArgumentParser:
-    return run.add_parser(argparse.ArgumentParser().add_subparsers())
+    found = argparse.ArgumentParser()
+    run.add_arguments(found)
+    return found
 
 
 def arguments() -> set[str]:

@@ -26,7 +26,7 @@ def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Act
 
 def numbers() -> Iterator[tuple[str, argparse.Action]]:
     """Those that take a number: their type is `Bounds.read`."""
-    for program, action in actions(commands.make_parser(commands.modules_of())):
+    for program, action in actions(commands.make_parser()):
         assert action.type not in (int, float), f"{program} {action.option_strings} has no bounds"
         if isinstance(getattr(getattr(action.type, "func", None), "__self__", None), Bounds):
             yield f"{program} {action.option_strings[0]}", action

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line as a user meets it: help, wrong words, bad input, interruption."""
 
-import argparse
 import platform
 import signal
 import subprocess
@@ -21,14 +20,9 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 def greet(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A sub-command `greet` in place of the real ones; tests set its `run`."""
 
-    def add_parser(subparsers) -> argparse.ArgumentParser:
-        parser = subparsers.add_parser("greet", help="greet a user")
-        parser.add_argument("name")
-        return parser
-
-    module = SimpleNamespace(add_parser=add_parser, run=lambda args: 0)
-    monkeypatch.setattr(commands, "NAMES", ("greet",))
-    monkeypatch.setattr(commands.importlib, "import_module", lambda name, package: module)
+    module = SimpleNamespace(add_arguments=lambda parser: parser.add_argument("name"), run=lambda args: 0)
+    monkeypatch.setitem(sys.modules, "patchnet.commands.greet", module)
+    monkeypatch.setitem(commands.NAMES, "greet", "greet a user")
     return module
 
 

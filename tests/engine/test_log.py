@@ -59,7 +59,7 @@ def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pyt
 
 
 def test_every_sub_command_hears_the_format_and_those_of_bench() -> None:
-    parser = commands.make_parser(commands.modules_of())
+    parser = commands.make_parser()
     for words in (["info", "octree.safetensors"], ["bench", "decode"], ["bench", "train"]):
         assert parser.parse_args([*words, "--log-format", "json"]).log_format == "json"
 
