@@ -20,7 +20,7 @@ def seen(installed: Blender, yard: Path, out: Path) -> dict:
     folder.mkdir()
     more = {"PATCHNET_PAGE_SIDE": "256", "TMPDIR": str(folder)}
     blender = Blender(installed.prefix, installed.program, installed.environment | more)
-    found = blender.visit("leaving", out, file=yard, ended="stopped after all")
+    found = blender.visit("leaving", out, file=yard)
     assert found["code"] == 0 and "Saved session recovery" in found["said"], found["said"]
     return found | {"seconds to quit": time.time() - found["quits at"]}
 
