@@ -1,26 +1,93 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Furniture libraries of Sweet Home 3D: zip files (.sh3f) with models (.obj) and a catalogue of their sizes.
 
-They are unpacked into one folder alone, and of their textures only those are kept that lie beside a model. Libraries
-are for training or for testing: models of one source resemble each other, so what is tested with must come from another
-source than what is learned; and one is touched by nobody here.
+They are looked at before anything is unpacked, unpacked into one folder alone, and of their textures only those are
+kept that lie beside a model. Libraries are for training or for testing: models of one source resemble each other, so
+what is tested with must come from another source than what is learned; and one is touched by nobody here.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import count, takewhile
 from pathlib import Path, PurePosixPath
 
 from ....patchnet_addon.runtime.errors import FileAccessError, FileFormatError, SettingError
 
-CATALOGUE = "PluginFurnitureCatalog.properties"
+MOST_MEMBERS = 50_000
 MOST_BYTES = 4 << 30  # of all members, unpacked
+MOST_MEMBER_BYTES = 512 << 20
+_MOST_RATIO = 200  # unpacked over packed; models and pictures of real libraries stay below 30
+_FREE_BYTES = 1 << 20  # members that are this small may be packed as tightly as they like
+_ENCRYPTED, _IS_LINK, _LINK_MASK = 0x1, 0o120000, 0o170000
+
+
+class LibraryFileError(FileFormatError):
+    """A furniture library cannot be read, or must not be used."""
+
+
+@contextmanager
+def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
+    """Open a zip archive whose members all have harmless names and sizes.
+
+    Raises LibraryFileError if it is missing, damaged, unpacks to too much, or has a member that would leave its folder.
+    """
+    if not path.is_file():
+        raise LibraryFileError(f"Furniture library {path} is no file: check its path")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check(path, archive.infolist())
+            yield archive
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as cause:
+        raise LibraryFileError(f"Furniture library {path} is damaged ({cause}): fetch it again") from cause
+    except OSError as cause:
+        raise FileAccessError.of(cause) or LibraryFileError(
+            f"Furniture library {path} cannot be read ({cause}): fetch it again"
+        ) from cause
+
+
+def _check(path: Path, members: list[zipfile.ZipInfo]) -> None:
+    if len(members) > MOST_MEMBERS or sum(member.file_size for member in members) > MOST_BYTES:
+        raise LibraryFileError(f"Furniture library {path} unpacks to more than a library holds: it is not used")
+    for member in members:
+        if not is_harmless(member.filename) or (member.external_attr >> 16) & _LINK_MASK == _IS_LINK:
+            raise LibraryFileError(
+                f"Furniture library {path} has the member {member.filename!r}, which would leave its folder: "
+                "it is not used"
+            )
+        tight = member.file_size > max(_FREE_BYTES, _MOST_RATIO * member.compress_size)
+        if tight or member.file_size > MOST_MEMBER_BYTES:
+            raise LibraryFileError(
+                f"Furniture library {path} has the member {member.filename!r}, which unpacks to "
+                f"{member.file_size:,} bytes: it is not used"
+            )
+        if member.flag_bits & _ENCRYPTED:
+            raise LibraryFileError(f"Furniture library {path} is encrypted: unpack and pack it anew without a password")
+
+
+def is_harmless(name: str) -> bool:
+    """Tell whether a member's name stays below the folder that it is unpacked to, on every system."""
+    parts = PurePosixPath(name).parts
+    return bool(parts) and not name.startswith("/") and ".." not in parts and not set(name) & set("\\:\0")
+
+
+def unpack_folder(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
+    """Unpack the files that lie beside the member `name`, itself too; returns its path below `folder`.
+
+    Files in the archive's root are unpacked alone with their like, never the whole archive.
+    """
+    parent = PurePosixPath(name).parent
+    for member in archive.infolist():
+        if not member.is_dir() and PurePosixPath(member.filename).parent == parent:
+            archive.extract(member, folder)
+    return folder / name
+
+
 TRAIN, TEST, FREE = "train", "test", "free"  # FREE: libraries of users, which know best
 ROLES = {
     "SweetHome3D#BlendSwap-CC-0-Models": TRAIN,
@@ -29,19 +96,85 @@ ROLES = {
     "SweetHome3D#ReallusionModels": TEST,
 }
 _UNTOUCHED = "katorlegaz"
+
+
+def is_untouched(text: str) -> bool:
+    """Tell whether a name is that of the library that is kept for the tests of others, however it is spelled."""
+    return _UNTOUCHED in re.sub(r"[^a-z]", "", text.lower())
+
+
+def check_touchable(path: Path, *texts: str) -> None:
+    """Raise LibraryFileError if the file's name or one of `texts` is that of the library that is not touched."""
+    if any(is_untouched(text) for text in (path.name, *texts)):
+        raise LibraryFileError(
+            f"{path} is the library KatorLegaz, which is kept for the tests of others and never used here: "
+            "choose another library"
+        )
+
+
+def role_of(identity: str) -> str:
+    """Role of a library by the id in its catalogue."""
+    return ROLES.get(identity, FREE)
+
+
+def common_role(roles: Iterable[str]) -> str:
+    """Role of a scene of several libraries; raises SettingError where one is for training and one for testing."""
+    found = set(roles)
+    if {TRAIN, TEST} <= found:
+        raise SettingError(
+            "A library for testing and one for training are together in a scene, which could serve neither: "
+            "compose a scene of each"
+        )
+    return next((role for role in (TRAIN, TEST) if role in found), FREE)
+
+
+_PAIR = re.compile(r"((?:\\.|[^\\=:\s])+)\s*[=:\s]?\s*(.*)", re.DOTALL)
+_ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)", re.DOTALL)
+_LETTERS = {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}
+
+
+def read_properties(data: bytes) -> dict[str, str]:
+    """Values by key of a properties file, which is Latin-1 with escapes; lines without a value have an empty one."""
+    pairs = (_PAIR.fullmatch(line) for line in _lines(data.decode("latin-1")))
+    return {_plain(pair[1]): _plain(pair[2]).strip() for pair in pairs if pair is not None}
+
+
+def _lines(text: str) -> Iterator[str]:
+    """Lines without comments; one that ends with an odd number of backslashes goes on in the next."""
+    begun = ""
+    for line in re.split(r"\r\n|\r|\n", text):
+        line = line.lstrip()
+        if not begun and line[:1] in ("", "#", "!"):
+            continue
+        if (len(line) - len(line.rstrip("\\"))) % 2:
+            begun += line[:-1]
+            continue
+        yield begun + line
+        begun = ""
+    if begun:
+        yield begun
+
+
+def _plain(text: str) -> str:
+    return _ESCAPE.sub(lambda found: _letter(found[1]), text)
+
+
+def _letter(escape: str) -> str:
+    return chr(int(escape[1:], 16)) if len(escape) == 5 else _LETTERS.get(escape, escape)
+
+
+CATALOGUE = "PluginFurnitureCatalog.properties"
+_MOST_PIECES = 100_000
+_LARGEST_CM = 10_000.0
 Rotation = tuple[float, ...]  # 3 x 3 by rows, of the model's own axes: y is up
 UPRIGHT: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-
-class LibraryFileError(FileFormatError):
-    """A furniture library cannot be read, or must not be used."""
 
 
 @dataclass(frozen=True)
 class Piece:
     """Piece of furniture: a model and what the catalogue says of it.
 
-    library: file that it is from, None for what a script builds (`own_meshes.py`). model: its member of the archive.
+    library: file that it is from, None for what a script builds (`own_pieces.py`). model: its member of the archive.
     size: width, depth and height in metres, with the front towards -y. elevation: of its lower end above the floor, in
     metres. top: height at which things stand on it, None where nothing does. rotation: to be made before it is scaled.
     """
@@ -71,136 +204,84 @@ class Library:
     pieces: tuple[Piece, ...]
 
 
-@contextmanager
-def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    """Open a zip archive; raises LibraryFileError if it is missing, damaged or unpacks to too much."""
-    if not path.is_file():
-        raise LibraryFileError(f"Furniture library {path} is no file: check its path")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
-                raise LibraryFileError(f"Furniture library {path} unpacks to more than a library holds: it is not used")
-            yield archive
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as cause:
-        raise LibraryFileError(f"Furniture library {path} is damaged ({cause}): fetch it again") from cause
-    except OSError as cause:
-        raise FileAccessError.of(cause) or LibraryFileError(
-            f"Furniture library {path} cannot be read ({cause}): fetch it again"
-        ) from cause
-
-
-def unpack_folder(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
-    """Unpack the files that lie beside the member `name`, itself too; returns its path, which `zipfile` keeps below
-    `folder`.
-
-    Files in the archive's root are unpacked alone with their like, never the whole archive.
-    """
-    parent = PurePosixPath(name).parent
-    for member in archive.infolist():
-        if not member.is_dir() and PurePosixPath(member.filename).parent == parent:
-            archive.extract(member, folder)
-    return Path(archive.extract(name, folder))
-
-
-def common_role(roles: Iterable[str]) -> str:
-    """Role of a scene of several libraries; raises SettingError where one is for training and one for testing."""
-    found = set(roles)
-    if {TRAIN, TEST} <= found:
-        raise SettingError(
-            "A library for testing and one for training are together in a scene, which could serve neither: "
-            "compose a scene of each"
-        )
-    return next((role for role in (TRAIN, TEST) if role in found), FREE)
-
-
-def is_untouched(text: str) -> bool:
-    """Tell whether a name is that of the library that is kept for the tests of others, however it is spelled."""
-    return _UNTOUCHED in re.sub(r"[^a-z]", "", text.lower())
-
-
-def read_properties(data: bytes) -> dict[str, str]:
-    """Values by key of a properties file, which is Latin-1 with escapes; a backslash at a line's end continues it."""
-    text = re.sub(r"\\\r?\n[ \t]*", "", data.decode("latin-1"))
-    lines = (line.strip() for line in text.splitlines())
-    pairs = (line.partition("=") for line in lines if not line.startswith(("#", "!")))
-    return {_plain(key.strip()): _plain(value.strip()) for key, _, value in pairs}
-
-
-def _plain(text: str) -> str:
-    def letter(found: re.Match[str]) -> str:
-        escape = found[1]
-        return chr(int(escape[1:], 16)) if len(escape) == 5 else {"t": "\t", "n": "\n"}.get(escape, escape)
-
-    return re.sub(r"\\(u[0-9a-fA-F]{4}|.)", letter, text)
-
-
 def read_library(path: Path) -> Library:
     """Read the catalogue of a .sh3f file.
 
     Pieces by creators of the library that is not touched are left out. Raises LibraryFileError if the file is missing,
-    damaged or not to be touched, or if a model that the catalogue names is not in it.
+    damaged, dangerous to unpack or not to be touched, or if a model that the catalogue names is not in it.
     """
-    _check_touchable(path, [path.name])
+    check_touchable(path)
     with opened_archive(path) as archive:
         members = set(archive.namelist())
         if CATALOGUE not in members:
             raise LibraryFileError(f"{path} has no {CATALOGUE}: it is not a furniture library (.sh3f)")
         properties = read_properties(archive.read(CATALOGUE))
     head = {key: properties.get(key, "") for key in ("id", "name", "description", "provider", "license")}
-    _check_touchable(path, head.values())
-    numbers = takewhile(lambda number: {f"name#{number}", f"id#{number}"} & properties.keys(), count(1))
-    every = [_piece(path, properties, number, head["license"]) for number in numbers]
-    for piece in every:
+    check_touchable(path, *head.values())
+    pieces = []
+    for number in range(1, _MOST_PIECES):
+        if f"name#{number}" not in properties and f"id#{number}" not in properties:
+            break
+        piece = _piece(path, properties, number, head["license"])
         if piece.model not in members:
             raise LibraryFileError(
                 f"Furniture library {path} has no file {piece.model!r}, the model of {piece.name!r}: fetch it again"
             )
-    pieces = tuple(piece for piece in every if piece.model.lower().endswith(".obj") and not is_untouched(piece.creator))
+        if piece.model.lower().endswith(".obj") and not is_untouched(piece.creator):
+            pieces.append(piece)
     if not pieces:
         raise LibraryFileError(f"Furniture library {path} has no model in the format .obj: choose another library")
-    return Library(path, head["name"] or path.stem, head["license"], ROLES.get(head["id"], FREE), pieces)
-
-
-def _check_touchable(path: Path, texts: Iterable[str]) -> None:
-    if any(map(is_untouched, texts)):
-        raise LibraryFileError(
-            f"{path} is the library KatorLegaz, which is kept for the tests of others and never used here: "
-            "choose another library"
-        )
+    return Library(path, head["name"] or path.stem, head["license"], role_of(head["id"]), tuple(pieces))
 
 
 def _piece(path: Path, properties: dict[str, str], number: int, licence: str) -> Piece:
     def text(key: str) -> str:
         return properties.get(f"{key}#{number}", "")
 
-    def numbers(key: str, default: tuple[float, ...] = (), low: float = 0.001, high: float = 10_000.0) -> list[float]:
+    def number_of(key: str, low: float, default: float | None = None) -> float:
         try:
-            values = [float(word) for word in text(key).split()] or list(default)
+            value = float(text(key)) if text(key) or default is None else default
         except ValueError:
-            values = []
-        if len(values) != max(len(default), 1) or not all(low <= value <= high for value in values):  # of nan, too
+            value = math.nan
+        if not low <= value <= _LARGEST_CM:  # false for what is no number, too
             raise LibraryFileError(
                 f"Furniture library {path} has {text(key)!r} as {key} of its piece {number}: fetch it again"
             )
-        return values
+        return value
 
-    (width,), (depth,), (height,) = (numbers(key) for key in ("width", "depth", "height"))
-    (drop,) = numbers("dropOnTopElevation", (height,), low=-1.0)
-    (elevation,) = numbers("elevation", (0.0,), low=0.0)
+    model = text("model").removeprefix("/")
+    if not is_harmless(model):
+        raise LibraryFileError(f"Furniture library {path} has {model!r} as model of its piece {number}: fetch it again")
+    size = (number_of("width", 1e-3), number_of("depth", 1e-3), number_of("height", 1e-3))
+    drop = number_of("dropOnTopElevation", -1.0, size[2])
     return Piece(
         name=text("name") or text("id"),
         category=text("category"),
         tags=text("tags"),
-        model=text("model").removeprefix("/"),
-        size=(width / 100.0, depth / 100.0, height / 100.0),
+        model=model,
+        size=(size[0] / 100.0, size[1] / 100.0, size[2] / 100.0),
         library=path,
-        elevation=elevation / 100.0,
+        elevation=number_of("elevation", 0.0, 0.0) / 100.0,
         top=None if drop < 0 else drop / 100.0,
-        rotation=tuple(numbers("modelRotation", UPRIGHT, low=-1.001, high=1.001)),
+        rotation=_rotation(path, text("modelRotation"), number),
         creator=text("creator"),
         licence=text("license") or licence,
         is_opening=text("doorOrWindow") == "true",
     )
+
+
+def _rotation(path: Path, text: str, number: int) -> Rotation:
+    if not text:
+        return UPRIGHT
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != 9 or not all(math.isfinite(value) and abs(value) <= 1.001 for value in values):
+        raise LibraryFileError(
+            f"Furniture library {path} has {text!r} as modelRotation of its piece {number}: fetch it again"
+        )
+    return values
 
 
 _ENCODING = "latin-1"  # which reads any bytes and writes the same
@@ -212,10 +293,16 @@ def keep_own_textures(folder: Path) -> None:
 
     Some name files on the disks of their creators, which an importer would look for on this one.
     """
-    for path in (path for path in folder.iterdir() if path.suffix.lower() == ".mtl"):
+    for path in folder.iterdir():
+        if path.suffix.lower() != ".mtl":
+            continue
         lines = path.read_text(_ENCODING).splitlines()
-        kept = [line for line in lines if not line.strip().lower().startswith(_TEXTURES) or _is_there(folder, line)]
+        kept = [line for line in lines if not _is_texture(line) or _is_there(folder, line)]
         path.write_text("\n".join([*kept, ""]), _ENCODING)
+
+
+def _is_texture(line: str) -> bool:
+    return line.strip().lower().startswith(_TEXTURES)
 
 
 def _is_there(folder: Path, line: str) -> bool:
