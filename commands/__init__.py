@@ -91,7 +91,7 @@ def make_parser(names: Iterable[str] = NAMES, program: str = "patchnet") -> argp
 
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     add_version(parser)
-    _add_log_format(parser)
+    add_log_format(parser)
     add_commands(parser, "command", __name__, {name: NAMES[name] for name in names}, "SUB-COMMAND")
     return parser
 
@@ -106,14 +106,15 @@ def add_commands(
         single = subparsers.add_parser(
             name, help=text, description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        _add_log_format(single)
+        add_log_format(single)
         if hasattr(module, "run"):
             single.set_defaults(run=module.run)
         module.add_arguments(single)
     return subparsers.choices
 
 
-def _add_log_format(parser: argparse.ArgumentParser) -> None:
+def add_log_format(parser: argparse.ArgumentParser) -> None:
+    """Add the argument --log-format."""
     from ..patchnet_addon.runtime.log import FORMATS, VARIABLE
 
     parser.add_argument(

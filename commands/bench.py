@@ -19,6 +19,7 @@ from ..patchnet_addon.network.encoders import MLP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.bounds import Bounds
 from ..training.settings import AUTO, BF16, FP32
+from . import add_log_format
 from .shared.arguments import add_device, add_number
 from .shared.job_arguments import require_blender
 from .shared.training_run import require_torch
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, text in BENCHES.items():
         single = benches.add_parser(name, help=text, description=f"Measure {text}.")
         _ARGUMENTS[name](single)
+        add_log_format(single)
         single.add_argument("--json", action="store_true", help="print one line of JSON")
 
 
