@@ -2,14 +2,17 @@
 """Cache folder of kernels, pages of bakes and finished octrees: the user's, or one that takes its place.
 
 A cache folder may be on a disk that can only be read, as in a container, or may have been made by an administrator.
+Compiled kernels are executed when they are read: what takes its place is the user's alone.
 """
 
 from __future__ import annotations
 
 import atexit
+import getpass
 import logging
 import os
 import re
+import secrets
 import shutil
 import stat
 import sys
@@ -24,35 +27,54 @@ from .outputs import check_writable
 from .unfinished import goes_with_process
 
 KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
+_LOG = logging.getLogger("patchnet")
 _VERSION = re.compile(r"[0-9a-f]{16}")
 _UNUSED_S = 90 * 24 * 3600.0
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def user_cache_folder() -> Path:
     """Folder for what can be computed again: `PATCHNET_CACHE`, or the platform's cache folder.
 
-    Where that cannot be written, one for this process among the temporary files takes its place, and the log says so,
-    once.
+    Where that cannot be written, one among the temporary files takes its place, and the log says so, once.
     """
-    folder = os.environ.get("PATCHNET_CACHE")
-    return _usable(Path(folder) if folder else _platforms())
+    return _usable(_wanted())
 
 
 def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
-    Versions that nothing has used for a long time, such as those of earlier releases, are deleted when a new one
-    begins.
+    Where `root` takes the place of another folder, or is the extension's own, kernels that were compiled there, or in
+    the platform's cache folder by commands, are taken over. Versions that nothing has used for a long time, such as
+    those of earlier releases, are deleted when a new one begins.
     """
     folder = root / KERNELS / version
-    with suppress(OSError):
-        if folder.is_dir():
+    for other in {_wanted(), _platforms()} - {root}:
+        source = other / KERNELS / version
+        if not source.is_dir() or folder.exists():
+            continue
+        copy = folder.with_name(f".{version}.{secrets.token_hex(4)}.tmp")
+        try:
+            for path in source.rglob("*.nb[ic]"):
+                target = copy / path.relative_to(source)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, target)  # not its mode: it may be write-protected
+            os.replace(copy, folder)
+        except OSError:  # another process was faster, or there is no room: they are compiled again
+            shutil.rmtree(copy, ignore_errors=True)
+    if folder.is_dir():
+        with suppress(OSError):
             os.utime(folder)  # used now
-            return folder
-        for path in folder.parent.iterdir():
+    else:
+        _remove_old_versions(root / KERNELS)
+    return folder
+
+
+def _remove_old_versions(kernels: Path) -> None:
+    with suppress(OSError):
+        for path in kernels.iterdir():
             if _VERSION.fullmatch(path.name) and time.time() - path.lstat().st_mtime > _UNUSED_S and path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
-    return folder
 
 
 def folder_bytes(folder: Path) -> int:
@@ -66,15 +88,24 @@ def folder_bytes(folder: Path) -> int:
     return total
 
 
+def _wanted() -> Path:
+    folder = os.environ.get("PATCHNET_CACHE")
+    return Path(folder) if folder else _platforms()
+
+
 def _platforms() -> Path:
-    home = Path(os.path.expanduser("~"))  # "~" itself for a user without one, as in containers
-    if not home.is_absolute():
-        home = Path(os.devnull)  # in which no folder can be made
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "patchnet"
+        return Path(os.environ.get("LOCALAPPDATA") or _home() / "AppData" / "Local") / "patchnet"
     if sys.platform == "darwin":
-        return home / "Library" / "Caches" / "patchnet"
-    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "patchnet"
+        return _home() / "Library" / "Caches" / "patchnet"
+    return Path(os.environ.get("XDG_CACHE_HOME") or _home() / ".cache") / "patchnet"
+
+
+def _home() -> Path:
+    try:
+        return Path.home()
+    except RuntimeError:  # a user without one, as in containers
+        return Path(os.devnull)  # in which no folder can be made
 
 
 @cache
@@ -86,16 +117,41 @@ def _usable(wanted: Path) -> Path:
             if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
                 raise PermissionError(13, "no permission to write", str(folder))
     except (OSError, OutputError) as cause:
-        place = Path(tempfile.mkdtemp(prefix="patchnet-"))  # the user's alone: compiled kernels are executed
-        goes_with_process(place)
-        atexit.register(shutil.rmtree, place, ignore_errors=True)
+        fallback = _private_folder()
         system = cause if isinstance(cause, OSError) else cause.__cause__
         reason = system.strerror if isinstance(system, OSError) else cause
-        logging.getLogger("patchnet").warning(
-            "The cache folder %s cannot be used (%s), so nothing is kept: kernels are compiled at each start, and a "
-            "bake that is stopped begins anew; name a folder that can be written in the preferences or in "
-            "PATCHNET_CACHE",
-            wanted, reason,
+        _LOG.warning(
+            "The cache folder %s cannot be used (%s): compiled kernels and pages of stopped bakes go to %s instead; "
+            "name a folder that can be written in the preferences or in PATCHNET_CACHE",
+            wanted, reason, fallback,
         )  # fmt: skip
-        return place
+        return fallback
     return wanted
+
+
+def _private_folder() -> Path:
+    """Private folder of the user among the temporary files, the same at each start; a new one if it is not private."""
+    user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
+    folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700)
+    if _is_private(folder):
+        return folder
+    new = Path(tempfile.mkdtemp(prefix="patchnet-"))
+    goes_with_process(new)
+    atexit.register(shutil.rmtree, new, ignore_errors=True)
+    return new
+
+
+def _is_private(folder: Path) -> bool:
+    """Test whether `folder` is one, is ours, and no other user can put files there."""
+    try:
+        found = folder.lstat()
+        if not stat.S_ISDIR(found.st_mode):
+            return False
+        if hasattr(os, "geteuid") and (found.st_uid != os.geteuid() or found.st_mode & _OTHERS_WRITE):
+            return False
+        check_writable(folder)
+    except (OSError, OutputError):
+        return False
+    return True

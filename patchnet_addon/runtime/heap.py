@@ -11,22 +11,28 @@ from __future__ import annotations
 import ctypes
 import functools
 import sys
+from contextlib import suppress
 from typing import Any
 
 _TBB_ALL_BUFFERS = 0  # TBBMALLOC_CLEAN_ALL_BUFFERS of oneTBB's scalable_allocator.h
 _TBB_SOFT_LIMIT = 1  # TBBMALLOC_SET_SOFT_HEAP_LIMIT
+_MADV_PAGEOUT = 21  # of Linux 5.4 and newer
 _JEMALLOC_PURGE = b"arena.4096.purge"  # MALLCTL_ARENAS_ALL is 4096
 
 
 def trim() -> None:
     """Return what is free in the allocators of this process to the system; those that are not there are left out."""
-    for clean in _functions("scalable_allocation_command"):
-        clean(_TBB_ALL_BUFFERS, None)
-    for control in _functions("mallctl", "je_mallctl"):
-        control.argtypes = [ctypes.c_char_p, *[ctypes.c_void_p] * 3, ctypes.c_size_t]
-        control(_JEMALLOC_PURGE, None, None, None, 0)
-    for glibc in _functions("malloc_trim") if sys.platform == "linux" else ():
-        glibc(0)
+    _clean_tbb()
+    program = _loaded(None)
+    for name in ("mallctl", "je_mallctl"):
+        control = getattr(program, name, None)
+        if control is not None:
+            control.argtypes = [ctypes.c_char_p, *[ctypes.c_void_p] * 3, ctypes.c_size_t]
+            control(_JEMALLOC_PURGE, None, None, None, 0)
+    if sys.platform == "linux":
+        glibc = getattr(program, "malloc_trim", None)
+        if glibc is not None:
+            glibc(0)
 
 
 @functools.cache
@@ -36,22 +42,46 @@ def reuse_freed_memory() -> None:
     Its caches keep freed arrays for later ones of the very same size, while other sizes take new memory. Small blocks
     that live on are then spread over all of it, so that `trim` can give little back.
     """
-    for mode in _functions("scalable_allocation_mode"):
-        mode.argtypes = [ctypes.c_int, ctypes.c_ssize_t]
-        mode(_TBB_SOFT_LIMIT, 1)  # byte: caches are emptied whenever they are in the way
+    for library in _with_tbb():
+        mode = getattr(library, "scalable_allocation_mode", None)
+        if mode is not None:
+            mode.argtypes = [ctypes.c_int, ctypes.c_ssize_t]
+            mode(_TBB_SOFT_LIMIT, 1)  # byte: caches are emptied whenever they are in the way
 
 
-def _functions(*names: str) -> list[Any]:
-    """Functions by these names of the program itself, and on Windows of TBB's allocator; without those not there."""
-    found = [getattr(_loaded(library), name, None) for library in (None, "tbbmalloc.dll") for name in names]
-    return [function for function in found if function is not None]
+def _clean_tbb() -> None:
+    for library in _with_tbb():
+        clean = getattr(library, "scalable_allocation_command", None)
+        if clean is not None:
+            clean(_TBB_ALL_BUFFERS, None)
+
+
+def _with_tbb() -> tuple[Any, ...]:
+    """Libraries that may have TBB's allocator, or None."""
+    return _loaded(None), _loaded("tbbmalloc.dll") if sys.platform == "win32" else None
+
+
+def page_out(library: str) -> None:
+    """Give back the unchanged pages of libraries whose file's name has this text; they are read again when needed.
+
+    Does nothing where the system has no way to do it (only Linux has). A compiler that loads what it once compiled has
+    70 MB of its file in memory, and needs next to nothing of that afterwards.
+    """
+    advise = getattr(_loaded(None), "madvise", None) if sys.platform == "linux" else None
+    if advise is None:
+        return
+    advise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+    with suppress(OSError), open("/proc/self/maps", encoding="utf-8", errors="replace") as file:
+        for line in file:
+            span, access, *_, path = line.split(maxsplit=5)
+            if library in path.rpartition("/")[2] and "w" not in access:
+                begin, end = (int(number, 16) for number in span.split("-"))
+                advise(begin, end - begin, _MADV_PAGEOUT)
 
 
 @functools.cache
 def _loaded(name: str | None) -> Any:
     """Load a library that this process has, or the program itself; None where that cannot be had."""
-    if name is not None and sys.platform != "win32":
-        return None
     try:
         return ctypes.CDLL(name)
     except (OSError, TypeError):  # Windows has no handle of the program itself
@@ -64,7 +94,7 @@ def resident_bytes() -> int | None:
 
 
 def peak_bytes() -> int | None:
-    """Peak of resident bytes so far; None where the system does not say."""
+    """Peak of resident bytes so far, or since the kernel was told to count anew."""
     return _status_bytes("VmHWM")
 
 
@@ -72,6 +102,9 @@ def _status_bytes(name: str) -> int | None:
     """Bytes by a line of /proc/self/status, or None."""
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as file:
-            return next((int(line.split()[1]) * 1024 for line in file if line.startswith(f"{name}:")), None)
+            for line in file:
+                if line.startswith(f"{name}:"):
+                    return int(line.split()[1]) * 1024
     except OSError:
-        return None
+        pass
+    return None

@@ -83,6 +83,12 @@ def test_asking_for_the_folder_and_what_it_keeps_loads_no_compiler(tmp_path: Pat
     assert done.stdout == f"{tmp_path / 'cache'} []\n", done.stderr
 
 
+def test_a_folder_that_can_be_written_is_used_as_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "new" / "cache"))
+    assert user_cache_folder() == tmp_path / "new" / "cache"
+    assert (tmp_path / "new" / "cache").is_dir() and not os.listdir(tmp_path / "new" / "cache")
+
+
 def test_another_takes_its_place_and_it_is_said_once(
     unusable: Path, temporary: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -94,15 +100,38 @@ def test_another_takes_its_place_and_it_is_said_once(
             raise ZeroDivisionError
     assert first.parent == temporary and not first.stat().st_mode & 0o077
     (said,) = caplog.messages
-    assert str(unusable) in said and "cannot be used" in said and "PATCHNET_CACHE" in said
+    assert str(unusable) in said and str(first) in said and "cannot be used" in said and "PATCHNET_CACHE" in said
+    cache_folder._usable.cache_clear()  # as at the next start
+    assert user_cache_folder() == first
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has a variable for it")
 def test_a_user_without_a_home(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
     for name in ("PATCHNET_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.setattr(Path, "home", none)
     assert user_cache_folder().parent == temporary
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the folder for temporary files is the user's own there")
+@pytest.mark.parametrize("planted", ["link", "others write", "file"])
+def test_what_others_may_have_planted_is_not_used(
+    planted: str, unusable: Path, temporary: Path, tmp_path: Path
+) -> None:
+    place = temporary / f"patchnet-{os.geteuid()}"
+    if planted == "link":
+        (tmp_path / "theirs").mkdir()
+        place.symlink_to(tmp_path / "theirs")
+    elif planted == "file":
+        place.write_text("")
+    else:
+        place.mkdir()
+        place.chmod(0o777)
+    chosen = user_cache_folder()
+    assert chosen != place and chosen.parent == temporary and not chosen.stat().st_mode & 0o077
 
 
 RENAMED = """
@@ -156,6 +185,21 @@ def test_copies_of_the_package_share_compiled_kernels(tmp_path: Path) -> None:
     assert compiled == "0" and int(loaded) > 0 and said[0][2] == said[1][2]
 
 
+def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted, place = tmp_path / "wanted", tmp_path / "place"
+    module = wanted / "kernels" / "0123456789abcdef" / "tracing_1"
+    module.mkdir(parents=True)
+    (module / "a.nbi").write_text("index")
+    (module / "a.1.nbc").write_text("code")
+    module.chmod(0o555)
+    monkeypatch.setenv("PATCHNET_CACHE", str(wanted))
+    assert kernel_folder(wanted, "0123456789abcdef") == wanted / "kernels" / "0123456789abcdef"
+    folder = kernel_folder(place, "0123456789abcdef")
+    assert (folder / "tracing_1" / "a.1.nbc").read_text() == "code"
+    assert os.listdir(folder.parent) == [folder.name] and os.access(folder / "tracing_1", os.W_OK)
+    assert kernel_folder(place, "1" * 16) == place / "kernels" / ("1" * 16)
+
+
 def test_kernels_that_nothing_used_for_months_go_when_new_ones_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -184,16 +228,11 @@ def script(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_next_start_compiles_nothing(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "new" / "cache"))
+def test_the_next_start_compiles_nothing(unusable: Path, temporary: Path, script: Path) -> None:
     first, second = start(script), start(script)
     assert first.stdout.startswith("3.0 0 ") and second.stdout.startswith("3.0 1 ")
-
-
-def test_without_a_cache_kernels_run_and_nothing_stays(unusable: Path, temporary: Path, script: Path) -> None:
-    done = start(script)
-    assert done.stdout.startswith("3.0 0 ") and done.stdout.split()[2].startswith(str(temporary))
-    assert done.stderr.count("cannot be used") == 1 and list(temporary.iterdir()) == []
+    assert first.stdout.split()[2].startswith(str(temporary))
+    assert first.stderr.count("cannot be used") == 1
 
 
 def test_a_full_disk_costs_only_the_compiling(tmp_path: Path, script: Path, monkeypatch: pytest.MonkeyPatch) -> None:

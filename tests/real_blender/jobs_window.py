@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody goes on using Blender beside a job: saves, opens menus, edits, closes windows, undoes, renders.
 
-    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P jobs_window.py -- OUT
+    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P jobs_window.py -- OUT
 
 Writes OUT/jobs.json, a value for each thing that was seen. test_jobs_window.py judges them.
 """

@@ -2,7 +2,7 @@
 """Somebody leaves in the middle of a bake, in every way there is: renders, disables PatchNet, deletes the
 scene, goes back to a step of undo, opens another file, quits.
 
-    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P leaving_window.py -- OUT
+    blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P leaving_window.py -- OUT
 
 Writes OUT/leaving.json, a value for each thing that was seen. test_leaving.py judges them, and the quit.blend of it.
 """

@@ -12,19 +12,19 @@ KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "colle
 
 
 @pytest.fixture(scope="module")
-def jobs(installed: Blender, yard: Path, out: Path) -> dict:
+def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
     """Report of jobs_window.py."""
-    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "64"})
-    return small_pages.visit("jobs", out, file=yard)
+    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
+    return small_pages.visit("jobs", out, file=courtyard)
 
 
 def test_keys_and_menus_save_beside_a_job(jobs: dict) -> None:
     assert jobs["saves"] == 2
 
 
-def test_a_file_saved_beside_a_job_is_the_users_own(jobs: dict, installed: Blender, yard: Path, out: Path) -> None:
+def test_a_file_saved_beside_a_job_is_the_users_own(jobs: dict, installed: Blender, courtyard: Path, out: Path) -> None:
     contents = []
-    for path in (yard, out / "jobs-saved.blend"):
+    for path in (courtyard, out / "jobs-saved.blend"):
         values = f"[{BLOCKS}, s.render.engine, s.cycles.samples, s.world.name]"
         line = f"import bpy, json; s = bpy.context.scene; KINDS = {KINDS}; print('blocks:', json.dumps({values}))"
         done = installed.run("-b", path, "--python-exit-code", "1", "--python-expr", line)

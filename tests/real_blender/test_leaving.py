@@ -14,13 +14,13 @@ LEAVES = ("disabled", "disabled in a render", "undone", "deleted scene", "other 
 
 
 @pytest.fixture(scope="module")
-def seen(installed: Blender, yard: Path, out: Path) -> dict:
+def seen(installed: Blender, courtyard: Path, out: Path) -> dict:
     """Report of leaving_window.py."""
     folder = out / "leaving-temp"
     folder.mkdir()
     more = {"PATCHNET_PAGE_SIDE": "256", "TMPDIR": str(folder)}
     blender = Blender(installed.prefix, installed.program, installed.environment | more)
-    found = blender.visit("leaving", out, file=yard)
+    found = blender.visit("leaving", out, file=courtyard)
     assert found["code"] == 0 and "Saved session recovery" in found["said"], found["said"]
     return found | {"seconds to quit": time.time() - found["quits at"]}
 
