@@ -71,7 +71,7 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
     chosen = np.where(view.mask[..., None], heat, heat * np.float32(_DIMMED))
     titles = [
         f"{unrefined.capitalize()} error {error_text(mse[unrefined])}",
-        f"Chosen {report['pixels_share']:.1%}, {report['priority_share']:.0%} of priority",
+        f"Chosen {report['pixels_share']:.1%}",
         f"Cycles {seconds['pixels']:.1f} s error {error_text(mse[COMPOSITED])}",
         f"Full {seconds['full']:.1f} s error {error_text(mse[FULL])}",
     ]
