@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make cycles-refine.jpg: preview, heatmap of the chosen pixels, Cycles over the preview, and a full render by Cycles.
 
-    python docs/pictures/make_cycles_refine.py [WIDTH HEIGHT SAMPLES BUDGET]
+    python docs/pictures/make_cycles_refine.py [WIDTH HEIGHT SAMPLES BUDGET [CAMERA]]
 
-The figures are those of the machine it runs on; they are printed too. Needs the extras `blender` and `bench`.
+The figures are those of the machine it runs on; they are printed too. The picture is of the camera Middle; of another
+one only the figures are made. Needs the extras `blender` and `bench`.
 """
 
 from __future__ import annotations
@@ -24,17 +25,18 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.tone import to_bytes
 from patchnet.patchnet_addon.sampling.registry import strategy
 
-CAMERA = "Middle"
+PICTURED = "Middle"
 
 
 def main() -> None:
     """Write cycles-refine.jpg beside this file."""
-    width, height, samples, budget = (*sys.argv[1:], *("240", "180", "16", "0.2")[len(sys.argv) - 1 :])
+    defaults = ("240", "180", "16", "0.2", PICTURED)
+    width, height, samples, budget, camera = (*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene)
     bpy.context.view_layer.update()
     settings = JobSettings.of(
-        cameras=(CAMERA,),
+        cameras=(camera,),
         size=(int(width), int(height)),
         fit=True,
         samples=4,
@@ -45,8 +47,9 @@ def main() -> None:
     result = run_with_bars(settings)
     (view,) = result.cycles
     print(json.dumps(view.report, indent=2))
-    sheet = comparison_sheet(view, strategy(settings.view.strategy).maximum)
-    Image.fromarray(to_bytes(sheet[::-1])).save(Path(__file__).with_name("cycles-refine.jpg"), quality=80)
+    if camera == PICTURED:
+        sheet = comparison_sheet(view, strategy(settings.view.strategy).maximum)
+        Image.fromarray(to_bytes(sheet[::-1])).save(Path(__file__).with_name("cycles-refine.jpg"), quality=80)
     leave(0)
 
 

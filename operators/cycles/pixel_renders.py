@@ -64,10 +64,10 @@ class PixelRenders:
         yield from self._part(slice(0, 1), lambda share: Progress(share, 1, "Cycles reads the scene"), columns=1)
         self.sync_seconds = self.seconds
 
-    def picture(self, samples: int, seed: int, label: str) -> Steps[np.ndarray]:
+    def picture(self, samples: int, seed: int, label: str, *, at_once: bool = False) -> Steps[np.ndarray]:
         """(H, W, 4) float32: linear unexposed light, and alpha; row 0 at the bottom; 0 for what is not rendered.
 
-        Without a window in parts of about a second. Raises SceneError, StoppedError.
+        Without a window in parts of about a second, unless `at_once`. Raises SceneError, StoppedError.
         """
         canvas = np.zeros((*self._mask.shape, 4), np.float32)
         of_rows = self._mask.sum(axis=1)
@@ -75,7 +75,7 @@ class PixelRenders:
         self._sample(samples, seed)
         while len(rows):
             fits = int(np.searchsorted(np.cumsum(of_rows[rows]), pace * PART_S, "right"))
-            taken = len(rows) if window_is_alive() else max(1, fits)
+            taken = len(rows) if at_once or window_is_alive() else max(1, fits)
             part, rows = slice(int(rows[0]), int(rows[taken - 1]) + 1), rows[taken:]
             begun, work = self.seconds, int(of_rows[part].sum())
             picture = yield from self._part(part, _reports(done, work, int(of_rows.sum()), label))

@@ -81,7 +81,7 @@ def _kind(material: bpy.types.Material | None) -> bool:
 class WantedPixels(NamedTuple):
     """Pixels of a camera whose nearest surface, at their centres, is wanted, or lies behind a box.
 
-    mask: (H, W) bool. depth_world: of the nearest surface of all pixels, infinite without one.
+    mask: (H, W) bool. depth_world: of the nearest surface or box of all pixels, infinite without one.
     """
 
     mask: np.ndarray
@@ -102,8 +102,9 @@ def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
     mask: np.ndarray = (seen >= 0) & np.concatenate(wanted)[seen]
     sides = surface.boxes[:, _SIDES].reshape(-1, 3, 3)
     around.add(sides, np.ones(len(sides), bool), 0)
-    mask |= (around.seen.depth[0] < sight.seen.depth[0]) | any(_is_in(box, camera) for box in surface.boxes)
-    return WantedPixels(mask, float(sight.seen.depth.min()))
+    surfaces, boxes = sight.seen.depth[0], around.seen.depth[0]
+    mask |= (boxes < surfaces) | any(_is_in(box, camera) for box in surface.boxes)
+    return WantedPixels(mask, float(min(surfaces.min(), boxes.min())))
 
 
 def _is_in(box: np.ndarray, camera: Camera) -> bool:
@@ -197,7 +198,7 @@ def _rendered(
     if settings.compare:
         with pixel_renders(context, camera, light, sun=sun) as cycles:
             label = f"{camera.name}: Cycles, the whole picture"
-            result.full = yield from cycles.picture(settings.samples, settings.seed, label)
+            result.full = yield from cycles.picture(settings.samples, settings.seed, label, at_once=True)
             result.full_seconds = cycles.seconds
             samples, label = REFERENCE_FACTOR * settings.samples, f"{camera.name}: Cycles, the reference"
             result.reference = yield from cycles.picture(samples, settings.seed + REFERENCE_SEED, label)

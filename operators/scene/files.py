@@ -83,10 +83,36 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
         image = getattr(node, "image", None)
         if image is None or image.source not in _FROM_FILES or image.packed_files or image.is_dirty:
             continue
-        for tile in image.tiles:  # of images without tiles a single one
-            name = image.filepath.replace("<UDIM>", str(tile.number))
+        for name in _files_of(node, image):
             if name and not os.path.exists(path := _path(name, image.library)):
                 yield path
+
+
+def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
+    """Files that an image is read from at the present frame."""
+    if image.source == "TILED":
+        return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
+    if image.source == "SEQUENCE":
+        return [_file_of_sequence(image, _number_in_sequence(node.image_user))]
+    return [image.filepath]
+
+
+def _number_in_sequence(user: bpy.types.ImageUser) -> int:
+    """Number of a sequence's file at the present frame, as Blender finds it: only evaluated nodes hold it."""
+    number = bpy.context.scene.frame_current - user.frame_start + 1
+    length = user.frame_duration
+    if length > 0 and user.use_cyclic:
+        number = number % length or length
+    return min(max(number, 0), length) + user.frame_offset
+
+
+def _file_of_sequence(image: bpy.types.Image, number: int) -> str:
+    """Path of a file of a sequence: the last digits of the name are its number."""
+    found = re.fullmatch(r"(.*?)(\d+)(\D*)", os.path.basename(image.filepath))
+    if found is None:
+        return image.filepath
+    before, digits, after = found.groups()
+    return image.filepath.removesuffix(os.path.basename(image.filepath)) + f"{before}{number:0{len(digits)}d}{after}"
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:
