@@ -1,38 +1,67 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Coded nodes: which nodes of an octree have codes, and how many stand before each."""
+"""Coded nodes: which nodes of an octree have codes, and how many stand before each; a bit a node and a count for 64.
+
+Only levels that may have look-ahead have bits, which all stand before the others: a fifth of a byte a node.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
+from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 
 
-def coded_nodes(octree: Octree, lookahead: int) -> tuple[np.ndarray, int]:
-    """Rows (n,) int32 of nodes among the coded ones, -1 for the others, and the number of coded nodes.
+class CodedNodes(NamedTuple):
+    """Coded nodes of an octree.
 
-    Those are coded that have real descendants `lookahead` levels further down (methods 4.1b): of the n nodes of levels
-    that may have look-ahead, which stand before all others.
+    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not.
+    before: (W,) uint32, coded nodes before each word.
     """
-    marks = np.empty(int(octree.level_start[max(octree.depth - lookahead + 1, 0)]), np.bool_)
-    run_parts(_mark, len(marks), octree.nodes, lookahead, marks)
-    rows = np.where(marks, np.cumsum(marks, dtype=np.int32) - np.int32(1), np.int32(-1))
-    return rows, int(np.count_nonzero(marks))
+
+    bits: np.ndarray
+    before: np.ndarray
+
+
+def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
+    """Nodes with real descendants `lookahead` levels further down (methods 4.1b), and their number.
+
+    Raises SettingError for too many nodes.
+    """
+    end = int(octree.level_start[max(octree.depth - lookahead + 1, 0)])
+    check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
+    bits, counts = np.zeros(-(-end // 64), np.uint64), np.zeros(-(-end // 64), np.uint32)
+    run_parts(_mark, len(bits), octree.nodes, lookahead, end, bits, counts)
+    total = int(counts.sum(dtype=np.int64))
+    return CodedNodes(bits, np.cumsum(counts, dtype=np.uint32) - counts), total
 
 
 @device
-def coded_row(rows, node):  # type: ignore[no-untyped-def]
+def coded_row(coded, node):  # type: ignore[no-untyped-def]
     """Row of a node among the coded ones, -1 if it is not one, or is -1."""
-    return np.int64(rows[node]) if 0 <= node < len(rows) else np.int64(-1)
+    word = node >> 6
+    if node < 0 or word >= len(coded.bits):
+        return np.int64(-1)
+    bits, bit = coded.bits[word], np.uint64(1) << np.uint64(node & 63)
+    if bits & bit == 0:
+        return np.int64(-1)
+    return np.int64(coded.before[word]) + count_ones(bits & (bit - np.uint64(1)))
 
 
 @kernel
-def _mark(first, last, nodes, lookahead, coded):  # type: ignore[no-untyped-def]
-    for node in range(first, last):
-        coded[node] = _has_descendants(nodes, node, lookahead)
+def _mark(first, last, nodes, lookahead, end, bits, counts):  # type: ignore[no-untyped-def]
+    for word in range(first, last):
+        found = np.uint64(0)
+        for node in range(64 * word, min(64 * (word + 1), end)):
+            if _has_descendants(nodes, node, lookahead):
+                found |= np.uint64(1) << np.uint64(node & 63)
+        bits[word] = found
+        counts[word] = count_ones(found)
 
 
 @device

@@ -4,11 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..network.weights import Weights
 from ..octree.octree import Octree
+
+if TYPE_CHECKING:  # it brings numba
+    from .coded_nodes import CodedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +22,7 @@ class CodedOctree:
     weights: the network that made the codes and decodes them.
     codes: (C, 10) float16, level by level, within a level in the order z, y, x of the corners.
     corner_rows: (K, 3) uint32, where the codes of each coded voxel's corners stand, as `corner_rows.py` says.
-    node_rows: (n,) int32, of the nodes of levels that may have look-ahead the line of `corner_rows`, -1 for none.
+    nodes: which nodes are coded, and so which line of `corner_rows` is whose.
     corner_cells: (C, 8) uint32, the finer cells around the corners, for weights that mix luminances; None for others.
     """
 
@@ -26,7 +30,7 @@ class CodedOctree:
     weights: Weights
     codes: np.ndarray
     corner_rows: np.ndarray
-    node_rows: np.ndarray
+    nodes: CodedNodes
     corner_cells: np.ndarray | None = None
 
     @property
@@ -36,10 +40,11 @@ class CodedOctree:
 
     def rows_of(self, nodes: np.ndarray) -> np.ndarray:
         """Rows (...,) int64 in `corner_rows` of nodes (...,), -1 for nodes without look-ahead and for node -1."""
+        bits = np.unpackbits(self.nodes.bits.view(np.uint8), bitorder="little").astype(bool)
+        rows = np.append(np.where(bits, np.cumsum(bits) - 1, -1), -1)
         wanted = np.asarray(nodes, np.int64)
-        known = (wanted >= 0) & (wanted < len(self.node_rows))
-        rows: np.ndarray = np.append(self.node_rows, -1)[np.where(known, wanted, -1)]
-        return rows
+        found: np.ndarray = rows[np.where((wanted >= 0) & (wanted < len(rows)), wanted, -1)]
+        return found
 
     def corners_of(self, rows: np.ndarray) -> np.ndarray:
         """Rows in the codes (..., 8) int64 of the corners of coded voxels, given by their rows (...,); x fastest."""
@@ -53,7 +58,12 @@ class CodedOctree:
         return self.weights.hash
 
     @property
+    def index_nbytes(self) -> int:
+        """Bytes of what finds a node's codes: about 12 for a coded voxel."""
+        return self.corner_rows.nbytes + sum(array.nbytes for array in self.nodes)
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the codes and of what finds them."""
         corners = 0 if self.corner_cells is None else self.corner_cells.nbytes
-        return self.codes.nbytes + corners + self.corner_rows.nbytes + self.node_rows.nbytes
+        return self.codes.nbytes + corners + self.index_nbytes

@@ -17,7 +17,7 @@ from ..octree.octree import Octree
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from .brick import child_at
-from .coded_nodes import coded_row
+from .coded_nodes import CodedNodes, coded_row
 from .corner_rows import set_corner_rows
 
 RANGE_VOXELS = 1 << 15  # of a range, unless one line alone has more: about 2 MB of scratch and 60,000 corners
@@ -44,32 +44,32 @@ class CornerRange(NamedTuple):
     voxels: int
 
 
-def corner_ranges(octree: Octree, rows: np.ndarray, level: int, most: int = RANGE_VOXELS) -> Iterator[CornerRange]:
+def corner_ranges(octree: Octree, coded: CodedNodes, level: int, most: int = RANGE_VOXELS) -> Iterator[CornerRange]:
     """Ranges of a level in order, each with at most `most` coded voxels around it, or of a single line."""
     side = 1 << level
     whole = Lines(0, side + 1, 0, side + 1)
-    for low_z, high_z, voxels in _cut(_counts(octree, rows, level, whole, _Z), most):
+    for low_z, high_z, voxels in _cut(_counts(octree, coded, level, whole, _Z), most):
         lines = Lines(0, side + 1, low_z, high_z)
         if voxels <= most:
             yield CornerRange(level, lines, voxels)
             continue
-        for low_y, high_y, part in _cut(_counts(octree, rows, level, lines, _Y), most):
+        for low_y, high_y, part in _cut(_counts(octree, coded, level, lines, _Y), most):
             yield CornerRange(level, Lines(low_y, high_y, low_z, high_z), part)
 
 
-def find_corners(octree: Octree, rows: np.ndarray, where: CornerRange) -> np.ndarray:
+def find_corners(octree: Octree, coded: CodedNodes, where: CornerRange) -> np.ndarray:
     """Corners (C, 3) int32 of a range, in order."""
-    corners, _, _ = _corner_keys(octree, rows, where)
+    corners, _, _ = _corner_keys(octree, coded, where)
     side = (1 << where.level) + 1
     return np.stack([corners % side, corners // side % side, corners // side**2], axis=1).astype(np.int32)
 
 
-def write_corner_rows(octree: Octree, rows: np.ndarray, where: CornerRange, first: int, table: np.ndarray) -> int:
+def write_corner_rows(octree: Octree, coded: CodedNodes, where: CornerRange, first: int, table: np.ndarray) -> int:
     """Write the rows of a range's corners, from `first` on, into the table (K, 3); returns how many they are.
 
     Raises SettingError where a line of corners is too long for the table: with more than 65,535 of them.
     """
-    corners, starts, voxels = _corner_keys(octree, rows, where)
+    corners, starts, voxels = _corner_keys(octree, coded, where)
     fits = True
     for octant, (keys, of) in enumerate(zip(starts, voxels, strict=True)):
         fits &= set_corner_rows(table, of, 2 * octant, first + np.searchsorted(corners, keys))
@@ -82,7 +82,7 @@ def write_corner_rows(octree: Octree, rows: np.ndarray, where: CornerRange, firs
 
 
 def _corner_keys(
-    octree: Octree, rows: np.ndarray, where: CornerRange
+    octree: Octree, coded: CodedNodes, where: CornerRange
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
     """Keys x + y side + z side^2 of a range's corners (C,) int64, rising, with side = 2^level + 1.
 
@@ -90,7 +90,7 @@ def _corner_keys(
     """
     level, lines = where.level, where.lines
     cells, found = np.empty((where.voxels, 3), np.int64), np.empty(where.voxels, np.int64)
-    _find(octree.nodes, rows, level, lines, cells, found)
+    _find(octree.nodes, coded, level, lines, cells, found)
     side = (1 << level) + 1
     key = cells @ np.array([1, side, side**2])
     order = np.argsort(key)
@@ -107,10 +107,10 @@ def _corner_keys(
     return every[np.diff(every, prepend=-1) > 0], starts, voxels
 
 
-def _counts(octree: Octree, rows: np.ndarray, level: int, lines: Lines, axis: int) -> np.ndarray:
+def _counts(octree: Octree, coded: CodedNodes, level: int, lines: Lines, axis: int) -> np.ndarray:
     """Coded voxels (side + 2,) int64 by z or y, one place higher, among those around some lines."""
     counts = np.zeros((1 << level) + 2, np.int64)
-    _count(octree.nodes, rows, level, lines, axis, counts[1:])
+    _count(octree.nodes, coded, level, lines, axis, counts[1:])
     return counts
 
 
@@ -130,7 +130,7 @@ def _cut(counts: np.ndarray, most: int) -> Iterator[tuple[int, int, int]]:
 
 
 @device
-def _push_children(nodes, rows, level, lines, stack, top):  # type: ignore[no-untyped-def]
+def _push_children(nodes, coded, level, lines, stack, top):  # type: ignore[no-untyped-def]
     """Replace the voxel on top of the stack by its coded children around the lines, the first on top.
 
     stack: (n, 5) int64 of node, level, x, y, z. Returns where the top is then.
@@ -140,7 +140,7 @@ def _push_children(nodes, rows, level, lines, stack, top):  # type: ignore[no-un
     top -= 1
     for octant in range(7, -1, -1):
         child = child_at(nodes, node, octant)
-        if child < 0 or coded_row(rows, child) < 0:
+        if child < 0 or coded_row(coded, child) < 0:
             continue
         child_y, child_z = 2 * y + ((octant >> 1) & 1), 2 * z + (octant >> 2)
         if (child_y << shift) >= lines.high_y or ((child_y + 1) << shift) < lines.low_y:
@@ -154,35 +154,35 @@ def _push_children(nodes, rows, level, lines, stack, top):  # type: ignore[no-un
 
 
 @device
-def _stack(rows, level):  # type: ignore[no-untyped-def]
+def _stack(coded, level):  # type: ignore[no-untyped-def]
     """Stack of a walk from the root, and its top: -1 if the root is not coded."""
     stack = np.zeros((7 * level + 8, 5), np.int64)
-    return stack, 0 if coded_row(rows, np.int64(0)) >= 0 else -1
+    return stack, 0 if coded_row(coded, np.int64(0)) >= 0 else -1
 
 
 @kernel
-def _count(nodes, rows, level, lines, axis, counts):  # type: ignore[no-untyped-def]
+def _count(nodes, coded, level, lines, axis, counts):  # type: ignore[no-untyped-def]
     """Add the coded voxels around some lines to `counts`, by y (axis 0) or z (axis 1)."""
-    stack, top = _stack(rows, level)
+    stack, top = _stack(coded, level)
     while top >= 0:
         if stack[top, 1] == level:
             counts[stack[top, 3 + axis]] += 1
             top -= 1
         else:
-            top = _push_children(nodes, rows, level, lines, stack, top)
+            top = _push_children(nodes, coded, level, lines, stack, top)
 
 
 @kernel
-def _find(nodes, rows, level, lines, cells, found):  # type: ignore[no-untyped-def]
+def _find(nodes, coded, level, lines, cells, found):  # type: ignore[no-untyped-def]
     """Write the coded voxels around some lines: cells (V, 3), and rows among all coded voxels (V,)."""
-    stack, top = _stack(rows, level)
+    stack, top = _stack(coded, level)
     count = 0
     while top >= 0:
         if stack[top, 1] < level:
-            top = _push_children(nodes, rows, level, lines, stack, top)
+            top = _push_children(nodes, coded, level, lines, stack, top)
             continue
         for axis in range(3):
             cells[count, axis] = stack[top, 2 + axis]
-        found[count] = coded_row(rows, stack[top, 0])
+        found[count] = coded_row(coded, stack[top, 0])
         count += 1
         top -= 1

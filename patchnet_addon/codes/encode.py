@@ -45,13 +45,13 @@ def encode_octree(
         encoder = make_encoder(weights, device)
     yield Progress(0, 1, "Finding corners")
     check_nodes(octree.node_count)
-    rows, count = coded_nodes(octree, weights.lookahead)
+    nodes, count = coded_nodes(octree, weights.lookahead)
     table = np.zeros((count, COLUMNS), np.uint32)
     counts: list[int] = []
     levels = range(max(octree.depth - weights.lookahead + 1, 0))
-    ranges = [where for level in levels for where in corner_ranges(octree, rows, level)]
+    ranges = [where for level in levels for where in corner_ranges(octree, nodes, level)]
     for where in ranges:
-        counts.append(write_corner_rows(octree, rows, where, sum(counts), table))
+        counts.append(write_corner_rows(octree, nodes, where, sum(counts), table))
         yield Progress(len(counts), len(ranges), "Finding corners")
     check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
@@ -60,7 +60,7 @@ def encode_octree(
         on_device = _corners_on_device(encoder, octree, weights.lookahead)
     done = 0
     for where in ranges:
-        corners = find_corners(octree, rows, where)
+        corners = find_corners(octree, nodes, where)
         together = max(len(corners), 1) if isinstance(encoder, PackedLayers) else encoder.chunk
         for start in range(0, len(corners), together):
             part = corners[start : start + together]
@@ -74,7 +74,7 @@ def encode_octree(
                 around[done : done + len(found)] = corner_cells(octree, where.level, part)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
-    return CodedOctree(octree, weights, codes, table, rows, around)
+    return CodedOctree(octree, weights, codes, table, nodes, around)
 
 
 def make_encoder(weights: Weights, device: str = CPU) -> PackedLayers | Encoder:

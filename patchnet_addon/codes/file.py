@@ -54,7 +54,7 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
             f"{path} was made with other weights ({metadata.get('weights_hash')}) than those in use ({weights.hash}): "
             "precompute the codes again, or choose the weights that made them"
         )
-    node_rows, count = coded_nodes(octree, weights.lookahead)
+    nodes, count = coded_nodes(octree, weights.lookahead)
     codes, rows, around = (arrays.get(name) for name in ("codes", "corner_rows", "corner_cells"))
     if (
         codes is None
@@ -66,4 +66,4 @@ def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctre
         or (around is not None and (around.dtype, around.shape) != (np.uint32, (len(codes), CORNERS)))
     ):
         raise CodesFileError(f"{path} is damaged: its codes do not fit its octree; precompute the codes again")
-    return CodedOctree(octree, weights, codes, rows, node_rows, around)
+    return CodedOctree(octree, weights, codes, rows, nodes, around)

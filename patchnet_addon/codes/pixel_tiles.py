@@ -12,7 +12,7 @@ from ..network.kinds import CODE_SIZE
 from ..network.simd import HALF_SCALE, add_product, load_halves
 from ..runtime.kernels import device
 from ..runtime.vectors import splat, store
-from .coded_nodes import coded_row
+from .coded_nodes import CodedNodes, coded_row
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 
@@ -28,18 +28,18 @@ _SCALE = np.float32(HALF_SCALE)
 class CornerCodes(NamedTuple):
     """Codes and what finds them.
 
-    halves: (C * 10,) int16, the bits of the half floats. node_rows: of `CodedOctree`. rows: (K, 3) uint32, as
+    halves: (C * 10,) int16, the bits of the half floats. nodes: of `CodedOctree`. rows: (K, 3) uint32, as
     `corner_rows.py` says.
     """
 
     halves: np.ndarray
-    node_rows: np.ndarray
+    nodes: CodedNodes
     rows: np.ndarray
 
     @classmethod
     def of(cls, coded: CodedOctree) -> CornerCodes:
         """Codes of an octree."""
-        return cls(coded.codes.view(np.int16).ravel(), coded.node_rows, coded.corner_rows)
+        return cls(coded.codes.view(np.int16).ravel(), coded.nodes, coded.corner_rows)
 
 
 class PixelRays(NamedTuple):
@@ -71,10 +71,10 @@ def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead)
     pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns how many there are, and the pixel
     to go on with.
     """
-    node_rows = corner_codes.node_rows
+    coded = corner_codes.nodes
     count = 0
     while pixel < end and count < TILE:
-        row = coded_row(node_rows, nodes[pixel])
+        row = coded_row(coded, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
             pixels[count], rows[count] = pixel, row

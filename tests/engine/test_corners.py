@@ -48,31 +48,31 @@ def corners_reference(octree, level):
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_rows_of_nodes(octree, lookahead):
-    rows, count = coded_nodes(octree, lookahead)
+    coded, count = coded_nodes(octree, lookahead)
     wanted = coded_rows_reference(octree, lookahead)
     assert count == wanted.max() + 1
-    np.testing.assert_array_equal(rows, wanted[: len(rows)])
-    assert (wanted[len(rows) :] == -1).all()
 
     @numba.njit
-    def some(rows, nodes):
-        return [coded_row(rows, node) for node in nodes]
+    def found(coded, nodes):
+        return [coded_row(coded, node) for node in nodes]
 
-    assert some(rows, np.array([-1, 0, len(rows)])) == [-1, 0, -1]
+    assert found(coded, np.arange(octree.node_count)) == wanted.tolist()
+    assert found(coded, np.array([-1, 64 * len(coded.bits)])) == [-1, -1]
 
 
 @pytest.mark.parametrize("most", [1, 7, 50, 1 << 15])
 def test_ranges_have_all_corners_in_order(octree, most):
     """Ranges of planes, of lines of a plane, and of single lines that have too many voxels."""
-    rows, count = coded_nodes(octree, 2)
+    coded, count = coded_nodes(octree, 2)
+    rows = coded_rows_reference(octree, 2)
     table, total = np.zeros((count, 3), np.uint32), 0
     found, starts = [], []
     for level in range(octree.depth - 1):
         starts.append(total)
         parts = []
-        for where in corner_ranges(octree, rows, level, most):
-            parts.append(find_corners(octree, rows, where))
-            assert write_corner_rows(octree, rows, where, total, table) == len(parts[-1])
+        for where in corner_ranges(octree, coded, level, most):
+            parts.append(find_corners(octree, coded, where))
+            assert write_corner_rows(octree, coded, where, total, table) == len(parts[-1])
             assert where.voxels <= most or where.lines.high_y - where.lines.low_y == 1
             total += len(parts[-1])
         np.testing.assert_array_equal(np.concatenate(parts), corners_reference(octree, level))
@@ -104,11 +104,11 @@ def test_a_step_of_more_than_16_bits_is_refused(octree, monkeypatch):
     assert set_corner_rows(table, line, 0, np.array([10])) and set_corner_rows(table, line, 2, np.array([65545]))
     assert corners_of(table, 0)[2] == 65545
     assert not set_corner_rows(table, line, 2, np.array([65546]))
-    rows, count = coded_nodes(octree, 2)
-    where = next(corner_ranges(octree, rows, 3))
+    coded, count = coded_nodes(octree, 2)
+    where = next(corner_ranges(octree, coded, 3))
     monkeypatch.setattr("patchnet.patchnet_addon.codes.corner_rows.MAX_STEP", 1)
     with pytest.raises(SettingError, match=r"A line of voxels on level 3 has more corners .*: choose a smaller depth"):
-        write_corner_rows(octree, rows, where, 0, np.zeros((count, 3), np.uint32))
+        write_corner_rows(octree, coded, where, 0, np.zeros((count, 3), np.uint32))
 
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
@@ -167,5 +167,5 @@ def test_memory_does_not_grow_with_the_octree(monkeypatch):
         coded = drain(encode_octree(octree, weights, encoder=encoder))
         scratch.append(tracemalloc.get_traced_memory()[1] - coded.nbytes)
         tracemalloc.stop()
-        assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.node_rows, depth - 2, 2048))
+        assert all(where.voxels <= 2048 for where in corner_ranges(octree, coded.nodes, depth - 2, 2048))
     assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6 * thread_count()

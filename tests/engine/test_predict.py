@@ -143,6 +143,6 @@ def test_half_floats_of_every_size():
     codes = np.resize(halves, (-(-len(halves) // 10), 10))
     table = np.arange(len(codes), dtype=np.uint32)[:, None] * np.array([1, 1, 0], np.uint32)
     there = np.vstack([codes, np.zeros((1, 10), np.float16)])  # the corner at x + 1 of the last voxel
-    coded = SimpleNamespace(codes=there, corner_rows=table, node_rows=None)
+    coded = SimpleNamespace(codes=there, corner_rows=table, nodes=None)
     points = np.zeros((len(codes), 3), np.float32)
     np.testing.assert_array_equal(mean_codes(coded, np.arange(len(codes)), points), codes.astype(np.float32))
