@@ -189,3 +189,9 @@ def test_light_through_transmission(kind: str, source: str) -> None:
     else:
         lamp("AREA", 200.0, (0, 0, 2), size=4.0)
     assert_agrees(compare(512 if source == "world" else 768), contrast=0.05)
+
+
+def test_emitting_mesh_that_is_not_selected() -> None:
+    slab()
+    pane("Emitter", simple("Emission", Strength=4.0), scale=(0.3, 0.3, 1)).rotation_euler.x = np.pi
+    assert_agrees(compare(128), contrast=0.5)
