@@ -183,9 +183,9 @@ def test_a_sequence_that_is_there_is_not_missed(small: bpy.types.Scene, tmp_path
     small.frame_set(2)
     source = read_scene(bpy.context.evaluated_depsgraph_get())
     assert source.warnings == [] and "image 'leaf_001.png', whose frames are not read" in source.color_warnings[0]
-    (tmp_path / "leaf_001.png").unlink()
+    (tmp_path / "leaf_002.png").unlink()
     (missing,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
-    assert missing.startswith("Images are missing") and "leaf_001.png" in missing
+    assert missing.startswith("Images are missing") and "leaf_002.png" in missing
 
 
 def test_each_view_layer_renders_its_own_objects(weights: Path, tmp_path: Path) -> None:
