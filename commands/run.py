@@ -24,8 +24,8 @@ _CYCLES_TITLES = {
     "preview": "preview",
     "predicted": "predicted",
     "refined_octree": "refined octree",
-    "composited": "Cycles over unrefined",
-    "composited_over_refined_octree": "Cycles over refined",
+    "composited_over_unrefined": "Cycles over unrefined",
+    "composited": "Cycles over own rays",
     "full": "full Cycles render",
 }
 

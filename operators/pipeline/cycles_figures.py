@@ -13,9 +13,7 @@ from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.surface.textures import luminance
 from ..settings.cycles_settings import REFERENCE_FACTOR, CyclesSettings
 
-REFINED, COMPOSITED, OVER_REFINED, FULL = (
-    "refined_octree", "composited", "composited_over_refined_octree", "full",
-)  # fmt: skip
+REFINED, COMPOSITED, OVER_UNREFINED, FULL = "refined_octree", "composited", "composited_over_unrefined", "full"
 
 
 @dataclass(eq=False)
@@ -63,21 +61,26 @@ def cycles_report(
 
 
 def squared_errors(
-    buffers: PixelBuffers, mask: np.ndarray, renders: Renders, exposure: float, refined: np.ndarray | None
+    buffers: PixelBuffers, mask: np.ndarray, renders: Renders, exposure: float, octree: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Squared luminance errors (H, W) float64 against the reference, by name of the picture.
 
-    The reference's own noise is in all of them alike.
+    octree: (P,) luminance of what the view's budget refined, and of what Cycles' pixels are laid over. The reference's
+    own noise is in all of them alike.
     """
     assert renders.reference is not None and renders.full is not None
     reference, cycles, full = (
         shown_light(light, exposure, False) for light in (renders.reference, renders.pixels, renders.full)
     )
-    preview, shown = buffers.picture(buffers.preview), buffers.picture(buffers.shown)
-    pictures = {PREVIEW: preview, COMPOSITED: np.where(mask, cycles, shown), FULL: full}
+    refined, own = (buffers.picture(luminance) for luminance in octree)
+    shown = buffers.picture(buffers.shown)
+    pictures = {
+        PREVIEW: buffers.picture(buffers.preview),
+        OVER_UNREFINED: np.where(mask, cycles, shown),
+        REFINED: refined,
+        COMPOSITED: np.where(mask, cycles, own),
+        FULL: full,
+    }
     if buffers.shows_predicted:
         pictures[PREDICTED] = shown
-    if refined is not None:
-        octree = buffers.picture(refined)
-        pictures |= {REFINED: octree, OVER_REFINED: np.where(mask, cycles, octree)}
     return {name: (picture.astype(np.float64) - reference) ** 2 for name, picture in pictures.items()}

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refinement by Cycles: from a traced view and its ranking to a picture whose worst pixels are Cycles'."""
+"""Refinement by Cycles: from a traced view and its ranking to a picture whose worst pixels are Cycles'.
+
+All others take the octree's own rays, which are so cheap that sixteen of them need no choice.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,10 @@ import numpy as np
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.runtime.worker import computed, run_in_worker
+from ...patchnet_addon.sampling.adaptive import Pace, in_batches
 from ...patchnet_addon.sampling.chosen_pixels import chosen_pixels
+from ...patchnet_addon.sampling.refined_picture import RefinedPicture
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import Chosen, pixel_renders
@@ -28,6 +33,8 @@ from ..settings.cycles_settings import REFERENCE_FACTOR, REFERENCE_SEED, WITH_GL
 from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View
+
+OWN_SIDE = 4  # of the octree's rays in pixels that neither Cycles renders nor the budget refined
 
 # Triangles of a box, by its corners in Blender's order.
 _SIDES = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [0, 4, 5], [0, 5, 1],
@@ -126,8 +133,9 @@ class CyclesView:
     """View with Cycles' pixels in it.
 
     priority: (H, W) float32 that chose them, after the pixels that only Cycles shows as they are. mask: (H, W) bool,
-    these pixels. preview: the picture of all others, the predicted one where that is chosen. preview, composited, full:
-    (H, W), or (H, W, 3) in colour, linear, exposed, in [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
+    these pixels. preview: the picture of one ray a pixel, the predicted one where that is chosen. composited: Cycles'
+    pixels over the octree's own rays. preview, composited, full: (H, W), or (H, W, 3) in colour, linear, exposed, in
+    [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
     alphas: of these three, by name, (H, W). ground: what pictures are laid over; the three are over black.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
     warnings: what the budget does not reach.
@@ -151,8 +159,9 @@ def refine_view(
 ) -> Steps[CyclesView]:
     """Render a view's worst pixels with Cycles; the scene is as before afterwards, also when closed.
 
-    The refined octree picture, that of the view's budget, is measured too. sun: whether the octree was lit by a sun and
-    a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
+    Pixels that Cycles does not render are as the view's budget refined them, or get OWN_SIDE x OWN_SIDE rays. sun:
+    whether the octree was lit by a sun and a sky of ours; None if it was where the scene has no light. Raises
+    PatchNetError.
     """
     octree, camera, buffers = view.octree, view.camera, view.buffers
     check_light(octree)
@@ -165,13 +174,14 @@ def refine_view(
     gloss = bool(wanted.mask.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
     renders = yield from _rendered(context, camera, Chosen(mask, wanted.depth_world), (settings, light), added)
-    refined = yield from computed(
-        lambda: _composited(view, mask, renders, settings),
+    own = yield from run_in_worker(lambda: _own_rays(view, ~mask.ravel()), Progress(0, 1, f"{camera.name}: own rays"))
+    result = yield from computed(
+        lambda: _composited(view, mask, own, renders, settings),
         Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
     )
     left = float((wanted.mask & ~mask).mean())
-    refined.report["wanted"] = {"pixels_share": float(wanted.mask.mean()), "left_share": left}
-    return replace(refined, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
+    result.report["wanted"] = {"pixels_share": float(wanted.mask.mean()), "left_share": left}
+    return replace(result, warnings=(_LEFT.format(name=camera.name, left=left),) if left else ())
 
 
 def check_light(octree: Octree) -> None:
@@ -205,14 +215,34 @@ def _rendered(
     return result
 
 
-def _composited(view: View, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> CyclesView:
+def _own_rays(view: View, where: np.ndarray) -> Steps[RefinedPicture]:
+    """Picture of the view's budget with OWN_SIDE x OWN_SIDE rays in those pixels of `where` (P,) that have fewer."""
+    from ...patchnet_addon.tracing.supersample import supersample_pixels
+
+    octree, camera, seen = view.octree, view.camera, view.refined
+    colors = None if seen.colors is None else seen.colors.copy()
+    own = RefinedPicture(seen.luminance.copy(), colors, seen.alpha.copy(), seen.samples.copy())
+
+    def take(pixels: np.ndarray, side: int) -> None:
+        means = supersample_pixels(octree, camera, pixels, side)
+        own.luminance[pixels], own.alpha[pixels], own.samples[pixels] = means.luminance, means.coverage, side**2
+        if own.colors is not None:
+            own.colors[pixels] = means.colors
+
+    yield from in_batches([(OWN_SIDE, np.flatnonzero(where & (seen.samples < OWN_SIDE**2)))], Pace(), take)
+    return own
+
+
+def _composited(
+    view: View, mask: np.ndarray, own: RefinedPicture, renders: Renders, settings: CyclesSettings
+) -> CyclesView:
     buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
     score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
     priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
     report = cycles_report(priority, mask, renders, settings) | {"unrefined": buffers.unrefined}
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
-        squared = squared_errors(buffers, mask, renders, exposure, view.refined.luminance)
+        squared = squared_errors(buffers, mask, renders, exposure, (view.refined.luminance, own.luminance))
         active = buffers.picture(buffers.active)
         report["mse"] = {
             name: float(values[active].mean()) if active.any() else 0.0 for name, values in squared.items()
@@ -221,11 +251,14 @@ def _composited(view: View, mask: np.ndarray, renders: Renders, settings: Cycles
     color = buffers.shown_color
     colored = color is not None
     preview = buffers.picture(buffers.shown if color is None else color)
+    others = np.minimum(buffers.picture(own.luminance if own.colors is None else own.colors), np.float32(1.0))
     cycles = shown_light(renders.pixels, exposure, colored)
-    composited = np.where(mask[..., None] if colored else mask, cycles, preview)
+    composited = np.where(mask[..., None] if colored else mask, cycles, others)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)
-    below = buffers.picture(buffers.shown_alpha)
-    alphas = {"preview": below, "composited": np.where(mask, renders.pixels[..., 3], below)}
+    alphas = {
+        "preview": buffers.picture(buffers.shown_alpha),
+        "composited": np.where(mask, renders.pixels[..., 3], buffers.picture(own.alpha)),
+    }
     if renders.full is not None:
         alphas["full"] = renders.full[..., 3]
     ground = Ground(camera, view.background, exposure)

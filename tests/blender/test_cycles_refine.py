@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels by Cycles have a full render's mean, all others are the preview's, and the scene stays as it was."""
+"""Pixels by Cycles have a full render's mean, all others are of own rays, and the scene stays as it was."""
 
 import json
 from dataclasses import replace
@@ -12,8 +12,8 @@ import pytest
 from patchnet import commands
 from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import render_call
-from patchnet.operators.pipeline.cycles_refine import CyclesView, refine_view, wanted_pixels, wanted_surface
-from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, CyclesView, refine_view, wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.session import results
@@ -23,6 +23,7 @@ from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -30,7 +31,7 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (40, 24)
-CYCLES = CyclesSettings(budget=0.4, samples=32, compare=True)
+CYCLES = CyclesSettings(budget=0.2, samples=32, compare=True)
 STOPS = 6
 
 
@@ -40,21 +41,32 @@ def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object)
 
 
 @pytest.mark.parametrize(("light", "color"), [(True, False), (False, True)])
-def test_inside_is_a_render_and_outside_the_preview(light: bool, color: bool, weights: Path) -> None:
+def test_inside_is_a_render_and_outside_are_own_rays(light: bool, color: bool, weights: Path) -> None:
     build(light=light)
     before = scene_snapshot()
-    result = drain(run_job(bpy.context, job(weights, color=color)))
+    result = drain(run_job(bpy.context, job(weights, color=color, budget=0.6)))
     assert_unchanged(before)
     (view,) = result.cycles
     assert view.full is not None
     assert view.composited.shape == ((24, 40, 3) if color else (24, 40))
     cycles, full = (luminance(picture) if color else picture for picture in (view.composited, view.full))
     assert same_mean(cycles[view.mask], full[view.mask])
-    np.testing.assert_array_equal(view.composited[~view.mask], view.preview[~view.mask])
+    others, refined = outside(view, result), result.views[0].refined
+    few = ~view.mask & (refined.samples.reshape(view.mask.shape) < OWN_SIDE**2)
+    np.testing.assert_array_equal(view.composited[few], others[few])
+    rest = ~view.mask & ~few
+    assert few.any() and rest.any() and (view.composited[rest] != others[rest]).any(), "as the budget refined them"
     assert (view.composited[view.mask] != view.preview[view.mask]).any(), "Cycles' pixels are others"
     assert view.composited.max() > 0.2
     check_figures(view)
     assert result.report["frames"][0]["cycles"] is view.report
+
+
+def outside(view: CyclesView, result: JobResult) -> np.ndarray:
+    """The octree's own rays in all pixels."""
+    own = supersample_pixels(result.coded.octree, view.camera, np.arange(view.mask.size), OWN_SIDE)
+    picture = own.luminance if view.composited.ndim == 2 else own.colors
+    return np.minimum(picture, 1.0).reshape(view.composited.shape)
 
 
 def check_figures(view: CyclesView) -> None:
@@ -65,8 +77,8 @@ def check_figures(view: CyclesView) -> None:
     seconds = report["seconds"]
     assert 0.0 < seconds["of_that_reading_the_scene"] < seconds["pixels"] and seconds["full"] > 0.0
     mse = report["mse"]
-    assert mse["full"] < mse["composited"] < mse["preview"]
-    assert mse["composited_over_refined_octree"] <= mse["refined_octree"]
+    assert mse["full"] < mse["composited"] < mse["composited_over_unrefined"] < mse["preview"]
+    assert mse["composited"] < mse["refined_octree"]
     json.dumps(report, allow_nan=False)
 
 
@@ -278,7 +290,6 @@ def test_cycles_says_so_when_it_has_finished() -> None:
 def test_a_budget_of_nothing_and_of_all(weights: Path) -> None:
     build()
     nothing = drain(run_job(bpy.context, job(weights, CyclesSettings(budget=0.0, samples=1)))).cycles[0]
-    np.testing.assert_array_equal(nothing.composited, nothing.preview)
     assert nothing.report["seconds"]["pixels"] == 0.0
     combined = CyclesSettings(budget=1.0, samples=32, light=COMBINED, compare=True)
     everything = drain(run_job(bpy.context, job(weights, combined))).cycles[0]
