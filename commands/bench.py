@@ -32,7 +32,7 @@ BENCHES = {
     "decode": "the whole decoder against torch's layers alone",
     "frame": "a frame, from camera to priority and picture, against four rays in each pixel",
     "bake": "the bake against camera renders: paths per second, filling of pages",
-    "walkthrough": "a walk of a camera, with the bake, against Cycles frame by frame: who is ahead from which frame on",
+    "walkthrough": "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
     "train": "training samples per second, on a GPU against the CPU",
 }
 
@@ -130,7 +130,10 @@ def _walkthrough(parser: argparse.ArgumentParser) -> None:
     add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
     _number(parser, "--timed", bounds.REPEATS, 3, "frames of PatchNet that are timed")
     _number(parser, "--cycles-timed", bounds.REPEATS, 1, "frames of Cycles that are timed")
-    _number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, 32, "of Cycles' frames")
+    add_number(
+        parser, "--cycles-samples", bounds.CYCLES_SAMPLES, nargs="+", default=[1, 2, 4, 8, 32], metavar="N",
+        help="of Cycles' frames, each of these (1 2 4 8 32)",
+    )  # fmt: skip
     _number(parser, "--judged", bounds.REPEATS, 1, "frames whose errors are measured")
     _number(parser, "--error-size", bounds.VIEW_PX, (160, 90), "pixels of these")
     _number(parser, "--truth", bounds.CYCLES_SAMPLES, 256, "samples that they are judged by")

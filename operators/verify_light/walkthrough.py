@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walk of a camera through a scene, rendered by the engine PatchNet and by Cycles: seconds, errors, who is ahead."""
+"""Fly-through of a scene, rendered by the engine PatchNet and by Cycles: seconds, errors, flicker, who is ahead."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 
 import bpy
 import numpy as np
@@ -41,8 +41,9 @@ _TRUTH_SEED = 1
 class Plan:
     """Plan of a walk.
 
-    cameras: of all frames. timed, cycles_timed, judged: frames whose seconds count, and whose errors do. error_size: of
-    the pictures that are judged, in pixels. samples, truth: of Cycles' frames, and of what both are judged by.
+    cameras: of all frames. timed, cycles_timed, judged: frames whose seconds count, and whose errors do, which are
+    judged with the frame after each. error_size: of the pictures that are judged, in pixels. samples: of Cycles'
+    frames, which are rendered with each of these numbers. truth: samples that all are judged by.
     """
 
     cameras: Sequence[Camera]
@@ -50,35 +51,57 @@ class Plan:
     cycles_timed: Sequence[int]
     judged: Sequence[int]
     error_size: tuple[int, int]
-    samples: int = 32
-    truth: int = 1024
+    samples: Sequence[int]
+    truth: int
+
+
+@dataclass
+class Measured:
+    """Figures of one way to render frames: wall seconds of timed ones; of judged ones squared error and flicker.
+
+    flicker: mean squared difference to the frame after it, less that of the truth.
+    """
+
+    seconds: list[float] = field(default_factory=list)
+    mse: list[float] = field(default_factory=list)
+    flicker: list[float] = field(default_factory=list)
+
+    @property
+    def frame_s(self) -> float:
+        """Median seconds of a frame."""
+        return median(self.seconds)
+
+    @property
+    def mean_mse(self) -> float:
+        """Mean of the squared errors."""
+        return fmean(self.mse)
 
 
 @dataclass
 class Walk:
-    """Findings of a walk: wall seconds of stages once, and of each timed frame; squared errors of judged frames.
+    """Findings of a walk: wall seconds of stages once, and figures of PatchNet and of Cycles by its samples.
 
     denoised: whether Cycles' frames were, which depends on the build. leaves, depth: of the octree.
     """
 
     setup_s: dict[str, float] = field(default_factory=dict)
-    ours_s: list[float] = field(default_factory=list)
-    cycles_s: list[float] = field(default_factory=list)
-    ours_mse: list[float] = field(default_factory=list)
-    cycles_mse: list[float] = field(default_factory=list)
+    ours: Measured = field(default_factory=Measured)
+    cycles: dict[int, Measured] = field(default_factory=dict)
     denoised: bool = False
     depth: int = 0
     leaves: int = 0
 
     @property
-    def frame_s(self) -> tuple[float, float]:
-        """Median seconds of a frame, by PatchNet and by Cycles."""
-        return median(self.ours_s), median(self.cycles_s)
+    def rival(self) -> int:
+        """Samples of Cycles' cheapest picture that is no worse than PatchNet's; the most if each is worse."""
+        good = (samples for samples in sorted(self.cycles) if self.cycles[samples].mean_mse <= self.ours.mean_mse)
+        return next(good, max(self.cycles))
 
     @property
     def ahead_from(self) -> int | None:
-        """Frames from which PatchNet takes less in all, with its bake; None if it never does."""
-        return frames_until_ahead(sum(self.setup_s.values()), *self.frame_s)
+        """Frames from which PatchNet takes less in all than its rival, with its bake; None if it never does."""
+        setup = sum(self.setup_s.values())
+        return frames_until_ahead(setup, self.ours.frame_s, self.cycles[self.rival].frame_s)
 
 
 def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | None:
@@ -95,7 +118,7 @@ def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps
     with scene_copy(context.scene) as scene, context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
         yield from _set_up(bpy.context, settings, plan, found)
         with _moving_camera(scene) as item, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
-            found.denoised = _prepare(scene, plan.samples)
+            found.denoised = _prepare(scene)
             yield from _timed(scene, item, plan, found)
             yield from _judged(scene, item, plan, found, Path(folder))
     return found
@@ -134,7 +157,7 @@ def _look(scene: bpy.types.Scene, item: bpy.types.Object, camera: Camera, size: 
     scene.render.resolution_x, scene.render.resolution_y = size
 
 
-def _prepare(scene: bpy.types.Scene, samples: int) -> bool:
+def _prepare(scene: bpy.types.Scene) -> bool:
     """Set what both engines render with; whether Cycles denoises."""
     render, cycles = scene.render, scene.cycles
     render.resolution_percentage, render.film_transparent = 100, True
@@ -144,7 +167,7 @@ def _prepare(scene: bpy.types.Scene, samples: int) -> bool:
         image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
     scene.timeline_markers.clear()
-    cycles.samples, cycles.use_adaptive_sampling = samples, False
+    cycles.use_adaptive_sampling = False
     cycles.use_denoising = can_denoise()
     if cycles.use_denoising:
         cycles.denoiser = "OPENIMAGEDENOISE"
@@ -161,36 +184,45 @@ def can_denoise() -> bool:
 
 
 def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk) -> Steps[None]:
-    """Seconds of frames; each engine first renders one that does not count, for what it reads once."""
-    for engine, frames, seconds in ((ENGINE, plan.timed, found.ours_s), ("CYCLES", plan.cycles_timed, found.cycles_s)):
-        label = f"Rendering with {engine}"
-        first = [frames[0]] if engine == ENGINE else []
-        for at, frame in enumerate([*first, *frames]):
-            yield Progress(at, len(frames) + len(first), label)
-            camera = plan.cameras[frame]
-            _look(scene, item, camera, (camera.width_px, camera.height_px))
-            start = time.perf_counter()
-            _render(scene, engine)
-            if at >= len(first):
-                seconds.append(time.perf_counter() - start)
+    """Seconds of frames; PatchNet first renders one that does not count, for what it reads once."""
+    found.cycles = {samples: Measured() for samples in plan.samples}
+    work = [(ENGINE, 0, frame, found.ours) for frame in plan.timed]
+    for samples, measured in found.cycles.items():
+        work += [("CYCLES", samples, frame, measured) for frame in plan.cycles_timed]
+    for at, (engine, samples, frame, measured) in enumerate([(*work[0][:3], Measured()), *work]):
+        yield Progress(at, len(work) + 1, f"Rendering with {engine}")
+        camera = plan.cameras[frame]
+        _look(scene, item, camera, (camera.width_px, camera.height_px))
+        scene.cycles.samples = samples or scene.cycles.samples
+        start = time.perf_counter()
+        _render(scene, engine)
+        measured.seconds.append(time.perf_counter() - start)
 
 
 def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
-    """Errors of both against many samples, of luminance in the octree's exposure, clipped to [0, 1]."""
+    """Errors and flicker of all against many samples, of luminance in the octree's exposure, clipped to [0, 1]."""
     exposure = results.voxels_of(scene).octree.exposure
+    ways = {0: found.ours, **found.cycles}  # by Cycles' samples, PatchNet first
+    count = len(ways) + 1
     for at, frame in enumerate(plan.judged):
-        yield Progress(at, len(plan.judged), "Measuring errors")
-        _look(scene, item, plan.cameras[frame], plan.error_size)
-        pictures = [_seen(scene, engine, folder / "frame.exr") for engine in (ENGINE, "CYCLES")]
-        with ExitStack() as stack:
-            values = {"samples": plan.truth, "use_denoising": False, "seed": scene.cycles.seed + _TRUTH_SEED}
-            stack.enter_context(changed(scene.cycles, **values))
-            truth = _seen(scene, "CYCLES", folder / "frame.exr")
-        errors = [
-            float(np.mean((np.clip(exposure * item, 0, 1) - np.clip(exposure * truth, 0, 1)) ** 2)) for item in pictures
-        ]
-        found.ours_mse.append(errors[0])
-        found.cycles_mse.append(errors[1])
+        cameras = plan.cameras[frame : frame + 2]
+
+        def pair(samples: int, cameras: Sequence[Camera] = cameras, **how: object) -> list[np.ndarray]:
+            seen = []
+            with changed(scene.cycles, samples=samples or scene.cycles.samples, **how):
+                for camera in cameras:
+                    _look(scene, item, camera, plan.error_size)
+                    picture = _seen(scene, "CYCLES" if samples else ENGINE, folder / "frame.exr")
+                    seen.append(np.clip(exposure * picture, 0.0, 1.0))
+            return seen
+
+        yield Progress(at * count, len(plan.judged) * count, "Rendering the truth")
+        known = pair(plan.truth, use_denoising=False, seed=scene.cycles.seed + _TRUTH_SEED)
+        for number, (samples, measured) in enumerate(ways.items(), 1):
+            yield Progress(at * count + number, len(plan.judged) * count, "Measuring errors")
+            first, second = pair(samples)
+            measured.mse.append(float(np.mean((first - known[0]) ** 2)))
+            measured.flicker.append(float(np.mean((second - first) ** 2) - np.mean((known[1] - known[0]) ** 2)))
 
 
 def _seen(scene: bpy.types.Scene, engine: str, path: Path) -> np.ndarray:

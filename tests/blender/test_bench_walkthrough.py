@@ -9,27 +9,39 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.benches import walkthrough
-from patchnet.operators.verify_light.walkthrough import frames_until_ahead, walk_cameras
+from patchnet.operators.verify_light.walkthrough import Measured, Walk, frames_until_ahead, walk_cameras
 from patchnet.patchnet_addon.tracing.camera import Camera
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "2"]
 FEW = ["--cycles-timed", "1", "--judged", "1", "--error-size", "24", "16", "--truth", "64"]
 
 
-def test_seconds_and_errors_of_both(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["bench", "walkthrough", *SMALL, *FEW, "--json"]
+def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["bench", "walkthrough", *SMALL, *FEW, "--cycles-samples", "32", "1", "--json"]
     assert main(words) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     seconds = values["frames_s"]
-    assert len(seconds["patchnet"]) == 2 and len(seconds["cycles"]) == 1 and values["peer"] == seconds["cycles"][0]
+    assert {name: len(each) for name, each in seconds.items()} == {"patchnet": 2, "1": 1, "32": 1}
+    assert values["peer"] == seconds[str(values["rival_samples"])][0]
     assert values["ratio"] == pytest.approx(values["peer"] / values["ours"])
     setup = sum(values["setup_s"].values())
     assert set(values["setup_s"]) >= {"light", "voxelize", "codes"} and values["depth"] == 6
     assert values["total_s"]["patchnet"] == pytest.approx(setup + 12 * values["ours"])
     assert values["ahead_from"] == frames_until_ahead(setup, values["ours"], values["peer"])
-    assert 0.0 < values["mse"]["cycles"] < values["mse"]["patchnet"] < 0.1
+    mse, flicker = values["mse"], values["flicker"]
+    assert 0.0 < mse["32"] < mse["1"] and mse["32"] < mse["patchnet"] < 0.1
+    assert max(map(abs, flicker.values())) < 0.1 and len(set(flicker.values())) == 3
     said = walkthrough.text(values)
-    assert "totals are extrapolated" in said and "against 64 samples" in said
+    assert "totals are extrapolated" in said and "against 64 samples" in said and "Cycles, 1 samples" in said
+
+
+def test_the_rival_is_the_cheapest_picture_that_is_no_worse() -> None:
+    found = Walk(ours=Measured([2.0], [0.02]), cycles={n: Measured([float(n)], [0.1 / n]) for n in (1, 4, 8, 16)})
+    assert found.rival == 8 and found.ahead_from == 1
+    found.setup_s["light"] = 60.0
+    assert found.ahead_from == 10
+    found.ours.mse = [0.001]
+    assert found.rival == 16, "all are worse: the best of them"
 
 
 def test_frames_until_one_is_ahead() -> None:
