@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import Prediction
@@ -19,7 +20,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..benchmarks.figures import check_figure
 from ..strategies.registry import EVALUATED
 from .codes import coded_octree
-from .panels import Crop, save_panels, show_picture, show_values, window_sums
+from .panels import Crop, save_panels, show_picture, show_values
 from .tracks import camera_track
 
 FIGURE = "failures"
@@ -53,12 +54,11 @@ def worst_failure(coded: CodedOctree, scene: str, cameras: Mapping[int, Camera])
         squared = _squared(buffers)
         assert buffers.prediction is not None
         total, count = total + float(squared.sum()), count + int(np.count_nonzero(buffers.prediction.look_ahead))
-        sums = window_sums(buffers.picture(squared), _SIDE)
-        place = int(np.argmax(sums))
-        here = float(sums.flat[place]) / _SIDE**2
+        means = sliding_window_view(buffers.picture(squared), (_SIDE, _SIDE)).mean(axis=(2, 3))
+        row, column = np.unravel_index(int(np.argmax(means)), means.shape)
+        here = float(means[row, column])
         if worst is None or here > worst.squared:
-            row, column = divmod(place, sums.shape[1])
-            worst = Failure(scene, frame, Crop(row, column, _SIDE), buffers, here, 0.0)
+            worst = Failure(scene, frame, Crop(int(row), int(column), _SIDE), buffers, here, 0.0)
     if worst is None:
         raise ValueError("no frames to look for failures in")
     return replace(worst, of_all=total / max(count, 1))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.heatmap import tint
@@ -73,18 +74,12 @@ class Crop:
         return slice(self.row, self.row + self.side), slice(self.column, self.column + self.side)
 
 
-def window_sums(values: np.ndarray, side: int) -> np.ndarray:
-    """Sums (H - side + 1, W - side + 1) float64 of all squares in `values` (H, W)."""
-    total = np.pad(np.asarray(values, np.float64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    return total[side:, side:] - total[:-side, side:] - total[side:, :-side] + total[:-side, :-side]
-
-
 def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tuple[Crop, Crop]:
     """Two squares that do not overlap: where errors (H, W) are below `other` by most, and where above by most.
 
     The second is found beside the first. side: in pixels, at most half of the picture's.
     """
-    gain = window_sums(np.asarray(other, np.float64) - error, side)
+    gain = sliding_window_view(np.asarray(other, np.float64) - error, (side, side)).sum(axis=(2, 3))
     first = _at(int(np.argmax(gain)), gain.shape, side)
     rows, columns = np.ogrid[: gain.shape[0], : gain.shape[1]]
     beside = np.maximum(abs(rows - first.row), abs(columns - first.column)) >= side
