@@ -22,7 +22,7 @@ from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402  needs torch
 from patchnet.training.run.learner import Learner  # noqa: E402  needs torch
 from patchnet.training.run.steps import StepPlan, augmentation_of_step, batches_ahead, rows_of_step  # noqa: E402
 from patchnet.training.run.trainer import RunOptions, encoder_type, train  # noqa: E402  needs torch
@@ -68,7 +68,7 @@ def test_a_gpu_says_and_learns_the_same(lookahead: int, settings: TrainSettings,
     there, here = Learner(settings, lookahead, "cuda"), Learner(settings, lookahead)
     ahead = batches_ahead(plan, 0, 3, there.device, 3)
     for step, batch in enumerate(ahead):
-        wanted, errors = here.differentiate(TensorBatch.of(plan.batch(step)), torch.float32)
+        wanted, errors = here.differentiate(tensor_batch(plan.batch(step)), torch.float32)
         gradients, found = there.differentiate(batch, torch.float32)
         torch.testing.assert_close(found.cpu(), errors, rtol=1e-5, atol=1e-6)
         for mine, theirs in zip(wanted, gradients, strict=True):

@@ -27,7 +27,7 @@ from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.tensor_batch import TensorBatch
+from patchnet.training.data.tensor_batch import tensor_batch
 from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.trainer import RunOptions, train
 from patchnet.training.settings import TrainSettings
@@ -95,7 +95,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
     rows = np.arange(60)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad():
-        trained = PatchNet(weights)(TensorBatch.of(batch)).numpy().reshape(-1, 2)
+        trained = PatchNet(weights)(tensor_batch(batch)).numpy().reshape(-1, 2)
     level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
     node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
     views = batch.ratio.shape[1]

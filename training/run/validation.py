@@ -16,7 +16,7 @@ from ..data.corpus import Corpus
 from ..data.dataset import Dataset, check_names
 from ..data.forest import concatenate, voxel_luminance
 from ..data.held_out import why_not_held_out
-from ..data.tensor_batch import TensorBatch
+from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
 
@@ -57,7 +57,7 @@ def _predicted(model: PatchNet, corpus: Corpus, first: int, last: int) -> tuple[
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad(), float32_products(model.device):
-        predicted = model(TensorBatch.of(batch, model.device)).clamp(0, 1).cpu().numpy()
+        predicted = model(tensor_batch(batch, model.device)).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 

@@ -23,6 +23,7 @@ from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
+from ...run.learner import Resumable
 from ...run.run_files import CHECKPOINT, LOG
 from ...run.run_log import Log
 from ...run.trainer import load_checkpoint, write_checkpoint
@@ -108,7 +109,7 @@ class MapOptions:
     notes: dict[str, Any] = field(default_factory=dict)
 
 
-class MapLearner:
+class MapLearner(Resumable):
     """Network and optimiser of a run on one device."""
 
     def __init__(self, settings: MapSettings, device: str) -> None:
@@ -119,8 +120,7 @@ class MapLearner:
             self.model = self.network.build()
         self.model.to(self.device)
         self.optimizer = torch.optim.Adam(self.model.parameters(), settings.rate)
-        self.steps = 0
-        self.seconds = 0.0  # of training so far, over all interruptions
+        super().__init__(model=self.model, optimizer=self.optimizer)
 
     def step(self, batch: MapBatch) -> torch.Tensor:
         """Take one step; returns the loss of the batch before it, which is not looked at here."""
@@ -131,21 +131,6 @@ class MapLearner:
         self.optimizer.step()
         self.steps += 1
         return loss.detach()
-
-    def state(self) -> dict[str, Any]:
-        """All that `load` needs to go on."""
-        return {
-            "model": self.model.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "steps": self.steps,
-            "seconds": self.seconds,
-        }
-
-    def load(self, state: dict[str, Any]) -> None:
-        """Inverse of `state`."""
-        self.model.load_state_dict(state["model"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
 
 
 def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings, options: MapOptions) -> Steps[Path]:
