@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ..shared.arguments import add_number, add_out, named_file
 from ..shared.job_arguments import require_blender
 from ..shared.lines import say_result
-from .scene_arguments import add_track
+from .scene_arguments import add_track, scenes_named
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -91,8 +91,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
-    from .scene_arguments import scenes_named
-
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:
         raise SettingError("There is nothing to evaluate: name --scenes of the catalogue, or all")

@@ -21,6 +21,14 @@ def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks")
     add_number(parser, "--seed", bounds.SEED, default=0, help=f"of {seeds} (0)")
 
 
+def add_scenes(parser: argparse.ArgumentParser) -> None:
+    """Add --scenes, names for `scenes_named`."""
+    parser.add_argument(
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
+        "they are read from the folder PATCHNET_SCENES",
+    )  # fmt: skip
+
+
 ALL = "all"
 
 

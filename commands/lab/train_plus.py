@@ -14,7 +14,6 @@ The octrees should be those that PatchNet's weights were trained on, or others, 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
@@ -62,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
     from ...training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
-    from ...training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from ...training.run.provenance import describe_commit, run_notes
     from ...training.run.run_files import WEIGHTS, log_lines
     from ..shared.progress_bars import ProgressBars
 
@@ -70,11 +69,8 @@ def run(args: argparse.Namespace) -> int:
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
     tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
-    notes = {
-        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(),
-        "commit": describe_commit(), "patchnet": weights.hash,
-        "octrees": {path.name: octree_hash(load_octree(path)) for path in args.octrees},
-    }  # fmt: skip
+    octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
+    notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
     options = PlusOptions(args.out, args.references_folder or args.out / REFERENCES, notes=notes)
     with ProgressBars() as bars:
         table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
