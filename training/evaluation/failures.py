@@ -17,7 +17,6 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ..benchmarks.figures import check_figure
 from ..strategies.registry import EVALUATED
 from .codes import coded_octree
 from .panels import Crop, save_panels, show_picture, show_values
@@ -81,7 +80,6 @@ def make_failures(octrees: Sequence[Path], network: Weights, every: int, out: Pa
 
     every: of a track's frames. Raises PatchNetError if codes or figure cannot be written.
     """
-    check_figure(out / f"{FIGURE}.png", octrees)
     found = []
     for path in octrees:
         coded = yield from coded_octree(path, network)

@@ -13,19 +13,22 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.runtime.file_kinds import PNG, SVG
 from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.sampling.ranking import Ranking, rank
 from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ..benchmarks.figures import save_figure
 from ..strategies.registry import EVALUATED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg")
+_KINDS = {".png": PNG, ".svg": SVG}
+# Told apart also without colour vision (Okabe and Ito).
+BLUE, ORANGE, GREEN, PURPLE, GRAY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "0.45"
 PATTERN_STRATEGIES = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "fine-rays-4", "optimal")
 PATTERN_BUDGET = 0.3
 
@@ -51,10 +54,16 @@ def hide_axes(axes: Axes, title: str) -> None:
     axes.set_axis_off()
 
 
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure whole or not at all; raises OutputError if it cannot be written."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced_path(path, _KINDS[path.suffix]) as temporary:
+        figure.savefig(temporary, format=path.suffix.removeprefix("."))
+
+
 def save_panels(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as `name` with each of ENDINGS; returns the files, raises PatchNetError if one cannot be."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}{ending}" for ending in ENDINGS]
+    """Write a figure as .png and .svg; returns the files, raises OutputError if one cannot be written."""
+    paths = [folder / f"{name}{ending}" for ending in _KINDS]
     for path in paths:
         save_figure(figure, path)
     return paths

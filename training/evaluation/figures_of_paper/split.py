@@ -22,9 +22,8 @@ from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.render import first_hits
 from ....patchnet_addon.tracing.supersample import supersample
-from ...benchmarks.figures import BLUE, ORANGE
 from ...strategies.registry import EVALUATED
-from ..panels import PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
+from ..panels import BLUE, ORANGE, PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
 from ..poses import Surroundings
 from ..tracks import Approaches
 
