@@ -52,8 +52,9 @@ def run(args: argparse.Namespace) -> int:
 
     from ...patchnet_addon.network.devices import found_device
     from ...training.evaluation.map_frames import FrameSettings, rendered_frames
-    from ...training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
+    from ...training.evaluation.networks.train_maps import MapSettings, train_maps
     from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         torch.set_num_threads(args.threads)
     settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
     tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
-    options = MapOptions(
+    options = RunOptions(
         args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after, device=device,
         notes=run_notes(device),
     )  # fmt: skip

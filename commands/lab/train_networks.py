@@ -131,14 +131,16 @@ def _work(args: argparse.Namespace) -> NetworksRun:
     from ...patchnet_addon.network.devices import found_device
     from ...training.networks_of_paper.run import NetworksRun
     from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions
 
     device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
     settings = preset_with(args.preset, changes)
-    return NetworksRun(
-        args.out, args.samples, args.least_level, settings, args.voxels,
-        device, args.threads, args.checkpoint_minutes, run_notes(device),
+    options = RunOptions(
+        args.out, checkpoint_minutes=args.checkpoint_minutes, notes=run_notes(device), device=device,
+        threads=args.threads,
     )  # fmt: skip
+    return NetworksRun(args.samples, args.least_level, settings, args.voxels, options)
 
 
 def next_commands(

@@ -60,9 +60,10 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
-    from ...training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
+    from ...training.plus.train import PlusSettings, pixels_of, train_plus
     from ...training.run.provenance import describe_commit, run_notes
     from ...training.run.run_files import WEIGHTS, log_lines
+    from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
     torch.set_num_threads(args.threads)
@@ -71,10 +72,10 @@ def run(args: argparse.Namespace) -> int:
     tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
     octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
     notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
-    options = PlusOptions(args.out, args.references_folder or args.out / REFERENCES, notes=notes)
+    folder = args.references_folder or args.out / REFERENCES
     with ProgressBars() as bars:
-        table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
-        path = drain(train_plus(table, settings, options), bars.show)
+        table = drain(pixels_of(args.octrees, weights, tracks, settings, folder), bars.show)
+        path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), bars.show)
     save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)
     losses = log_lines(args.out / LOG)[-1]["loss"]
     print(f"Losses, where 1 is a constant guess: {', '.join(f'{name} {loss:.3f}' for name, loss in losses.items())}")

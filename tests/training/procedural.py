@@ -3,12 +3,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.levels import hierarchy
 from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.data.dataset import save_samples
+from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
 
 
 def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndarray, depth: int) -> Octree:
@@ -71,3 +77,17 @@ def spheres_and_slats(depth: int, seed: int = 0, spheres: int = 6, slats: int = 
         values.append(np.full(len(place), random.uniform(0.05, 1.0)))
     cells = np.clip((np.concatenate(points) * side).astype(np.int64), 0, side - 1)
     return octree_from_leaves(cells, np.concatenate(values), np.concatenate(normals), depth)
+
+
+def save_drawn(folder: Path, name: str, octree: Octree, samples: Samples, settings: SampleSettings) -> Path:
+    """Write an octree and samples of it into a folder; returns the file of the samples."""
+    save_octree(octree, folder / f"{name}.safetensors")
+    path = folder / f"{name}.samples.safetensors"
+    save_samples(samples, folder / f"{name}.safetensors", octree, settings, path)
+    return path
+
+
+def draw_slats(folder: Path, count: int, settings: SampleSettings) -> Path:
+    """Draw samples of a small scene; returns their file."""
+    octree = spheres_and_slats(6, seed=4)
+    return save_drawn(folder, "slats", octree, drain(draw_samples(octree, count, settings)), settings)

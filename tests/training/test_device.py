@@ -10,14 +10,13 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.kinds import MIXTURE
-from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import DEVICES, GPU, gpu_only
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, save_samples
+from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import SQUARED, TrainSettings
 
@@ -158,9 +157,7 @@ def test_types_of_products() -> None:
 def test_device_and_threads_of_the_command(
     datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    save_octree(datasets[0].octree, tmp_path / "a.safetensors")
-    path = tmp_path / "a.samples.safetensors"
-    save_samples(datasets[0].samples, tmp_path / "a.safetensors", datasets[0].octree, SampleSettings(), path)
+    path = save_drawn(tmp_path, "a", datasets[0].octree, datasets[0].samples, SampleSettings())
     words = ["lab", "train", str(path), "--batch", "256", "--passes", "512", "--out", str(tmp_path / "run")]
     for device, sentence in (("gpu", "--device 'gpu' is unknown: choose auto"), ("cuda:777", "--device 'cuda:777'")):
         assert main([*words, "--device", device]) == 2

@@ -90,7 +90,7 @@ def trained(frames, name, out, **others):
     """Train on frames for a few steps; returns the weights file."""
     options = {key: others.pop(key) for key in ("resume", "stop_after", "checkpoint_minutes") if key in others}
     settings = train_maps.MapSettings(name, **({"steps": 4, "batch": 1, "crop": 16, "rate": 1e-3} | others))
-    return drain(train_maps.train_maps(*frames, settings, train_maps.MapOptions(out, **options)))
+    return drain(train_maps.train_maps(*frames, settings, train_maps.RunOptions(out, **options)))
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +193,7 @@ def test_a_resumed_run_ends_with_the_same_weights(name, frames, maps, tmp_path):
 
 def test_a_stopped_run_goes_on(frames, maps, tmp_path):
     settings = train_maps.MapSettings("unet", steps=4, batch=1, crop=16, rate=1e-3)
-    steps = train_maps.train_maps(*frames, settings, train_maps.MapOptions(tmp_path))
+    steps = train_maps.train_maps(*frames, settings, train_maps.RunOptions(tmp_path))
     next(steps), next(steps)
     steps.close()
     assert read_map(tmp_path / MAP)[1]["steps"] == 2

@@ -13,9 +13,9 @@ from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
 
@@ -57,10 +57,7 @@ def test_look_aheads_are_not_mixed(dataset: Dataset, tmp_path: Path) -> None:
 
 
 def test_sample_file_keeps_its_look_ahead(dataset: Dataset, tmp_path: Path) -> None:
-    save_octree(dataset.octree, tmp_path / "o.safetensors")
-    path = tmp_path / "s.samples.safetensors"
-    settings = SampleSettings(lookahead=dataset.lookahead)
-    save_samples(dataset.samples, tmp_path / "o.safetensors", dataset.octree, settings, path)
+    path = save_drawn(tmp_path, "o", dataset.octree, dataset.samples, SampleSettings(lookahead=dataset.lookahead))
     assert load_dataset(path).lookahead == dataset.lookahead
     arrays, metadata = read_arrays(path, "samples")
     write_arrays(path, arrays, metadata | {"settings": {"lookahead": 4}}, "samples")

@@ -20,8 +20,8 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.tests.training.test_batches import DEPTH, moved_octree
-from patchnet.training.data.augmentation import Augmentation, cube_symmetries
+from patchnet.tests.training.test_batches import DEPTH, matrix_of, moved_octree
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
@@ -73,7 +73,7 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     ratio = random.uniform(0.5, 1, (40, 3))
     found = nearby(plain, voxel, (entry, direction, up, ratio), linear)
-    side, matrix = 1 << voxel[:, :1], cube_symmetries().matrix(symmetry)
+    side, matrix = 1 << voxel[:, :1], matrix_of(symmetry)
     cells = (voxel[:, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5
     moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
     scene = moved_octree(octree, symmetry, gain, offset)

@@ -18,10 +18,10 @@ from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.networks import NumpyEncoder, decode
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.encoders import CONV3D, VOXCEPTION
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
@@ -214,9 +214,7 @@ def test_curves_for_tensorboard(datasets: list[Dataset], tmp_path: Path) -> None
 
 def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) -> None:
     octree, samples = datasets[0].octree, datasets[0].samples
-    save_octree(octree, tmp_path / "a.safetensors")
-    path = tmp_path / "a.samples.safetensors"
-    save_samples(samples, tmp_path / "a.safetensors", octree, SampleSettings(), path)
+    path = save_drawn(tmp_path, "a", octree, samples, SampleSettings())
     again = load_dataset(path)
     assert again.name == "a"
     np.testing.assert_array_equal(again.samples.views, samples.views)
