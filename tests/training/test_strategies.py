@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES, strategy
 from patchnet.training import strategies
-from patchnet.training.strategies.registry import EVALUATED, evaluated
+from patchnet.training.strategies.registry import EVALUATED
 from patchnet.training.strategies.tsallis import tsallis
 
 NEW = [name for name in EVALUATED if name not in STRATEGIES]
@@ -124,13 +124,13 @@ def test_scores_pixel_by_pixel(name, size):
     """To the rounding of float32, and that of a root near 0."""
     for seed in range(5):
         picture = noise(seed, size)
-        found = evaluated(name).scores(view(picture)).reshape(size)
+        found = EVALUATED[name].scores(view(picture)).reshape(size)
         np.testing.assert_allclose(found, by_pixel(picture, PLAIN[name]), rtol=1e-6, atol=2e-8)
 
 
 def test_each_screen_space_contrast_has_a_plain_reference():
     own = {"ss-variance-hits", "entropy-geometry", "plain-plus-0"}
-    assert {name for name in NEW if evaluated(name).group == "screen-space"} - own == set(PLAIN)
+    assert {name for name in NEW if EVALUATED[name].group == "screen-space"} - own == set(PLAIN)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -147,21 +147,21 @@ def test_geometry_pixel_by_pixel(size):
                 weight[row, column] = abs(along) / float(buffers.hits.t_world[pixel]) ** 2
         geometry = by_pixel(weight, lambda w: plain_entropy_contrast(shares(w)) if sum(w) > 0 else 0.0)
         luminance = by_pixel(buffers.picture(buffers.preview), PLAIN["entropy"])
-        found = evaluated("entropy-geometry").scores(buffers).reshape(size)
+        found = EVALUATED["entropy-geometry"].scores(buffers).reshape(size)
         np.testing.assert_allclose(found, (luminance + geometry) / 2, rtol=1e-5, atol=1e-7)
 
 
 def test_geometry_does_not_depend_on_the_unit_of_length():
     buffers = geometry_view(3)
     small = replace(buffers, hits=SimpleNamespace(**{**vars(buffers.hits), "t_world": buffers.hits.t_world * 2**-60}))
-    scores = evaluated("entropy-geometry").scores(buffers)
-    np.testing.assert_array_equal(evaluated("entropy-geometry").scores(small), scores)
+    scores = EVALUATED["entropy-geometry"].scores(buffers)
+    np.testing.assert_array_equal(EVALUATED["entropy-geometry"].scores(small), scores)
 
 
 def test_geometry_with_the_camera_in_a_leaf():
     buffers = geometry_view(3)
     buffers.hits.t_world[buffers.hit] = 0.0
-    assert np.isfinite(evaluated("entropy-geometry").scores(buffers)).all()
+    assert np.isfinite(EVALUATED["entropy-geometry"].scores(buffers)).all()
 
 
 @pytest.mark.parametrize("name", [*PLAIN, "ss-variance-hits"])
@@ -169,7 +169,7 @@ def test_geometry_with_the_camera_in_a_leaf():
 @settings(max_examples=25, deadline=None)
 def test_constant_pictures_score_exactly_0(name, level, size):
     """At the borders too: what is outside of the picture does not count as black."""
-    assert not evaluated(name).scores(view(np.full(size, level / 65535))).any()
+    assert not EVALUATED[name].scores(view(np.full(size, level / 65535))).any()
 
 
 def test_constant_geometry_scores_exactly_0():
@@ -177,7 +177,7 @@ def test_constant_geometry_scores_exactly_0():
     buffers.hits.t_world = np.full(20, 1.7, np.float32)
     buffers.hits.direction = np.tile(np.float32([0.6, 0.0, 0.8]), (20, 1))
     normal = np.tile(np.float32([0, 0, -1]), (20, 1))
-    assert not evaluated("entropy-geometry").scores(replace(buffers, normal=normal)).any()
+    assert not EVALUATED["entropy-geometry"].scores(replace(buffers, normal=normal)).any()
 
 
 @pytest.mark.parametrize("name", PLAIN)
@@ -185,14 +185,14 @@ def test_misses_beside_hits_have_screen_space_scores(name):
     hit = np.zeros((5, 5), bool)
     hit[2, 2] = True
     buffers = view(np.where(hit, 0.5, 0.0), hit)
-    scores = evaluated(name).scores(buffers)
+    scores = EVALUATED[name].scores(buffers)
     np.testing.assert_array_equal(scores > 0, buffers.active)
 
 
 def test_variance_of_hits():
     hit = np.random.default_rng(0).random((9, 8)) < 0.6
     buffers = view(np.where(hit, noise(4, (9, 8)), 0.0), hit)
-    found, all_of_them = (evaluated(name).scores(buffers) for name in ("ss-variance-hits", "ss-variance"))
+    found, all_of_them = (EVALUATED[name].scores(buffers) for name in ("ss-variance-hits", "ss-variance"))
     np.testing.assert_array_equal(found, np.where(buffers.hit, all_of_them, 0))
     assert found.any() and all_of_them[~buffers.hit].any()
 
@@ -207,7 +207,7 @@ def test_any_entropic_index_is_a_strategy():
     picture = noise(2)
     found = tsallis(0.8).scores(view(picture)).reshape(picture.shape)
     np.testing.assert_allclose(found, by_pixel(picture, weighed(plain_tsallis(0.8))), rtol=1e-6, atol=2e-8)
-    np.testing.assert_array_equal(tsallis(1).scores(view(picture)), evaluated("entropy").scores(view(picture)))
+    np.testing.assert_array_equal(tsallis(1).scores(view(picture)), EVALUATED["entropy"].scores(view(picture)))
 
 
 def test_registry():
@@ -217,8 +217,6 @@ def test_registry():
     assert sorted(each.name for one in modules for each in getattr(one, "STRATEGIES", ())) == sorted(NEW)
     assert all(name == value.name and value.maximum > 0 for name, value in EVALUATED.items())
     assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 27
-    with pytest.raises(SettingError, match="ws-lut-coverage"):
-        evaluated("best")
     with pytest.raises(SettingError, match="no strategy"):
         strategy("mitchell")  # users are offered what is in the panel
 

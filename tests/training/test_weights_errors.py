@@ -15,8 +15,7 @@ from patchnet.tests.training.procedural import draw_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.dataset import load_dataset
 from patchnet.training.data.samples import SampleSettings
-from patchnet.training.run.validation import all_of
-from patchnet.training.run.weights_errors import _errors, weights_errors
+from patchnet.training.run.validation import _errors, all_of, weights_errors
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from ..encoders import ENCODERS, load_weights
 from ..run.model_card import read_log, write_card
 from ..run.run_files import CHECKPOINT, LOG
 from ..run.trainer import RunOptions, train
-from ..run.weights_errors import weights_errors
+from ..run.validation import weights_errors
 from ..settings import TrainSettings
 from .plan import OUTPUTS, RECORD, TABLE, VALUES, NetworkPlan, network_folder, weights_path
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strategies for research by name: those of the panel, of the literature, and rivals that trace finer rays."""
 
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
@@ -12,10 +11,3 @@ EVALUATED: dict[str, Strategy] = STRATEGIES | {each.name: each for module in _MO
 
 STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
 """Names of those that rank anew for each budget."""
-
-
-def evaluated(name: str) -> Strategy:
-    """Strategy called `name`, of all that are evaluated; raises SettingError that lists the names if there is none."""
-    if name not in EVALUATED:
-        raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(EVALUATED)}")
-    return EVALUATED[name]
