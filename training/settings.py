@@ -17,6 +17,7 @@ from .encoders import ENCODERS, ConvolvingKind
 SAMPLES = 16_000_000  # that data sets have in all, as the paper's and those of the shipped weights
 VIEWS = 8  # of each voxel
 VALIDATION_VOXELS = 2048  # of a data set, at most
+SCHEDULES = ("paper", "cosine")
 ABSOLUTE, SQUARED = LOSSES = ("absolute", "squared")
 AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
 
@@ -67,16 +68,12 @@ class TrainSettings:
             (bounds.SEED, self.seed),
         ):
             row.check(value)
-        if self.schedule not in ("paper", "cosine"):
-            raise SettingError(f"Schedule '{self.schedule}' is unknown: use paper or cosine")
-        if self.network not in KINDS:
-            raise SettingError(f"Network '{self.network}' is unknown: use one of {', '.join(KINDS)}")
-        if self.encoder not in ENCODERS:
-            raise SettingError(f"Encoder '{self.encoder}' is unknown: use one of {', '.join(ENCODERS)}")
-        if self.loss not in LOSSES:
-            raise SettingError(f"Loss '{self.loss}' is unknown: use one of {', '.join(LOSSES)}")
-        if self.precision not in PRECISIONS:
-            raise SettingError(f"Precision '{self.precision}' is unknown: use one of {', '.join(PRECISIONS)}")
+        for name, known in (
+            ("schedule", SCHEDULES), ("network", KINDS), ("encoder", ENCODERS), ("loss", LOSSES),
+            ("precision", PRECISIONS),
+        ):  # fmt: skip
+            if (value := getattr(self, name)) not in known:
+                raise SettingError(f"{name.capitalize()} '{value}' is unknown: use one of {', '.join(known)}")
         own = KINDS[self.network]
         if not self.decoder_width:
             object.__setattr__(self, "decoder_width", own.width)  # as cards and checkpoints state it

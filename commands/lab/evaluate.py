@@ -20,7 +20,7 @@ from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_file
 from ..shared.arguments import add_number, add_out, check_octrees, named_file
 from ..shared.lines import say_result
-from .scene_arguments import add_track
+from .scene_arguments import add_scenes, add_track, scenes_named, stated
 
 if TYPE_CHECKING:
     from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
@@ -34,10 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
-    parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
-        "they are read from the folder PATCHNET_SCENES",
-    )  # fmt: skip
+    add_scenes(parser)
     add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
@@ -121,7 +118,8 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     from ...training.evaluation.strategies import map_names
     from ...training.evaluation.tables import errors_of, markdown_of, tables_of
 
-    results = {"settings": _settings(args)} | results_of(scenes, settings.networks)
+    about = stated(args, "frames", "every", "size", "seed", "weights")
+    results = {"settings": about} | results_of(scenes, settings.networks)
     strategies = scenes[0].strategies
     results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
     _write(args.out / TABLE, errors_of(results).to_csv(index=False, lineterminator="\n"))
@@ -150,17 +148,9 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ...training.evaluation.catalogue import scene_octree
-    from .scene_arguments import scenes_named
 
     scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
-
-
-def _settings(args: argparse.Namespace) -> dict[str, Any]:
-    weights = None if args.weights is None else args.weights.name
-    return {
-        "frames": args.frames, "every": args.every, "size": list(args.size), "seed": args.seed, "weights": weights,
-    }  # fmt: skip
 
 
 def _write(path: Path, text: str) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ..shared.arguments import add_number, add_out, named_file
 from ..shared.job_arguments import require_blender
 from ..shared.lines import say_result
-from .scene_arguments import add_track
+from .scene_arguments import add_track, scenes_named, stated
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -31,18 +30,6 @@ if TYPE_CHECKING:
 
 RESULTS, TABLE, TABLES, FIGURES = "cycles.json", "cycles.csv", "cycles.md", "figures"
 OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
-
-
-@dataclass(frozen=True)
-class _Settings:
-    """Settings of a run, as they stand in its results; cameras: of each scene; frames: of the whole track."""
-
-    cameras: int
-    samples: int
-    frames: int
-    size: tuple[int, int]
-    seed: int
-    weights: str | None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,9 +54,6 @@ def run(args: argparse.Namespace) -> int:
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
-    settings = _Settings(
-        args.cameras, args.samples, args.frames, tuple(args.size), args.seed, args.weights and args.weights.name
-    )
     scenes, octrees = _scenes(args)
     inputs = [*octrees.values(), *filter(None, [args.weights])]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
@@ -80,19 +64,17 @@ def run(args: argparse.Namespace) -> int:
     found: dict[str, Any] = {}
     with ProgressBars() as bars:
         for scene in scenes:
-            steps = _measured(scene, octrees.get(scene.name), settings, weights, args.out)
+            steps = _measured(scene, octrees.get(scene.name), args, weights)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
             found[scene.name] = {"light": scene.light} | cycles_results(scene.name, coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
-            _write(args.out, settings, found)  # scene by scene: each takes long
+            _write(args, found)  # scene by scene: each takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
 
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
     """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
-    from .scene_arguments import scenes_named
-
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:
         raise SettingError("There is nothing to evaluate: name --scenes of the catalogue, or all")
@@ -105,7 +87,7 @@ def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
 
 
 def _measured(
-    scene: Scene, given: Path | None, settings: _Settings, weights: Weights, out: Path
+    scene: Scene, given: Path | None, args: argparse.Namespace, weights: Weights
 ) -> Steps[tuple[CodedOctree, list[CameraResult]]]:
     """Octree with its codes, and results of the scene's cameras; the scene is open in Blender afterwards."""
     import bpy
@@ -121,23 +103,23 @@ def _measured(
     from ..shared.quiet import quiet_stdout
     from ..shared.scene_argument import open_or_build
 
-    octree = load_octree(given or scene_octree(scene, out / "octrees"))
+    octree = load_octree(given or scene_octree(scene, args.out / "octrees"))
     open_or_build(str(scene.path()))
     hide_from_renders(scene.without)
     bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
     with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
-        coded = yield from kept_codes(octree, weights, codes_path(out / "scenes" / scene.name, weights.hash))
+        coded = yield from kept_codes(octree, weights, codes_path(args.out / "scenes" / scene.name, weights.hash))
         track = yield from camera_track(
-            octree, frames=settings.frames, size_px=settings.size, lookahead=weights.lookahead, seed=settings.seed
+            octree, frames=args.frames, size_px=tuple(args.size), lookahead=weights.lookahead, seed=args.seed
         )
         results = []
-        for camera in spread_cameras(track, settings.cameras):
-            steps = _camera(coded, camera, scene, settings)
+        for camera in spread_cameras(track, args.cameras):
+            steps = _camera(coded, camera, scene, args.samples)
             results.append((yield from labelled(steps, f"{camera.name}: {{}}")))
     return coded, results
 
 
-def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) -> Steps[CameraResult]:
+def _camera(coded: CodedOctree, camera: Any, scene: Scene, samples: int) -> Steps[CameraResult]:
     """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
     import bpy
 
@@ -146,7 +128,7 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, settings: _Settings) 
     from ...training.evaluation.cycles_reference import COMBINED, DIFFUSE, Truth, measure_camera
     from ...training.strategies.registry import EVALUATED
 
-    first, second = yield from render_halves(bpy.context, camera, settings.samples)
+    first, second = yield from render_halves(bpy.context, camera, samples)
     exposure = coded.octree.exposure
     truths = {DIFFUSE: Truth.of_halves(first.luminance, second.luminance, exposure)}
     if scene.light == CYCLES:
@@ -165,15 +147,16 @@ def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], fol
     draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
 
 
-def _write(out: Path, settings: _Settings, found: dict[str, Any]) -> None:
+def _write(args: argparse.Namespace, found: dict[str, Any]) -> None:
     """Write all scenes that there are up to now, the tables first."""
     from ...training.evaluation.tables import cycles_errors, cycles_tables, markdown_of
 
+    about = stated(args, "cameras", "samples", "frames", "size", "seed", "weights")
     contents = {
         TABLE: cycles_errors(found).to_csv(index=False, lineterminator="\n"),
         TABLES: markdown_of(cycles_tables(found)),
-        RESULTS: json.dumps({"settings": asdict(settings), "scenes": found}, indent=1, allow_nan=False),
+        RESULTS: json.dumps({"settings": about, "scenes": found}, indent=1, allow_nan=False),
     }
     for name, content in contents.items():
-        with replaced_file(out / name, OUTPUTS[name]) as file:
+        with replaced_file(args.out / name, OUTPUTS[name]) as file:
             file.write(content.encode())

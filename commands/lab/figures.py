@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
     if args.failures:
         return _draw_failures(args)
-    from ...training.benchmarks.figures import check_figure
     from ...training.encoders import load_weights
+    from ...training.evaluation import require_reports
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
@@ -62,8 +62,8 @@ def run(args: argparse.Namespace) -> int:
     shown = _networks(args)
     weights = [path for _, path in shown]
     check_outputs(files, weights, folder=args.out)
+    require_reports()
     args.out.mkdir(parents=True, exist_ok=True)
-    check_figure(args.out / f"{names[0]}.png", weights)
     networks = [load_weights(path) for path in weights]  # an error now, not after the octrees
     if LOOK_AHEAD in names:
         check_look_aheads(networks)
@@ -83,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
 def _draw_failures(args: argparse.Namespace) -> int:
     from ...patchnet_addon.runtime.file_kinds import PNG, SVG
     from ...training.encoders import load_weights
+    from ...training.evaluation import require_reports
     from ...training.evaluation.failures import make_failures
     from ..shared.progress_bars import ProgressBars
 
@@ -93,7 +94,9 @@ def _draw_failures(args: argparse.Namespace) -> int:
         )
     check_octrees(args.failures)
     weights = args.weights[0] if args.weights else None
-    check_outputs({args.out / f"{FAILURES}.png": PNG, args.out / f"{FAILURES}.svg": SVG}, args.weights, folder=args.out)
+    files = {args.out / f"{FAILURES}.png": PNG, args.out / f"{FAILURES}.svg": SVG}
+    check_outputs(files, [*args.failures, *args.weights], folder=args.out)
+    require_reports()
     args.out.mkdir(parents=True, exist_ok=True)
     with ProgressBars() as bars:
         drawn = drain(make_failures(args.failures, load_weights(weights), args.every, args.out), bars.show)

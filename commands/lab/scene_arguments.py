@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from ...patchnet_addon.runtime import bounds
 from ...training.evaluation.catalogue import SCENES, Scene, scene_named
@@ -19,6 +20,20 @@ def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks")
         help="pixels (130 130)",
     )  # fmt: skip
     add_number(parser, "--seed", bounds.SEED, default=0, help=f"of {seeds} (0)")
+
+
+def stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Arguments as results state them, the size and the weights' file too."""
+    found = {name: getattr(args, name) for name in names}
+    return found | {"size": list(args.size), "weights": args.weights and args.weights.name}
+
+
+def add_scenes(parser: argparse.ArgumentParser) -> None:
+    """Add --scenes, names for `scenes_named`."""
+    parser.add_argument(
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
+        "they are read from the folder PATCHNET_SCENES",
+    )  # fmt: skip
 
 
 ALL = "all"

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 
 from ...patchnet_addon.network.encoders import MLP, MLP_WIDTH_STEP
@@ -20,6 +19,7 @@ from ...training.settings import (
     PRECISIONS,
     PRESETS,
     SAMPLES,
+    SCHEDULES,
     SHIPPED_PASSES,
     SHIPPED_WIDTH,
     VIEWS,
@@ -86,7 +86,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
-    add_number(parser, "--rate", bounds.LEARNING_RATE, help="highest learning rate")
+    add_number(
+        parser, "--rate", bounds.LEARNING_RATE, dest="learning_rate", metavar="RATE", help="highest learning rate"
+    )
     parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
     add_number(
         parser, "--decoder-width", bounds.DECODER_WIDTH, help=f"values between the layers of a mixture's decoder, a "
@@ -101,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"multiple of {MLP_WIDTH_STEP} ({MLP.width}): costs time when codes are made, none when pixels are decoded",
     )  # fmt: skip
     parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
-    parser.add_argument("--schedule", choices=("paper", "cosine"), help="how the learning rate falls")
+    parser.add_argument("--schedule", choices=SCHEDULES, help="how the learning rate falls")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
     parser.add_argument(
         "--precision", choices=PRECISIONS, help="of the encoder's matrix products; tf32: of all, on a GPU"
@@ -125,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
     from ...training.data.held_out import why_not_held_out
     from ...training.run.model_card import write_card
     from ...training.run.processes import Processes
-    from ...training.run.provenance import describe_command, describe_machine, describe_versions
+    from ...training.run.provenance import run_notes
     from ...training.run.trainer import RunOptions, train
     from ..shared.progress_bars import ProgressBars
 
@@ -139,12 +141,7 @@ def run(args: argparse.Namespace) -> int:
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
     options.tensorboard = args.tensorboard
-    options.notes = {
-        "command": describe_command(sys.argv),
-        "settings": asdict(settings),
-        "versions": describe_versions(),
-        "machine": describe_machine(device),
-    }
+    options.notes = run_notes(device) | {"settings": asdict(settings)}
     processes = Processes.joined()
     with ProgressBars() as bars:
         weights = drain(train(datasets, settings, options), bars.show if processes.is_first else None)
@@ -178,19 +175,7 @@ def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
         raise SettingError("Give --epochs or --passes, not both")
     if args.epochs is not None and args.fresh:
         raise SettingError("Fresh samples have no epochs: give --passes")
-    changes = {
-        "passes": args.passes if args.epochs is None else int(args.epochs * samples),
-        "batch": args.batch,
-        "learning_rate": args.rate,
-        "network": args.network,
-        "decoder_width": args.decoder_width,
-        "encoder_width": args.encoder_width,
-        "loss": args.loss,
-        "encoder": args.encoder,
-        "schedule": args.schedule,
-        "luminance_weight": args.luminance_weight,
-        "precision": args.precision,
-        "seed": args.seed,
-        "fresh": args.fresh,
-    }
+    changes = {setting.name: getattr(args, setting.name, None) for setting in fields(TrainSettings)}
+    if args.epochs is not None:
+        changes["passes"] = int(args.epochs * samples)
     return preset_with(args.preset, changes)

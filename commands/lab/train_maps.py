@@ -12,7 +12,6 @@ The octrees to train on should be of other scenes than those that are evaluated.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
@@ -53,8 +52,9 @@ def run(args: argparse.Namespace) -> int:
 
     from ...patchnet_addon.network.devices import found_device
     from ...training.evaluation.map_frames import FrameSettings, rendered_frames
-    from ...training.evaluation.networks.train_maps import MapOptions, MapSettings, train_maps
-    from ...training.run.provenance import describe_command, describe_machine, describe_versions
+    from ...training.evaluation.networks.train_maps import MapSettings, train_maps
+    from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
     device = found_device(args.device, "--device")
@@ -62,12 +62,10 @@ def run(args: argparse.Namespace) -> int:
         torch.set_num_threads(args.threads)
     settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
     tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
-    notes = {
-        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
-    }  # fmt: skip
-    options = MapOptions(
-        args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after, device=device, notes=notes
-    )
+    options = RunOptions(
+        args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after, device=device,
+        notes=run_notes(device),
+    )  # fmt: skip
     with ProgressBars() as bars:
         frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)
         path = drain(train_maps(frames, key, settings, options), bars.show)

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -37,6 +36,7 @@ from .. import main
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch
+from .scene_arguments import add_scenes, scenes_named
 
 if TYPE_CHECKING:
     from ...training.evaluation.catalogue import Scene
@@ -49,10 +49,7 @@ _SAMPLES, _PASSES, _VOXELS, _EVERY = 2_000_000, 16_000_000, 4096, 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files beside --scenes")
-    parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
-        "they are read from the folder PATCHNET_SCENES",
-    )  # fmt: skip
+    add_scenes(parser)
     parser.add_argument(
         "--kinds", default=",".join(KINDS), metavar="KIND,KIND", help=f"kinds of networks ({','.join(KINDS)})"
     )
@@ -123,7 +120,6 @@ def _words(text: str) -> list[str]:
 
 def _scenes(args: argparse.Namespace) -> list[Scene]:
     """Scenes of the catalogue that are named; raises SettingError where there is neither a scene nor an octree."""
-    from .scene_arguments import scenes_named
 
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to learn from: name --scenes, or octree files")
@@ -134,18 +130,17 @@ def _work(args: argparse.Namespace) -> NetworksRun:
     """Budget and settings of the run; raises SettingError for a device that is not there."""
     from ...patchnet_addon.network.devices import found_device
     from ...training.networks_of_paper.run import NetworksRun
-    from ...training.run.provenance import describe_command, describe_machine, describe_versions
+    from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions
 
     device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
     settings = preset_with(args.preset, changes)
-    notes = {
-        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
-    }  # fmt: skip
-    return NetworksRun(
-        args.out, args.samples, args.least_level, settings, args.voxels,
-        device, args.threads, args.checkpoint_minutes, notes,
+    options = RunOptions(
+        args.out, checkpoint_minutes=args.checkpoint_minutes, notes=run_notes(device), device=device,
+        threads=args.threads,
     )  # fmt: skip
+    return NetworksRun(args.samples, args.least_level, settings, args.voxels, options)
 
 
 def next_commands(

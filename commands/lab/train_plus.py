@@ -14,7 +14,6 @@ The octrees should be those that PatchNet's weights were trained on, or others, 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
@@ -61,24 +60,22 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
-    from ...training.plus.train import PlusOptions, PlusSettings, pixels_of, train_plus
-    from ...training.run.provenance import describe_command, describe_commit, describe_machine, describe_versions
+    from ...training.plus.train import PlusSettings, pixels_of, train_plus
+    from ...training.run.provenance import describe_commit, run_notes
     from ...training.run.run_files import WEIGHTS, log_lines
+    from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
     tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
-    notes = {
-        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(),
-        "commit": describe_commit(), "patchnet": weights.hash,
-        "octrees": {path.name: octree_hash(load_octree(path)) for path in args.octrees},
-    }  # fmt: skip
-    options = PlusOptions(args.out, args.references_folder or args.out / REFERENCES, notes=notes)
+    octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
+    notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
+    folder = args.references_folder or args.out / REFERENCES
     with ProgressBars() as bars:
-        table = drain(pixels_of(args.octrees, weights, tracks, settings, options.references), bars.show)
-        path = drain(train_plus(table, settings, options), bars.show)
+        table = drain(pixels_of(args.octrees, weights, tracks, settings, folder), bars.show)
+        path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), bars.show)
     save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)
     losses = log_lines(args.out / LOG)[-1]["loss"]
     print(f"Losses, where 1 is a constant guess: {', '.join(f'{name} {loss:.3f}' for name, loss in losses.items())}")

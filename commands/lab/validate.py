@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from ..shared.lines import make_parent, say_result
 
     require_torch()
-    from ...training.run.weights_errors import weights_errors
+    from ...training.run.validation import weights_errors
 
     files = sample_files(args.datasets)
     check_names(name_of(file) for file in files)

@@ -102,7 +102,6 @@ def _is_svg(path: Path) -> bool:
 PNG = FileKind("a .png picture", (".png",), _begins(b"\x89PNG\r\n\x1a\n"))
 EXR = FileKind("an .exr picture", (".exr",), _begins(b"\x76\x2f\x31\x01"))
 SVG = FileKind("an .svg picture", (".svg",), _is_svg)
-PDF = FileKind("a .pdf file", (".pdf",), _begins(b"%PDF-"))
 PLY = FileKind("a .ply file", (".ply",), _begins(b"ply\n", b"ply\r"))
 VDB = FileKind("a .vdb file", (".vdb",), _begins(b" BDV\0\0\0\0"))
 NPZ = FileKind("an .npz file", (".npz",), lambda path: all(name.endswith(".npy") for name in _members(path)))

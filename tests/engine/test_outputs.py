@@ -48,7 +48,6 @@ MAKERS = {
     "png": ("a.png", file_kinds.PNG, beginning(b"\x89PNG\r\n\x1a\n")),
     "exr": ("a.exr", file_kinds.EXR, beginning(b"\x76\x2f\x31\x01")),
     "svg": ("a.svg", file_kinds.SVG, text("<?xml version='1.0'?>\n<svg></svg>")),
-    "pdf": ("a.pdf", file_kinds.PDF, beginning(b"%PDF-1.4")),
     "ply": ("a.ply", file_kinds.PLY, text("ply\nformat ascii 1.0\n")),
     "vdb": ("a.vdb", file_kinds.VDB, beginning(b" BDV\0\0\0\0")),
     "npz": ("a.npz", file_kinds.NPZ, lambda path: np.savez(path, a=np.zeros(2))),

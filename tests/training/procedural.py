@@ -3,11 +3,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.levels import hierarchy
 from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.training.data.dataset import save_samples
+from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
 
 
 def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndarray, depth: int) -> Octree:
@@ -19,69 +26,24 @@ def octree_from_leaves(cells: np.ndarray, luminance: np.ndarray, normal: np.ndar
     area: np.ndarray = np.bincount(place).astype(np.float64)  # (n,)
     values = np.column_stack([luminance, normal]).astype(np.float64)  # (N, 4)
     sums = np.stack([np.bincount(place, values[:, k]) for k in range(4)], axis=1)
-    levels = [(keys, area, sums)]
+    child_mask, first_child = hierarchy({depth: keys}, depth)
+    levels = [(area, sums)]
     for _ in range(depth):
         keys, place = np.unique(keys >> np.uint64(3), return_inverse=True)
         area = np.bincount(place, area)
         sums = np.stack([np.bincount(place, sums[:, k]) for k in range(4)], axis=1)
-        levels.append((keys, area, sums))
-    return _assemble(levels[::-1], depth)
-
-
-def _assemble(levels: list[tuple[np.ndarray, np.ndarray, np.ndarray]], depth: int) -> Octree:
-    start = np.concatenate([[0], np.cumsum([len(keys) for keys, _, _ in levels])]).astype(np.int64)
-    masks = np.zeros(start[-1], np.uint8)
-    first = np.zeros(start[-1], np.uint32)
-    for level in range(depth):
-        child_keys = levels[level + 1][0]
-        parent = np.searchsorted(levels[level][0], child_keys >> np.uint64(3))
-        bits = (1 << (child_keys & np.uint64(7)).astype(np.int64)).astype(np.uint8)
-        np.bitwise_or.at(masks, start[level] + parent, bits)
-        first[start[level] : start[level + 1]] = start[level + 1] + np.searchsorted(
-            parent, np.arange(len(levels[level][0]))
-        )
-    area = np.concatenate([area for _, area, _ in levels])
-    means = np.concatenate([sums for _, _, sums in levels]) / area[:, None]
+        levels.insert(0, (area, sums))
+    area = np.concatenate([area for area, _ in levels])
+    means = np.concatenate([sums for _, sums in levels]) / area[:, None]
     return Octree(
         grid=Grid((0.0, 0.0, 0.0), 1.0, depth),
-        level_start=start,
-        child_mask=masks,
-        first_child=first,
+        level_start=np.cumsum([0, *(len(area) for area, _ in levels)]).astype(np.int64),
+        child_mask=child_mask,
+        first_child=first_child,
         area_world=area.astype(np.float32),
         luminance=np.rint(means[:, 0] * LUMINANCE_SCALE).astype(np.uint16),
         normal=np.rint(means[:, 1:] * NORMAL_SCALE).astype(np.int8),
         provenance={"scene": "procedural"},
-    )
-
-
-def prune(octree: Octree, nodes: np.ndarray) -> Octree:
-    """Prune the octree at `nodes`, which become leaves: what lay below them is gone."""
-    leaves = []
-    drop = np.zeros(octree.node_count, bool)
-    below = np.zeros(octree.node_count, bool)
-    below[nodes] = True
-    for level in range(octree.depth):
-        here = octree.level(level)
-        parent, octant = np.nonzero(np.unpackbits(octree.child_mask[here][:, None], axis=1, bitorder="little"))
-        children = octree.level(level + 1)
-        drop[children] = (below[here] | drop[here])[parent]
-        leaves.append(octant)
-    keep = ~drop
-    mask = np.where(below, 0, octree.child_mask)[keep].astype(np.uint8)
-    moved = np.cumsum(keep) - 1
-    first = np.where(mask > 0, moved[np.minimum(octree.first_child[keep], octree.node_count - 1)], 0).astype(np.uint32)
-    counts = [np.count_nonzero(keep[octree.level(level)]) for level in range(octree.depth + 1)]
-    return Octree(
-        grid=octree.grid,
-        level_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        child_mask=mask,
-        first_child=first,
-        area_world=octree.area_world[keep],
-        luminance=octree.luminance[keep],
-        normal=octree.normal[keep],
-        chroma=None if octree.chroma is None else octree.chroma[keep],
-        exposure=octree.exposure,
-        provenance=octree.provenance,
     )
 
 
@@ -115,3 +77,17 @@ def spheres_and_slats(depth: int, seed: int = 0, spheres: int = 6, slats: int = 
         values.append(np.full(len(place), random.uniform(0.05, 1.0)))
     cells = np.clip((np.concatenate(points) * side).astype(np.int64), 0, side - 1)
     return octree_from_leaves(cells, np.concatenate(values), np.concatenate(normals), depth)
+
+
+def save_drawn(folder: Path, name: str, octree: Octree, samples: Samples, settings: SampleSettings) -> Path:
+    """Write an octree and samples of it into a folder; returns the file of the samples."""
+    save_octree(octree, folder / f"{name}.safetensors")
+    path = folder / f"{name}.samples.safetensors"
+    save_samples(samples, folder / f"{name}.safetensors", octree, settings, path)
+    return path
+
+
+def draw_slats(folder: Path, count: int, settings: SampleSettings) -> Path:
+    """Draw samples of a small scene; returns their file."""
+    octree = spheres_and_slats(6, seed=4)
+    return save_drawn(folder, "slats", octree, drain(draw_samples(octree, count, settings)), settings)

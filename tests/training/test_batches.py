@@ -34,44 +34,60 @@ def boxed(octree: Octree) -> Octree:
 
 @pytest.fixture(scope="module")
 def samples(octree: Octree) -> Samples:
-    return drain(draw_samples(octree, 256, SampleSettings(views=4, min_level=3, held_out=0.0, seed=2)))
+    return drawn(octree, 2)
 
 
-def patches(batch: Batch, voxels: int) -> np.ndarray:
-    """Patches (V, 8, 8, 8, 8, 5) of corners, put together from a batch's blocks."""
-    eight = batch.blocks[batch.rows].reshape(voxels, 8, 2, 2, 2, 4, 4, 4, 5)
-    return eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8).reshape(voxels, 8, 8, 8, 8, 5)
+def drawn(octree: Octree, lookahead: int) -> Samples:
+    settings = SampleSettings(views=4, min_level=3, held_out=0.0, seed=2, lookahead=lookahead)
+    return drain(draw_samples(octree, 256, settings))
 
 
-def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, samples: Samples) -> None:
+def rays_of(voxel: np.ndarray, views: np.ndarray) -> PatchRays:
+    """Rays of voxels (V, 4) and stored views (V, R, 12)."""
+    signed = (views[..., 3:9].view(np.int16) / 32767.0).reshape(-1, 6)
+    return PatchRays(
+        voxel[:, 0].astype(np.int32), voxel[:, 1:].astype(np.int32), np.arange(len(voxel) + 1) * views.shape[1],
+        (views[..., :3] / 65535.0).reshape(-1, 3), signed[:, :3], signed[:, 3:], (views[..., 9] / 65535.0).ravel(),
+    )  # fmt: skip
+
+
+def patches(batch: Batch, voxels: int, side: int = 4) -> np.ndarray:
+    """Patches (V, 8, S, S, S, 5) of corners, put together from a batch's blocks."""
+    eight = batch.blocks[batch.rows].reshape(voxels, 8, 2, 2, 2, side, side, side, 5)
+    return eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8).reshape(voxels, 8, *(2 * side,) * 3, 5)
+
+
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_patches_are_those_that_are_encoded(octree: Octree, boxed: Octree, lookahead: int) -> None:
     """Of octrees side by side, some with boxes in leaves."""
+    samples = drawn(octree, lookahead)
     other, another = spheres_and_slats(4, seed=8), with_boxes(spheres_and_slats(4, seed=9), seed=1)
     count = len(samples.voxel)
     for trees in ([other, octree, another], [another, boxed, other]):
-        batch = gather_batch(
-            concatenate(trees), np.ones(count, int), samples.voxel, samples.views, Augmentation.none(count)
-        )
-        found = patches(batch, count)
+        none = Augmentation.none(count)
+        batch = gather_batch(concatenate(trees), np.ones(count, int), samples.voxel, samples.views, none, lookahead)
+        found = patches(batch, count, 1 << lookahead)
         for row in range(0, count, 5):
             level, *cell = samples.voxel[row].astype(int)
-            wanted = corner_blocks_reference(trees[1], level, np.array(cell) + OCTANTS)
+            wanted = corner_blocks_reference(trees[1], level, np.array(cell) + OCTANTS, lookahead)
             np.testing.assert_allclose(found[row], wanted, atol=1e-6)
 
 
 def test_samples_see_boxes(boxed: Octree) -> None:
-    drawn = drain(draw_samples(boxed, 64, SampleSettings(views=4, min_level=DEPTH - 2, held_out=0.0, seed=2)))
-    for voxel, views in zip(drawn.voxel[:8], drawn.views[:8], strict=True):
-        vectors = views[:, 3:9].astype(np.int16) / 32767
-        rays = PatchRays(
-            np.array([voxel[0]]), voxel[None, 1:].astype(int), np.array([0, len(views)]), views[:, :3] / 65535,
-            vectors[:, :3], vectors[:, 3:], views[:, 9] / 65535,
-        )  # fmt: skip
-        np.testing.assert_allclose(render_patches(boxed, rays)[0], views[:, 10] / 4096, atol=4 / 4096)
+    boxes = drain(draw_samples(boxed, 64, SampleSettings(views=4, min_level=DEPTH - 2, held_out=0.0, seed=2)))
+    coverage, _ = render_patches(boxed, rays_of(boxes.voxel[:8], boxes.views[:8]))
+    np.testing.assert_allclose(coverage, boxes.views[:8, :, 10].ravel() / 4096, atol=4 / 4096)
+
+
+def matrix_of(symmetry: int) -> np.ndarray:
+    """Symmetry of the cube as a matrix (3, 3) that acts on column vectors."""
+    symmetries = cube_symmetries()
+    return np.eye(3)[symmetries.axis[symmetry]] * symmetries.sign[symmetry][:, None]
 
 
 def moved_octree(octree: Octree, symmetry: int, gain: float, offset: float) -> Octree:
     """The scene turned about the cube's centre, with luminance gain * L + offset, built anew from its leaves."""
-    matrix = cube_symmetries().matrix(symmetry)
+    matrix = matrix_of(symmetry)
     leaves = octree.level(DEPTH)
     side = 1 << DEPTH
     cells = np.rint(((octree.cells(DEPTH) + 0.5 - side / 2) @ matrix.T) + side / 2 - 0.5).astype(int)
@@ -88,7 +104,7 @@ def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) 
     augmentation = Augmentation(np.full(len(at), symmetry, np.int32), remap)
     batch = gather_batch(concatenate([octree]), np.zeros(len(at), int), voxel, views, augmentation)
     found = patches(batch, len(at))
-    matrix = cube_symmetries().matrix(symmetry)
+    matrix = matrix_of(symmetry)
     side = 1 << (DEPTH - 2)
     for row in range(len(at)):
         plain = gather_batch(
@@ -126,24 +142,22 @@ def linear_map(plain: np.ndarray, moved: np.ndarray, batch: Batch, row: int) -> 
 
 def test_symmetries_are_the_48_of_the_cube() -> None:
     symmetries = cube_symmetries()
-    matrices = {tuple(symmetries.matrix(number).astype(int).ravel()) for number in range(COUNT)}
+    matrices = {tuple(matrix_of(number).astype(int).ravel()) for number in range(COUNT)}
     assert len(matrices) == COUNT
-    np.testing.assert_array_equal(symmetries.matrix(0), np.eye(3))
-    for number in range(COUNT):
-        assert sorted(symmetries.block[number]) == list(range(27))
-        assert sorted(symmetries.cell[number]) == list(range(64))
+    np.testing.assert_array_equal(matrix_of(0), np.eye(3))
+    assert (np.sort(symmetries.block, axis=1) == np.arange(27)).all()
+    for lookahead in (1, 2, 3):
+        assert (np.sort(cube_symmetries(lookahead).cell, axis=1) == np.arange(8**lookahead)).all()
 
 
-def test_samples_are_what_rays_see(octree: Octree, samples: Samples) -> None:
+@pytest.mark.parametrize("lookahead", [1, 2, 3])
+def test_samples_are_what_rays_see(octree: Octree, lookahead: int) -> None:
     """Stored coverage and luminance are those of the stored rays; centre rays meet their voxel first."""
+    samples = drawn(octree, lookahead)
+    assert samples.voxel[:, 0].max() <= DEPTH - lookahead
     views = samples.views.shape[1]
     signed = samples.views[..., 3:9].view(np.int16) / 32767.0
-    rays = PatchRays(
-        samples.voxel[:, 0].astype(np.int32), samples.voxel[:, 1:].astype(np.int32),
-        np.arange(len(samples.voxel) + 1) * views, (samples.views[..., :3] / 65535.0).reshape(-1, 3),
-        signed[..., :3].reshape(-1, 3), signed[..., 3:].reshape(-1, 3), (samples.views[..., 9] / 65535.0).ravel(),
-    )  # fmt: skip
-    coverage, luminance = render_patches(octree, rays)
+    coverage, luminance = render_patches(octree, rays_of(samples.voxel, samples.views), lookahead)
     np.testing.assert_allclose(coverage, samples.views[..., 10].ravel() / 4096, atol=3 / 4096)
     np.testing.assert_allclose(luminance, samples.views[..., 11].ravel() / 65535, atol=1e-3)
     np.testing.assert_allclose(np.linalg.norm(signed[..., :3], axis=-1), 1, atol=1e-4)

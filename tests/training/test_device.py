@@ -10,19 +10,18 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.kinds import MIXTURE
-from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import DEVICES, GPU, gpu_only
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, save_samples
+from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402  needs torch
 from patchnet.training.run.learner import Learner  # noqa: E402  needs torch
 from patchnet.training.run.steps import StepPlan, augmentation_of_step, batches_ahead, rows_of_step  # noqa: E402
 from patchnet.training.run.trainer import RunOptions, encoder_type, train  # noqa: E402  needs torch
@@ -68,7 +67,7 @@ def test_a_gpu_says_and_learns_the_same(lookahead: int, settings: TrainSettings,
     there, here = Learner(settings, lookahead, "cuda"), Learner(settings, lookahead)
     ahead = batches_ahead(plan, 0, 3, there.device, 3)
     for step, batch in enumerate(ahead):
-        wanted, errors = here.differentiate(TensorBatch.of(plan.batch(step)), torch.float32)
+        wanted, errors = here.differentiate(tensor_batch(plan.batch(step)), torch.float32)
         gradients, found = there.differentiate(batch, torch.float32)
         torch.testing.assert_close(found.cpu(), errors, rtol=1e-5, atol=1e-6)
         for mine, theirs in zip(wanted, gradients, strict=True):
@@ -158,9 +157,7 @@ def test_types_of_products() -> None:
 def test_device_and_threads_of_the_command(
     datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    save_octree(datasets[0].octree, tmp_path / "a.safetensors")
-    path = tmp_path / "a.samples.safetensors"
-    save_samples(datasets[0].samples, tmp_path / "a.safetensors", datasets[0].octree, SampleSettings(), path)
+    path = save_drawn(tmp_path, "a", datasets[0].octree, datasets[0].samples, SampleSettings())
     words = ["lab", "train", str(path), "--batch", "256", "--passes", "512", "--out", str(tmp_path / "run")]
     for device, sentence in (("gpu", "--device 'gpu' is unknown: choose auto"), ("cuda:777", "--device 'cuda:777'")):
         assert main([*words, "--device", device]) == 2

@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileErro
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.training.convolution_reference import NumpyConvolutions, convolve_reference, corner_patches
+from patchnet.tests.training.convolution_reference import NumpyConvolutions
 from patchnet.training.encoders import CONV3D, ENCODERS, VOXCEPTION, load_weights
 from patchnet.training.network import research_encoder as research
 from patchnet.training.network.research_encoder import research_encoder
@@ -35,18 +35,6 @@ def corners(lookahead, count=7, seed=3):
     return blocks, random.integers(0, 12, (count, 8))
 
 
-def naive_convolution(cells, kernels, bias, stride):
-    """Convolution (F, n, n, n) of cells (K, N, N, N), output by output, from the definition."""
-    side = kernels.shape[-1]
-    padded = np.pad(cells, ((0, 0), *((side // 2,) * 2,) * 3))
-    count = cells.shape[-1] // stride
-    result = np.empty((len(kernels), count, count, count))
-    for place in np.ndindex(count, count, count):
-        window = padded[(slice(None), *(slice(stride * at, stride * at + side) for at in place))]
-        result[(slice(None), *place)] = (kernels * window).sum(axis=(1, 2, 3, 4)) + bias
-    return result
-
-
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 @pytest.mark.parametrize("kind", CONVOLVING, ids=lambda kind: kind.name)
 def test_as_many_parameters_as_the_linear_layers(kind, lookahead):
@@ -56,31 +44,6 @@ def test_as_many_parameters_as_the_linear_layers(kind, lookahead):
     assert 0.97 < held / MLP.parameters(lookahead) <= 1
     assert weights.lookahead == lookahead and weights.encoder_kind is kind
     assert MLP.parameters(2) == 789_770
-
-
-def test_voxception_block_from_its_definition():
-    """The first block, of 3x3x3 and 1x1x1 kernels, and the one that halves, for one patch and a look-ahead of one."""
-    weights = Weights.random(4, bias=0.1, lookahead=1, encoder=VOXCEPTION)
-    patch = corner_patches(*corners(1, count=1)).astype(np.float64)[0]
-    wide, narrow, strided, picked, largest, mean = weights.encoder[:6]
-    cells = np.maximum(np.concatenate([naive_convolution(patch, *wide, 1), naive_convolution(patch, *narrow, 1)]), 0)
-    full = [naive_convolution(cells, *layer, 1) for layer in (largest, mean)]
-    pooled = np.empty((2, 4, 2, 2, 2))
-    for place in np.ndindex(2, 2, 2):
-        near = (slice(None), *(slice(max(2 * at - 1, 0), 2 * at + 2) for at in place))
-        pooled[(0, slice(None), *place)] = full[0][near].max(axis=(1, 2, 3))
-        pooled[(1, slice(None), *place)] = full[1][near].sum(axis=(1, 2, 3)) / 27
-    halved = [naive_convolution(cells, *layer, 2) for layer in (strided, picked)]
-    values = np.maximum(np.concatenate([*halved, *pooled]), 0).ravel()
-    (hidden, hidden_bias), (last, last_bias) = weights.encoder[6:]
-    code = last @ np.maximum(hidden @ values + hidden_bias, 0) + last_bias
-    np.testing.assert_allclose(convolve_reference(weights, patch[None].astype(np.float32))[0], code, atol=TOLERANCE)
-
-
-def test_patches_are_those_of_the_linear_layers():
-    blocks, rows = corners(2)
-    eight = blocks[rows].reshape(-1, 2, 2, 2, 4, 4, 4, 5).transpose(0, 1, 4, 2, 5, 3, 6, 7)
-    np.testing.assert_array_equal(np.moveaxis(corner_patches(blocks, rows), 1, -1), eight.reshape(-1, 8, 8, 8, 5))
 
 
 @needs_torch

@@ -81,12 +81,6 @@ def test_strategies_share_their_draws(tracks: list[TrackErrors]) -> None:
     assert bootstrap.excess_area("optimal").low == bootstrap.excess_area("optimal").high == 0.0
 
 
-def test_seed_repeats(tracks: list[TrackErrors]) -> None:
-    first, again, other = (Bootstrap.of(tracks, seed=seed).mse("random") for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first.low, again.low)
-    assert not np.array_equal(first.low, other.low) and np.array_equal(first.value, other.value)
-
-
 @pytest.mark.parametrize(
     "frames, length", [(2000, 50), (500, 50), (530, 50), (499, 49), (40, 4), (19, 1), (10, 1), (9, 1), (2, 1)]
 )

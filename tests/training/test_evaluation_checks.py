@@ -105,17 +105,3 @@ def test_random_passes_in_frames_that_are_all_alike() -> None:
     for _ in range(20):
         buffers = random_frame(int(rng.integers(1 << 30)), 30, 30)
         check_random(TrackErrors.of("still", NAMES, [errors_of(buffers)] * 40))
-
-
-def test_band_of_random_is_rarely_left_and_not_idle() -> None:
-    """Deviations of random orders: hardly any is beyond half the band, and many beyond a tenth of it."""
-    buffers = random_frame(4, 40, 40, hits=0.5)
-    error = (buffers.preview.astype(np.float64) - buffers.reference)[buffers.active] ** 2
-    width = 5 * np.sqrt(len(error) * error.var(ddof=1)) / 2
-    rng = np.random.default_rng(1)
-    share = np.arange(len(error) + 1) / len(error)
-    largest = []
-    for _ in range(400):
-        left = error.sum() - np.append(0, np.cumsum(rng.permutation(error)))
-        largest.append(np.abs(left - (1 - share) * error.sum()).max() / width)
-    assert max(largest) < 1 and np.mean(np.array(largest) > 0.5) < 0.12 and np.mean(np.array(largest) > 0.1) > 0.9

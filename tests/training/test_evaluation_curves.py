@@ -32,10 +32,6 @@ def composed_errors(name: str, budget: float) -> list[np.ndarray]:
     return found
 
 
-def test_budgets_are_percents() -> None:
-    assert BUDGETS.tolist() == [percent / 100 for percent in range(101)]
-
-
 @pytest.mark.parametrize("row, name", list(enumerate(NAMES)))
 def test_curves_are_those_of_composed_pictures(row: int, name: str) -> None:
     track = TrackErrors.of("noise", NAMES, [errors_of(buffers) for buffers in FRAMES])
@@ -65,12 +61,6 @@ def test_frames_without_active_pixels_weigh_nothing() -> None:
     np.testing.assert_array_equal(pooled_mse([with_empty]), pooled_mse([without]))
     np.testing.assert_array_equal(mean_frame_mse([with_empty]), mean_frame_mse([without]))
     assert not pooled_mse([TrackErrors.of("sky", NAMES, [empty])]).any()
-
-
-def test_variance_is_that_of_the_errors() -> None:
-    for buffers in FRAMES:
-        errors = (buffers.preview.astype(np.float64) - buffers.reference)[buffers.active] ** 2
-        assert errors_of(buffers).variance == pytest.approx(np.var(errors, ddof=1))
 
 
 def test_areas_by_hand() -> None:

@@ -10,7 +10,6 @@ import pytest
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.weights import Weights, default_weights_path, load_weights, save_weights
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -217,8 +216,3 @@ def test_four_networks_have_lines_of_their_own():
     styles = network_styles(["patchnet", *names, "random"])
     assert list(styles) == names[:8] and len(set(styles.values())) == 4
     assert all(styles[name] == styles[f"{name}-behind"] for name in names[:8:2])
-
-
-def test_names_of_equal_networks_are_checked_without_the_command(folder):
-    with pytest.raises(SettingError, match="without -behind"):
-        patch_networks([("x-behind", folder / "random-1")], 2)

@@ -2,7 +2,6 @@
 """Picture metrics against scikit-image and plain references, and of composed pictures (methods 5, 7.1)."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -116,16 +115,6 @@ def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypat
         assert measured[f"ssim_active {name}"] == pytest.approx(similarity.ravel()[buffers.active].mean())
         assert measured[f"ms_ssim {name}"] == pytest.approx(expected.ms_ssim[0])
         assert np.isnan(measured[f"flip {name}"]) and np.isnan(measured[f"lpips {name}"]), "neither was run"
-
-
-def test_refinement_of_everything_leaves_no_difference() -> None:
-    buffers = random_frame(3, 30, 30)
-    buffers = replace(buffers, reference=np.where(buffers.active, buffers.reference, buffers.preview))
-    order = frame_orders(buffers, scores_of(buffers))["random"]
-    (found,) = named(picture_metrics(buffers, composed_pictures(buffers, order, [1.0])))
-    for name in ("linear", "srgb"):
-        assert found[f"ssim {name}"] == found[f"ssim_active {name}"] == pytest.approx(1.0)
-        assert found[f"ms_ssim {name}"] == pytest.approx(1.0)
 
 
 def test_flip_is_of_what_a_screen_shows() -> None:

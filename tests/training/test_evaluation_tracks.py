@@ -15,9 +15,10 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN, catmull_rom
-from patchnet.training.evaluation.poses import FreeSpace, LookAhead, step_of, turn_of
+from patchnet.training.evaluation.poses import FreeSpace, Surroundings, step_of, turn_of
 from patchnet.training.evaluation.tracks import FAR, camera_track
 
 FRAMES = 60
@@ -92,13 +93,14 @@ def test_clearance_of_all_leaves(octree: Octree, track: list[Camera]) -> None:
 
 
 def test_look_ahead(octree: Octree, track: list[Camera]) -> None:
-    ahead, hits, nearest = np.array([LookAhead(octree, 2).count(camera) for camera in track]).T
-    share = LookAhead(octree, 2).share(track)
-    assert share == pytest.approx(ahead.sum() / hits.sum()) and share >= 0.95 and hits.all()
+    share, seen = Surroundings(octree, (130, 130), 2).share(track), [first_hits(octree, camera) for camera in track]
+    hits = np.array([hits.hit.sum() for hits in seen])
+    ahead = sum(octree.look_ahead(2)[hits.node[hits.hit]].sum() for hits in seen)
+    assert share == pytest.approx(ahead / hits.sum()) and share >= 0.95 and hits.all()
     assert 0.1 < hits.sum() / sum(camera.pixel_count for camera in track) < 1.0
     shares = [lookahead_share(octree.nodes, octree.grid, camera) for camera in track]
     assert min(shares) - 1e-9 <= share <= max(shares) and np.mean(shares) >= 0.95
-    assert nearest.min() > CLEARANCE * octree.grid.voxel_size_world
+    assert min(hits.t_world.min() for hits in seen) > CLEARANCE * octree.grid.voxel_size_world
 
 
 def test_frames_near_each_other_look_alike(octree: Octree, track: list[Camera]) -> None:

@@ -24,7 +24,7 @@ from patchnet.training.evaluation.figures_of_paper import look_ahead as tables
 from patchnet.training.evaluation.figures_of_paper.figures import make_split
 from patchnet.training.evaluation.figures_of_paper.look_ahead import distance_view, pooled_values
 from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, hardest_end, split_view
-from patchnet.training.evaluation.panels import Crop, crops_of_difference, window_sums
+from patchnet.training.evaluation.panels import Crop, crops_of_difference
 
 CLOTH, WOOD = 0.5, 0.1  # luminance
 WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/patchnet.safetensors"
@@ -68,14 +68,6 @@ def shells(tmp_path_factory):
     path = tmp_path_factory.mktemp("shells") / "shells.safetensors"
     save_octree(octree_of_shells(30_000), path)
     return path
-
-
-def test_sums_of_windows():
-    values = np.random.default_rng(0).random((7, 9))
-    sums = window_sums(values, 3)
-    assert sums.shape == (5, 7)
-    for row, column in np.ndindex(sums.shape):
-        assert sums[row, column] == pytest.approx(values[row : row + 3, column : column + 3].sum())
 
 
 def overlap(first, second):

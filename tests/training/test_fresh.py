@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
+from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.test_batches import rays_of
 from patchnet.training.data import fresh
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.fresh import FreshCorpus, fresh_corpus_of
@@ -23,7 +24,7 @@ from patchnet.training.data.voxel_choice import held_out_voxels, level_chances
 from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402
+from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402
 from patchnet.training.run.learner import Learner  # noqa: E402
 from patchnet.training.run.processes import Processes  # noqa: E402
 from patchnet.training.run.steps import StepPlan  # noqa: E402
@@ -62,13 +63,7 @@ def test_views_are_what_rays_see(datasets: list[Dataset], corpus: FreshCorpus) -
     tree, voxel, views = corpus.draw(0, 7, slice(0, 100))
     for number, each in enumerate(datasets):
         here = np.flatnonzero(tree == number)
-        signed = views[here, :, 3:9].view(np.int16).reshape(-1, 6) / 32767.0
-        rays = PatchRays(
-            voxel[here, 0].astype(np.int32), voxel[here, 1:].astype(np.int32), np.arange(len(here) + 1) * 4,
-            (views[here, :, :3] / 65535.0).reshape(-1, 3), signed[:, :3], signed[:, 3:],
-            (views[here, :, 9] / 65535.0).ravel(),
-        )  # fmt: skip
-        coverage, luminance = render_patches(each.octree, rays)
+        coverage, luminance = render_patches(each.octree, rays_of(voxel[here], views[here]))
         np.testing.assert_allclose(coverage, views[here, :, 10].ravel() / 4096, atol=3 / 4096)
         np.testing.assert_allclose(luminance, views[here, :, 11].ravel() / 65535, atol=1e-3)
 
@@ -113,7 +108,7 @@ def test_shares_of_a_step_are_the_step(corpus: FreshCorpus) -> None:
         found = []
         for rank in range(processes):
             plan = StepPlan(nearby, SETTINGS, SETTINGS.batch // 4, Processes(rank, processes))
-            gradients, errors = learner.differentiate(TensorBatch.of(plan.batch(5)), torch.float32, plan.share)
+            gradients, errors = learner.differentiate(tensor_batch(plan.batch(5)), torch.float32, plan.share)
             found.append([*gradients, errors])
         return [torch.stack(parts).sum(0) for parts in zip(*found, strict=True)]
 

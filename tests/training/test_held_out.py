@@ -11,11 +11,11 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
-from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
+from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.dataset import Dataset, save_samples
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
+from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate, voxel_luminance
 from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
@@ -128,12 +128,10 @@ def test_train_records_and_reports(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Log, weights and card of a run that validates on an unseen scene and on a turned one of training."""
-    files = {}
-    for dataset in (upright, turned, other):
-        path = tmp_path / f"{dataset.name}.safetensors"
-        save_octree(dataset.octree, path)
-        files[dataset.name] = tmp_path / f"{dataset.name}.samples.safetensors"
-        save_samples(dataset.samples, path, dataset.octree, SETTINGS, files[dataset.name])
+    files = {
+        each.name: save_drawn(tmp_path, each.name, each.octree, each.samples, SETTINGS)
+        for each in (upright, turned, other)
+    }
     out = tmp_path / "run"
     words = ["lab", "train", str(files["sponza"]), "--validate", str(files["sponza-turned"]), str(files["yard"])]
     words += ["--passes", "128", "--batch", "64", "--out", str(out)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples, batches and training runs for look-aheads of 1 and 3 levels."""
+"""Training runs, sample files and commands for look-aheads of 1 and 3 levels; samples of them are in test_batches."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -8,20 +8,14 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.references.codes import corner_blocks_reference
-from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
-from patchnet.training.data.batches import gather_batch
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
-from patchnet.training.data.forest import concatenate
+from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
 
@@ -38,41 +32,6 @@ def dataset(request) -> Dataset:
     settings = SampleSettings(views=4, min_level=2, held_out=0.0, seed=2, lookahead=request.param)
     samples = drain(draw_samples(octree, 128, settings))
     return Dataset("scene", octree, samples, {"settings": asdict(settings)})
-
-
-def test_samples_are_what_rays_see(dataset: Dataset) -> None:
-    samples, views = dataset.samples, dataset.samples.views.shape[1]
-    signed = samples.views[..., 3:9].view(np.int16) / 32767.0
-    rays = PatchRays(
-        samples.voxel[:, 0].astype(np.int32), samples.voxel[:, 1:].astype(np.int32),
-        np.arange(len(samples.voxel) + 1) * views, (samples.views[..., :3] / 65535.0).reshape(-1, 3),
-        signed[..., :3].reshape(-1, 3), signed[..., 3:].reshape(-1, 3), (samples.views[..., 9] / 65535.0).ravel(),
-    )  # fmt: skip
-    coverage, luminance = render_patches(dataset.octree, rays, dataset.lookahead)
-    np.testing.assert_allclose(coverage, samples.views[..., 10].ravel() / 4096, atol=3 / 4096)
-    np.testing.assert_allclose(luminance, samples.views[..., 11].ravel() / 65535, atol=1e-3)
-    assert samples.voxel[:, 0].max() <= dataset.octree.depth - dataset.lookahead
-
-
-def test_patches_are_those_that_are_encoded(dataset: Dataset) -> None:
-    count, side, samples = len(dataset.samples.voxel), 2**dataset.lookahead, dataset.samples
-    trees = np.zeros(count, int)
-    forest = concatenate([dataset.octree])
-    none = Augmentation.none(count)
-    batch = gather_batch(forest, trees, samples.voxel, samples.views, none, dataset.lookahead)
-    eight = batch.blocks[batch.rows].reshape(count, 8, 2, 2, 2, side, side, side, 5)
-    eight = eight.transpose(0, 1, 2, 5, 3, 6, 4, 7, 8)
-    patches = eight.reshape(count, 8, 2 * side, 2 * side, 2 * side, 5)
-    for row in range(0, count, 5):
-        level, *cell = samples.voxel[row].astype(int)
-        wanted = corner_blocks_reference(dataset.octree, level, np.array(cell) + OCTANTS, dataset.lookahead)
-        np.testing.assert_allclose(patches[row], wanted, atol=1e-6)
-
-
-@pytest.mark.parametrize("lookahead", [1, 3])
-def test_symmetries_move_every_cell_once(lookahead: int) -> None:
-    cell = cube_symmetries(lookahead).cell
-    np.testing.assert_array_equal(np.sort(cell, axis=1), np.tile(np.arange(8**lookahead), (COUNT, 1)))
 
 
 def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset, tmp_path: Path) -> None:
@@ -98,10 +57,7 @@ def test_look_aheads_are_not_mixed(dataset: Dataset, tmp_path: Path) -> None:
 
 
 def test_sample_file_keeps_its_look_ahead(dataset: Dataset, tmp_path: Path) -> None:
-    save_octree(dataset.octree, tmp_path / "o.safetensors")
-    path = tmp_path / "s.samples.safetensors"
-    settings = SampleSettings(lookahead=dataset.lookahead)
-    save_samples(dataset.samples, tmp_path / "o.safetensors", dataset.octree, settings, path)
+    path = save_drawn(tmp_path, "o", dataset.octree, dataset.samples, SampleSettings(lookahead=dataset.lookahead))
     assert load_dataset(path).lookahead == dataset.lookahead
     arrays, metadata = read_arrays(path, "samples")
     write_arrays(path, arrays, metadata | {"settings": {"lookahead": 4}}, "samples")

@@ -20,14 +20,14 @@ from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.tests.training.test_batches import DEPTH, moved_octree
-from patchnet.training.data.augmentation import Augmentation, cube_symmetries
+from patchnet.tests.training.test_batches import DEPTH, matrix_of, moved_octree
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.nearby import Nearby, gather_nearby
 from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.data.tensor_batch import TensorBatch
+from patchnet.training.data.tensor_batch import tensor_batch
 from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.trainer import RunOptions, train
 from patchnet.training.settings import TrainSettings
@@ -73,7 +73,7 @@ def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry:
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     ratio = random.uniform(0.5, 1, (40, 3))
     found = nearby(plain, voxel, (entry, direction, up, ratio), linear)
-    side, matrix = 1 << voxel[:, :1], cube_symmetries().matrix(symmetry)
+    side, matrix = 1 << voxel[:, :1], matrix_of(symmetry)
     cells = (voxel[:, 1:] + 0.5 - side / 2) @ matrix.T + side / 2 - 0.5
     moved = np.concatenate([voxel[:, :1], np.rint(cells).astype(np.int64)], axis=1)
     scene = moved_octree(octree, symmetry, gain, offset)
@@ -95,7 +95,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
     rows = np.arange(60)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad():
-        trained = PatchNet(weights)(TensorBatch.of(batch)).numpy().reshape(-1, 2)
+        trained = PatchNet(weights)(tensor_batch(batch)).numpy().reshape(-1, 2)
     level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
     node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
     views = batch.ratio.shape[1]

@@ -20,7 +20,7 @@ from patchnet.training.settings import PRESETS, TrainSettings
 torch = pytest.importorskip("torch")
 from patchnet.training.networks_of_paper import run as run_module  # noqa: E402  needs torch
 from patchnet.training.networks_of_paper.run import NetworksRun, settings_of, train_networks  # noqa: E402
-from patchnet.training.run.trainer import train  # noqa: E402  needs torch
+from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 NAMES = ["shells", "slats", "without-shells", "without-slats", "look-ahead-1", "look-ahead-3", "conv3d", "voxception"]
 SMALL = TrainSettings(passes=4 * 64, batch=64, precision="fp32", network="mixture", loss="squared")
@@ -127,7 +127,8 @@ def test_other_budget_is_refused(octrees, out, capsys):
 
 def run_of(out):
     notes = {"command": "patchnet lab train-networks", "versions": "these", "machine": "this"}
-    return NetworksRun(out, samples=400, least_level=3, settings=SMALL, voxels=20, device="cpu", threads=1, notes=notes)
+    options = RunOptions(out, device="cpu", threads=1, notes=notes)
+    return NetworksRun(samples=400, least_level=3, settings=SMALL, voxels=20, options=options)
 
 
 def test_interrupted_run_goes_on(octrees, tmp_path, monkeypatch):

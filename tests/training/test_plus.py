@@ -27,7 +27,8 @@ from patchnet.training.plus.pixel_table import SYMMETRIES, PixelTable, symmetrie
 torch = pytest.importorskip("torch")
 
 from patchnet.training.plus.learner import FormLearner  # noqa: E402
-from patchnet.training.plus.train import PlusOptions, PlusSettings, train_plus  # noqa: E402
+from patchnet.training.plus.train import PlusSettings, train_plus  # noqa: E402
+from patchnet.training.run.trainer import RunOptions  # noqa: E402
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
 WORDS = ["--frames", "8", "--every", "1", "--size", "48", "40", "--rays", "4", "--batch", "256", "--pixels", "200"]
@@ -120,7 +121,7 @@ def test_command_learns_and_keeps_references(octree_path, tmp_path, capsys, monk
 
 def test_loss_falls_below_that_of_a_constant(table, tmp_path):
     settings = PlusSettings(steps=150, batch=256)
-    drain(train_plus(table, settings, PlusOptions(tmp_path, tmp_path, log_steps=50)))
+    drain(train_plus(table, settings, RunOptions(tmp_path, log_steps=50)))
     last = json.loads((tmp_path / "log.jsonl").read_text().splitlines()[-1])
     for name in FORMS:
         assert last["loss"][name] < 0.98  # 1 is that of the mean error as estimate of every pixel
@@ -129,10 +130,10 @@ def test_loss_falls_below_that_of_a_constant(table, tmp_path):
 def test_nothing_to_learn_from(table, tmp_path):
     empty = PixelTable.joined([])
     with pytest.raises(PatchNetError, match="show no surface"):
-        drain(train_plus(empty, PlusSettings(), PlusOptions(tmp_path, tmp_path)))
+        drain(train_plus(empty, PlusSettings(), RunOptions(tmp_path)))
     wrong = replace(table, errors={name: errors * np.nan for name, errors in table.errors.items()})
     with pytest.raises(PatchNetError, match=r"no number.*--rate"):
-        drain(train_plus(wrong, PlusSettings(steps=1, batch=8), PlusOptions(tmp_path, tmp_path)))
+        drain(train_plus(wrong, PlusSettings(steps=1, batch=8), RunOptions(tmp_path)))
     with pytest.raises(SettingError, match="Steps"):
         PlusSettings(steps=0)
 

@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.network.weights import load_weights
-from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.dataset import save_samples
-from patchnet.training.data.samples import SampleSettings, draw_samples
+from patchnet.tests.training.procedural import draw_slats
+from patchnet.training.data.samples import SampleSettings
 
 pytest.importorskip("torch")
 from patchnet.training.run.processes import Processes
@@ -26,12 +23,8 @@ STEPS, BATCH = 12, 128
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("samples")
-    octree, settings = spheres_and_slats(6, seed=4), SampleSettings(views=4, min_level=3, seed=2)
-    save_octree(octree, folder / "slats.safetensors")
-    drawn = drain(draw_samples(octree, 2000, settings))
-    save_samples(drawn, folder / "slats.safetensors", octree, settings, folder / "slats.samples.safetensors")
-    return folder / "slats.samples.safetensors"
+    settings = SampleSettings(views=4, min_level=3, seed=2)
+    return draw_slats(tmp_path_factory.mktemp("samples"), 2000, settings)
 
 
 def train(samples: Path, out: Path, *launcher: str) -> list[dict]:

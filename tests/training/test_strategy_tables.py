@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.training.strategies.child_area import child_areas
-from patchnet.training.strategies.registry import EVALUATED, evaluated
+from patchnet.training.strategies.registry import EVALUATED
 from patchnet.training.strategies.ws_lut import (
     DIRECTIONS,
     child_error_table,
@@ -61,24 +61,6 @@ def test_projected_areas_of_a_voxel_and_of_a_child():
     assert not areas[0].any()
 
 
-def test_projected_areas_are_symmetric_and_grow_with_children():
-    directions = fibonacci_directions(200)
-    areas = child_areas(directions)
-    np.testing.assert_allclose(child_areas(-directions), areas, atol=1e-9)
-    mirrored = [sum(1 << (child ^ 1) for child in range(8) if mask >> child & 1) for mask in range(256)]
-    np.testing.assert_allclose(child_areas(directions * [-1, 1, 1])[mirrored], areas, atol=1e-9)
-    for mask in range(256):
-        for child in range(8):
-            assert np.all(areas[mask | 1 << child] >= areas[mask] - 1e-9)
-
-
-def test_directions_of_the_table_are_even():
-    directions = fibonacci_directions(DIRECTIONS)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-12)
-    gram = real_harmonics(directions, 2).T @ real_harmonics(directions, 2) * 4 * np.pi / DIRECTIONS
-    np.testing.assert_allclose(gram, np.eye(9), atol=1e-3)
-
-
 def test_table_of_child_masks():
     """Exact areas fit a little better than the rasterised ones of methods 3.8, whose residual was 0.026."""
     table, directions = child_error_table(), fibonacci_directions(DIRECTIONS)
@@ -104,7 +86,7 @@ def camera():
 
 @pytest.fixture(scope="module")
 def traced(octree, camera):
-    buffers = drain(trace_view(octree, camera, [evaluated(name) for name in NEW]))
+    buffers = drain(trace_view(octree, camera, [EVALUATED[name] for name in NEW]))
     leaf = buffers.hit & (octree.child_mask[buffers.hits.node] == 0)
     assert leaf.any() and (~leaf & buffers.hit).any() and (buffers.active & ~buffers.hit).any()
     return buffers
@@ -123,15 +105,15 @@ def test_normals_and_child_masks_of_hits(octree, traced):
 
 
 def test_only_what_is_needed_is_filled_in(octree, camera):
-    buffers = drain(trace_view(octree, camera, [evaluated("mitchell")], reference=False))
+    buffers = drain(trace_view(octree, camera, [EVALUATED["mitchell"]], reference=False))
     assert buffers.normal is None and buffers.child_mask is None and buffers.exact_1 is None
     for name, part in (("entropy-geometry", "normal"), ("ws-lut", "child_mask"), ("ws-lut-coverage", "exact_1")):
         with pytest.raises(SettingError, match=part):
-            evaluated(name).scores(buffers)
+            EVALUATED[name].scores(buffers)
 
 
 def test_table_scores_pixel_by_pixel(octree, traced):
-    scores = evaluated("ws-lut").scores(traced)
+    scores = EVALUATED["ws-lut"].scores(traced)
     for pixel, node in enumerate(traced.hits.node):
         expected = 0.0
         if node >= 0 and octree.child_mask[node]:
@@ -143,7 +125,7 @@ def test_table_scores_pixel_by_pixel(octree, traced):
 
 def test_exact_scores_one_level_ahead(octree, traced):
     exact = drain(exact_prediction(octree, traced.hits, 1))
-    coverage, luminance = (evaluated(name).scores(traced) for name in ("ws-lut-coverage", "ws-lut-luminance"))
+    coverage, luminance = (EVALUATED[name].scores(traced) for name in ("ws-lut-coverage", "ws-lut-luminance"))
     missing = np.where(traced.hit, 1 - exact.coverage, 0)
     np.testing.assert_allclose(coverage, missing, atol=1e-7)
     error = np.where(traced.hit, 5 * np.abs(traced.preview - exact.luminance), 0)
@@ -154,15 +136,15 @@ def test_exact_scores_one_level_ahead(octree, traced):
 
 @pytest.mark.parametrize("name", NEW)
 def test_scores_of_a_traced_view(name, traced):
-    scores = evaluated(name).scores(traced)
+    scores = EVALUATED[name].scores(traced)
     assert scores.dtype == np.float32 and np.isfinite(scores).all() and scores.min() >= 0 and scores.any()
     budgets = np.linspace(0, 1, 21)
-    curve, best = (mse_at(traced, each.scores(traced), budgets) for each in (evaluated(name), evaluated("optimal")))
+    curve, best = (mse_at(traced, each.scores(traced), budgets) for each in (EVALUATED[name], EVALUATED["optimal"]))
     assert np.all(np.diff(curve) <= 0) and np.all(best <= curve * (1 + 1e-12))
 
 
 @pytest.mark.parametrize("name", ["entropy-geometry", "ws-lut", "ws-lut-luminance"])
 def test_bands_of_rows_make_the_whole_view(name, octree, camera, traced):
-    picture = AdaptivePicture(octree, camera, evaluated(name))
+    picture = AdaptivePicture(octree, camera, EVALUATED[name])
     drain(picture.trace(Pace(band_pixels=29 * 4)))
-    np.testing.assert_array_equal(picture.score, evaluated(name).scores(traced))
+    np.testing.assert_array_equal(picture.score, EVALUATED[name].scores(traced))

@@ -18,16 +18,16 @@ from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.networks import NumpyEncoder, decode
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
-from patchnet.training.data.dataset import Dataset, load_dataset, save_samples
+from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.encoders import CONV3D, VOXCEPTION
 from patchnet.training.settings import PRESETS, TrainSettings, preset_with
 
 torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import TensorBatch  # noqa: E402  needs torch
+from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402  needs torch
 from patchnet.training.network.patchnet import PatchNet  # noqa: E402  needs torch
 from patchnet.training.run.learner import learning_rate  # noqa: E402  needs torch
 from patchnet.training.run.steps import rows_of_step  # noqa: E402  needs torch
@@ -59,7 +59,7 @@ def test_network_of_a_batch_is_that_of_the_engine(datasets: list[Dataset], encod
     rays = batch.direction.reshape(-1, 3), batch.up.reshape(-1, 3), batch.ratio.ravel()
     expected = np.stack(decode(weights, codes, *rays, clip=False), axis=1)
     model = PatchNet(weights)
-    found = model(TensorBatch.of(batch)).detach().numpy().reshape(-1, 2)
+    found = model(tensor_batch(batch)).detach().numpy().reshape(-1, 2)
     np.testing.assert_allclose(found, expected, atol=1e-4)
     assert model.to_weights().hash == weights.hash
 
@@ -214,9 +214,7 @@ def test_curves_for_tensorboard(datasets: list[Dataset], tmp_path: Path) -> None
 
 def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) -> None:
     octree, samples = datasets[0].octree, datasets[0].samples
-    save_octree(octree, tmp_path / "a.safetensors")
-    path = tmp_path / "a.samples.safetensors"
-    save_samples(samples, tmp_path / "a.safetensors", octree, SampleSettings(), path)
+    path = save_drawn(tmp_path, "a", octree, samples, SampleSettings())
     again = load_dataset(path)
     assert again.name == "a"
     np.testing.assert_array_equal(again.samples.views, samples.views)
@@ -262,19 +260,19 @@ def test_short_runs_have_high_rates_and_a_tenth_of_warm_up() -> None:
     assert asked(schedule="paper", passes=1000) == (0.002, 500)
 
 
-def test_decoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_path: Path) -> None:
-    settings = replace(SETTINGS, network="mixture", decoder_width=60)
-    assert drain(train(datasets, settings, RunOptions(tmp_path, stop_after=1))).kind.width == 60
-    with pytest.raises(SettingError, match="other values of decoder_width"):
-        drain(train(datasets, replace(settings, decoder_width=48), RunOptions(tmp_path, resume=True)))
+@pytest.mark.parametrize(("part", "width", "other"), [("decoder", 60, 48), ("encoder", 64, 128)])
+def test_parts_have_the_width_that_is_asked_for(
+    datasets: list[Dataset], tmp_path: Path, part: str, width: int, other: int
+) -> None:
+    settings = replace(SETTINGS, network="mixture", **{f"{part}_width": width})
+    weights = drain(train(datasets, settings, RunOptions(tmp_path, stop_after=1)))
+    assert {"decoder": weights.kind.width, "encoder": weights.encoder_kind.width}[part] == width
+    with pytest.raises(SettingError, match=f"other values of {part}_width"):
+        drain(train(datasets, replace(settings, **{f"{part}_width": other}), RunOptions(tmp_path, resume=True)))
+
+
+def test_another_network_or_encoder_has_its_own_width() -> None:
     assert preset_with("improved", {"network": "paper", "decoder_width": None}).decoder_width == 48
-
-
-def test_encoders_have_the_width_that_is_asked_for(datasets: list[Dataset], tmp_path: Path) -> None:
-    settings = replace(SETTINGS, encoder_width=64)
-    assert drain(train(datasets, settings, RunOptions(tmp_path, stop_after=1))).encoder_kind.width == 64
-    with pytest.raises(SettingError, match="other values of encoder_width"):
-        drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
     assert preset_with("improved", {"encoder": "conv3d", "encoder_width": None}).encoder_width == 0
 
 

@@ -10,25 +10,18 @@ import pytest
 from patchnet.commands import main
 from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
-from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import draw_slats
 from patchnet.training.data.augmentation import Augmentation
-from patchnet.training.data.dataset import load_dataset, save_samples
-from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.validation import all_of
-from patchnet.training.run.weights_errors import _errors, weights_errors
+from patchnet.training.data.dataset import load_dataset
+from patchnet.training.data.samples import SampleSettings
+from patchnet.training.run.validation import _errors, all_of, weights_errors
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("errors")
-    octree, settings = spheres_and_slats(6, seed=4), SampleSettings(views=4, min_level=3, held_out=0.3, seed=2)
-    save_octree(octree, folder / "slats.safetensors")
-    samples = drain(draw_samples(octree, 600, settings))
-    save_samples(samples, folder / "slats.safetensors", octree, settings, folder / "slats.samples.safetensors")
-    return folder / "slats.samples.safetensors"
+    settings = SampleSettings(views=4, min_level=3, held_out=0.3, seed=2)
+    return draw_slats(tmp_path_factory.mktemp("errors"), 600, settings)
 
 
 @pytest.mark.parametrize("kind", [PAPER, MIXTURE])

@@ -57,12 +57,6 @@ class Symmetries(NamedTuple):
     block: np.ndarray
     cell: np.ndarray
 
-    def matrix(self, index: int) -> np.ndarray:
-        """Symmetry as a (3, 3) float64 matrix that acts on column vectors."""
-        matrix = np.zeros((3, 3))
-        matrix[np.arange(3), self.axis[index]] = self.sign[index]
-        return matrix
-
 
 def cube_symmetries(lookahead: int = DEFAULT_LOOKAHEAD) -> Symmetries:
     """All axis permutations with all sign flips, for blocks of 2^lookahead cells a side."""
@@ -77,8 +71,6 @@ def _permutation(axis: np.ndarray, sign: np.ndarray, side: int) -> np.ndarray:
     index = np.arange(side**3)
     cells = np.stack([index % side, index // side % side, index // side**2], axis=-1)  # (side^3, 3)
     centred = 2 * cells - (side - 1)
-    moved = sign[:, None, :] * np.take_along_axis(
-        np.broadcast_to(centred, (COUNT, *centred.shape)), np.broadcast_to(axis[:, None, :], (COUNT, *centred.shape)), 2
-    )
+    moved = (sign * centred[:, axis]).swapaxes(0, 1)  # (48, side^3, 3)
     places = np.rint((moved + side - 1) / 2).astype(np.int32)
     return (places[..., 0] + side * places[..., 1] + side**2 * places[..., 2]).astype(np.int32)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Generic
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from .augmentation import Augmentation, Symmetries, cube_symmetries
 from .forest import Forest, tree_nodes
-from .nearby import Nearby, gather_nearby
+from .nearby import Array, Nearby, NearbyOf, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 
 BLOCK_POSITION = np.array(
@@ -33,7 +34,7 @@ BLOCK_POSITION = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class BatchOf(Generic[Array]):
     """V voxels with R views each.
 
     blocks: (M + 1, B) float32, an empty block and the M occupied ones of all voxels; cells z, y, x of occupancy,
@@ -44,15 +45,18 @@ class Batch:
     nearby: for networks that mix luminances.
     """
 
-    blocks: np.ndarray
-    rows: np.ndarray
-    entry: np.ndarray
-    direction: np.ndarray
-    up: np.ndarray
-    ratio: np.ndarray
-    coverage: np.ndarray
-    luminance: np.ndarray
-    nearby: Nearby | None = field(default=None, kw_only=True)
+    blocks: Array
+    rows: Array
+    entry: Array
+    direction: Array
+    up: Array
+    ratio: Array
+    coverage: Array
+    luminance: Array
+    nearby: NearbyOf[Array] | None = field(default=None, kw_only=True)
+
+
+Batch = BatchOf[np.ndarray]
 
 
 def block_values(lookahead: int, *, nearby: bool) -> int:

@@ -7,6 +7,7 @@ They are given in the frame of each ray, which is the same however voxel and ray
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -23,17 +24,23 @@ from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import device, lean_device
 from .forest import tree_nodes
 
+Array = TypeVar("Array")
+"""Array of NumPy's, or tensor of torch's."""
+
 
 @dataclass(frozen=True, eq=False)
-class Nearby:
+class NearbyOf(Generic[Array]):
     """Cells near V voxels in R views each, float32, see `MixtureInputs`.
 
     view: (V, R, 9). covered: (V, R, 64). luminances: (V, R, 65).
     """
 
-    view: np.ndarray
-    covered: np.ndarray
-    luminances: np.ndarray
+    view: Array
+    covered: Array
+    luminances: Array
+
+
+Nearby = NearbyOf[np.ndarray]
 
 
 @device

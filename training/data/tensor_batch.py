@@ -3,45 +3,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ...patchnet_addon.network.devices import CPU
-from .batches import Batch
+from .batches import Batch, BatchOf
+from .nearby import NearbyOf
+
+TensorBatch = BatchOf[Tensor]
+TensorNearby = NearbyOf[Tensor]
 
 
-@dataclass(frozen=True, eq=False)
-class TensorNearby:
-    """Cells near V voxels in R views, see `Nearby`."""
-
-    view: Tensor
-    covered: Tensor
-    luminances: Tensor
-
-
-@dataclass(frozen=True, eq=False)
-class TensorBatch:
-    """V voxels with R views each, see `Batch`; all tensors lie on one device."""
-
-    blocks: Tensor
-    rows: Tensor
-    entry: Tensor
-    direction: Tensor
-    up: Tensor
-    ratio: Tensor
-    coverage: Tensor
-    luminance: Tensor
-    nearby: TensorNearby | None
-
-    @classmethod
-    def of(cls, batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
-        """Batch on a device; on the CPU the same memory."""
-        device = torch.device(device)
-        near = None if batch.nearby is None else TensorNearby(**_tensors(batch.nearby, device))
-        return cls(**_tensors(batch, device), nearby=near)
+def tensor_batch(batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
+    """Batch on a device; on the CPU the same memory."""
+    device = torch.device(device)
+    near = None if batch.nearby is None else TensorNearby(**_tensors(batch.nearby, device))
+    return TensorBatch(**_tensors(batch, device), nearby=near)
 
 
 def _tensors(arrays: object, device: torch.device) -> dict[str, Tensor]:

@@ -23,7 +23,6 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ..benchmarks.figures import save_figure
 from .bootstrap import finite
 from .curves import (
     BUDGETS,
@@ -37,6 +36,7 @@ from .curves import (
     pooled_mse,
     rank_staged,
 )
+from .panels import save_figure
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
 _TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse light", "|octree - Cycles|")
@@ -183,7 +183,6 @@ def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> Pa
         for each, title in zip(axes, _TITLES, strict=True):
             each.set_title(title, fontsize=9)
             each.set(xticks=[], yticks=[])
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.png"
     save_figure(figure, path)
     return path

@@ -26,7 +26,6 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
-from ..strategies.registry import EVALUATED
 from .codes import SceneCodes, SceneFiles, codes_path, load_scene, make_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
@@ -45,9 +44,9 @@ class EvaluationSettings:
     """Settings of an evaluation.
 
     frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
-    weights: file, None for those that are shipped. processes: None for one a core. strategies: names of those of the
-    registry. lpips: files of its trunk and heads. maps: weights files of map networks, which are evaluated as well, and
-    networks: further networks like the one of `weights`.
+    weights: file, None for those that are shipped. processes: None for one a core. lpips: files of its trunk and heads.
+    maps: weights files of map networks, which are evaluated as well, and networks: further networks like the one of
+    `weights`.
     """
 
     frames: int = 2000
@@ -56,7 +55,6 @@ class EvaluationSettings:
     seed: int = 0
     weights: Path | None = None
     processes: int | None = None
-    strategies: tuple[str, ...] = tuple(EVALUATED)
     lpips: tuple[Path, Path] | None = None
     maps: tuple[Path, ...] = ()
     networks: tuple[PatchNetwork, ...] = ()
@@ -82,7 +80,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
     weights = load_weights(settings.weights)
     lpips_weights(settings.lpips)  # an error now, not after hours
-    strategies = strategies_in_use(settings.strategies, settings.maps, settings.networks)
+    strategies = strategies_in_use(settings.maps, settings.networks)
     scenes = []
     for name, path in octrees.items():
         scenes.append((yield from _prepare(name, path, settings, weights, out)))
@@ -140,7 +138,7 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
     key = _key(settings, octree_hash(octree), weights.whole_hash)
     blocks = [
         FrameBlock(
-            files, cameras[first : first + _BLOCK], first, settings.strategies,
+            files, cameras[first : first + _BLOCK], first,
             folder / "frames" / f"{first:05}.safetensors", key, settings.lpips, settings.maps,
         )
         for first in range(0, len(cameras), _BLOCK)

@@ -7,10 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import Camera
-from .poses import FreeSpace, Lens, LookAhead, Pose, Seen, find_poses, look, step_of, turn_of
+from .poses import Pose, Seen, Surroundings, step_of, turn_of
 
 MAX_STEP = 0.01  # cube sides from frame to frame
 MAX_TURN = float(np.radians(3.0))  # from frame to frame
@@ -50,16 +49,11 @@ def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np
 class Explorations:
     """Explorations of an octree; they remember what they have shown."""
 
-    def __init__(
-        self, octree: Octree, space: FreeSpace, lens: Lens, look_ahead: LookAhead, random: np.random.Generator
-    ) -> None:
-        self._octree = octree
-        self._space = space
-        self._lens = lens
-        self._look_ahead = look_ahead
-        self._side = octree.grid.side_world
-        self._poses = find_poses(octree, space, lens, random)
-        self._max_leg = max(_MAX_LEG, _MAX_LEG_NEAR * lens.near_world / self._side)
+    def __init__(self, around: Surroundings, random: np.random.Generator) -> None:
+        self._around = around
+        self._side = around.side_world
+        self._poses = around.find_poses(random)
+        self._max_leg = max(_MAX_LEG, _MAX_LEG_NEAR * around.near_world / self._side)
         self._seen = Seen()
 
     def shot(self, number: int, frames: int) -> list[Camera]:
@@ -93,7 +87,7 @@ class Explorations:
             cameras = self._flight(walk, frames, name, speed)
             if not self._is_smooth(cameras):
                 continue
-            share = self._look_ahead.share(cameras[::_EVERY])
+            share = self._around.share(cameras[::_EVERY])
             if best is None or (lasts, share) > best[:2]:
                 best = lasts, share, cameras, walk
             if lasts and share >= _MIN_SHARE:
@@ -128,12 +122,12 @@ class Explorations:
 
     def _is_open(self, here: Pose, pose: Pose) -> bool:
         """Tell whether the straight way is free, and look-ahead on it about as good as wanted."""
-        if not self._space.contains_path(np.stack([here.position_world, pose.position_world])):
+        if not self._around.space.contains_path(np.stack([here.position_world, pose.position_world])):
             return False
         for share in _ON_THE_WAY:
             position = here.position_world + share * (pose.position_world - here.position_world)
             target = here.target_world + share * (pose.target_world - here.target_world)
-            if look(self._octree, self._lens, position, target - position).share < _MIN_SHARE:
+            if self._around.look(position, target - position).share < _MIN_SHARE:
                 return False
         return True
 
@@ -153,12 +147,12 @@ class Explorations:
         times = self._times(walk)
         points = np.array([[*pose.position_world, *pose.target_world] for pose in walk])  # (K, 6)
         path = catmull_rom(times, points, np.linspace(0.0, speed * min(times[-1], frames - 1.0), frames))
-        return [self._lens.camera(row[:3], row[3:], name) for row in path]
+        return [self._around.camera(row[:3], row[3:], name) for row in path]
 
     def _is_smooth(self, cameras: list[Camera]) -> bool:
         """Tell whether the flight is free and its steps and turns are bounded."""
         positions = np.stack([camera.position_world for camera in cameras])
-        return self._space.contains_path(positions) and all(
+        return self._around.space.contains_path(positions) and all(
             step_of(*pair) <= MAX_STEP * self._side and turn_of(*pair) <= MAX_TURN for pair in pairwise(cameras)
         )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import Prediction
@@ -16,10 +17,9 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ..benchmarks.figures import check_figure
 from ..strategies.registry import EVALUATED
 from .codes import coded_octree
-from .panels import Crop, save_panels, show_picture, show_values, window_sums
+from .panels import Crop, save_panels, show_picture, show_values
 from .tracks import camera_track
 
 FIGURE = "failures"
@@ -53,12 +53,11 @@ def worst_failure(coded: CodedOctree, scene: str, cameras: Mapping[int, Camera])
         squared = _squared(buffers)
         assert buffers.prediction is not None
         total, count = total + float(squared.sum()), count + int(np.count_nonzero(buffers.prediction.look_ahead))
-        sums = window_sums(buffers.picture(squared), _SIDE)
-        place = int(np.argmax(sums))
-        here = float(sums.flat[place]) / _SIDE**2
+        means = sliding_window_view(buffers.picture(squared), (_SIDE, _SIDE)).mean(axis=(2, 3))
+        row, column = np.unravel_index(int(np.argmax(means)), means.shape)
+        here = float(means[row, column])
         if worst is None or here > worst.squared:
-            row, column = divmod(place, sums.shape[1])
-            worst = Failure(scene, frame, Crop(row, column, _SIDE), buffers, here, 0.0)
+            worst = Failure(scene, frame, Crop(int(row), int(column), _SIDE), buffers, here, 0.0)
     if worst is None:
         raise ValueError("no frames to look for failures in")
     return replace(worst, of_all=total / max(count, 1))
@@ -81,7 +80,6 @@ def make_failures(octrees: Sequence[Path], network: Weights, every: int, out: Pa
 
     every: of a track's frames. Raises PatchNetError if codes or figure cannot be written.
     """
-    check_figure(out / f"{FIGURE}.png", octrees)
     found = []
     for path in octrees:
         coded = yield from coded_octree(path, network)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE, finish
 from . import WITHOUT
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
-from .panels import save_panels
+from .panels import BLUE, GRAY, GREEN, ORANGE, PURPLE, save_panels
 from .strategies import network_name
 
 if TYPE_CHECKING:
@@ -138,9 +137,8 @@ def _draw_scene(axes: Axes, values: Mapping[str, Any], strategies: Iterable[str]
 
 def _finish(axes: Axes) -> None:
     """Grid and frame; the legend is the figure's."""
-    finish(axes)
-    if (legend := axes.get_legend()) is not None:
-        legend.remove()
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def network_styles(strategies: Iterable[str]) -> dict[str, Style]:

@@ -38,14 +38,13 @@ class FrameBlock:
     """Block of F frames of a scene, the unit of work and of what is kept.
 
     path: file of the results. key: of everything that they depend on; a file with another key is made again.
-    strategies: names, in the order of the results; those of maps, weights files of map networks, follow, then those of
-    the networks of `files`. lpips: files of its trunk and heads.
+    maps: weights files of map networks, whose strategies come before those of the networks of `files` in the results.
+    lpips: files of its trunk and heads.
     """
 
     files: SceneFiles
     cameras: Sequence[Camera]
     first: int
-    strategies: tuple[str, ...]
     path: Path
     key: str
     lpips: tuple[Path, Path] | None = None
@@ -88,7 +87,7 @@ def evaluate_block(block: FrameBlock) -> None:
         return
     codes = _load(block.files)
     coded = codes.coded
-    strategies = strategies_in_use(block.strategies, block.maps, block.files.networks)
+    strategies = strategies_in_use(block.maps, block.files.networks)
     rows = []
     with limit_threads(1):
         for number, camera in enumerate(block.cameras):

@@ -8,23 +8,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.runtime.file_kinds import PNG, SVG
 from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.sampling.ranking import Ranking, rank
 from ...patchnet_addon.sampling.refine import refined_picture
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
-from ..benchmarks.figures import save_figure
 from ..strategies.registry import EVALUATED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg")
+_KINDS = {".png": PNG, ".svg": SVG}
+# Told apart also without colour vision (Okabe and Ito).
+BLUE, ORANGE, GREEN, PURPLE, GRAY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "0.45"
 PATTERN_STRATEGIES = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "fine-rays-4", "optimal")
 PATTERN_BUDGET = 0.3
 
@@ -50,10 +54,16 @@ def hide_axes(axes: Axes, title: str) -> None:
     axes.set_axis_off()
 
 
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure whole or not at all; raises OutputError if it cannot be written."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replaced_path(path, _KINDS[path.suffix]) as temporary:
+        figure.savefig(temporary, format=path.suffix.removeprefix("."))
+
+
 def save_panels(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as `name` with each of ENDINGS; returns the files, raises PatchNetError if one cannot be."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}{ending}" for ending in ENDINGS]
+    """Write a figure as .png and .svg; returns the files, raises OutputError if one cannot be written."""
+    paths = [folder / f"{name}{ending}" for ending in _KINDS]
     for path in paths:
         save_figure(figure, path)
     return paths
@@ -73,18 +83,12 @@ class Crop:
         return slice(self.row, self.row + self.side), slice(self.column, self.column + self.side)
 
 
-def window_sums(values: np.ndarray, side: int) -> np.ndarray:
-    """Sums (H - side + 1, W - side + 1) float64 of all squares in `values` (H, W)."""
-    total = np.pad(np.asarray(values, np.float64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    return total[side:, side:] - total[:-side, side:] - total[side:, :-side] + total[:-side, :-side]
-
-
 def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tuple[Crop, Crop]:
     """Two squares that do not overlap: where errors (H, W) are below `other` by most, and where above by most.
 
     The second is found beside the first. side: in pixels, at most half of the picture's.
     """
-    gain = window_sums(np.asarray(other, np.float64) - error, side)
+    gain = sliding_window_view(np.asarray(other, np.float64) - error, (side, side)).sum(axis=(2, 3))
     first = _at(int(np.argmax(gain)), gain.shape, side)
     rows, columns = np.ogrid[: gain.shape[0], : gain.shape[1]]
     beside = np.maximum(abs(rows - first.row), abs(columns - first.column)) >= side

@@ -66,27 +66,6 @@ class FreeSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class Lens:
-    """Picture size in pixels and the axial distance, in world units, from which its hits have look-ahead.
-
-    Voxels stop rays at or above level depth - lookahead from there on (methods 7.6).
-    """
-
-    size_px: tuple[int, int]
-    near_world: float
-
-    @classmethod
-    def of(cls, octree: Octree, size_px: tuple[int, int], lookahead: int) -> Lens:
-        """Lens for an octree: 2 c z = side of a voxel of level depth - lookahead (methods 4.1b)."""
-        pixel = 2.0 * np.tan(FOV / 2) / size_px[1]
-        return cls(size_px, float(octree.grid.side_world * 2.0 ** (lookahead - octree.depth) / (2.0 * pixel)))
-
-    def camera(self, position_world: np.ndarray, target_world: np.ndarray, name: str) -> Camera:
-        """Upright camera of the track."""
-        return Camera.look_at(position_world, target_world, fov=FOV, size_px=self.size_px, name=name)
-
-
-@dataclass(frozen=True, eq=False)
 class Pose:
     """Position and look-at target (3,), world units, and what a small picture from there shows.
 
@@ -129,47 +108,77 @@ class Seen:
         return pose.quality * float(np.sum(1.0 / (1.0 + self._times[pose.cells])))
 
 
-def find_poses(octree: Octree, space: FreeSpace, lens: Lens, random: np.random.Generator) -> list[Pose]:
-    """Poses with look-ahead at random positions; only inside the scene if there are enough of them."""
-    low, high = space.bounds_world
-    margin = max(_AROUND * octree.grid.side_world, _AROUND_NEAR * lens.near_world)
-    inside: list[Pose] = []
-    outside: list[Pose] = []
-    for position in _free(space, random.uniform(low, high, (_POSITIONS, 3))):
-        around = [look(octree, lens, position, forward) for forward in _all_around(random)]
-        enclosed = np.mean([pose.hit for pose in around]) >= _ENCLOSED
-        (inside if enclosed else outside).extend(around)
-    for position in _free(space, random.uniform(low - [margin, margin, 0.0], high + margin, (_POSITIONS, 3))):
-        towards = random.uniform(low, high, (_AIMS, 3)) - position
-        outside.extend(look(octree, lens, position, forward) for forward in towards)
-    inside, outside = ([pose for pose in poses if pose.share >= MIN_SHARE and pose.hit] for poses in (inside, outside))
-    return inside if len(inside) >= _ENOUGH else inside + outside
+class Surroundings:
+    """Octree that cameras of one picture size look at, and the free space around and in it.
 
+    near_world: axial distance in world units from which hits have look-ahead: voxels stop rays at or above level
+    depth - lookahead from there on, 2 c z = side of such a voxel (methods 4.1b, 7.6).
+    """
 
-def look(octree: Octree, lens: Lens, position_world: np.ndarray, forward: np.ndarray) -> Pose:
-    """Pose at a position (3,) that looks along a direction (3,); its target is as far as the middle of what is seen."""
-    width, height = lens.size_px
-    size_px = (max(1, round(_TRIAL_PX * width / height)), _TRIAL_PX)
-    camera = Camera.look_at(position_world, position_world + forward, fov=FOV, size_px=size_px)
-    hits = first_hits(octree, camera)
-    seen = hits.hit
-    if not seen.any():
-        return Pose(position_world, position_world + forward * lens.near_world, 1.0, 0.0, 0.0, np.empty(0, np.int64))
-    z_world = hits.z_world[seen].astype(np.float64)
-    middle = float(np.median(z_world))
-    hit = float(seen.mean())
-    lit = float(np.clip(hits.luminance[seen] / _BRIGHT, 0.0, 1.0).mean())
-    points = position_world + hits.direction[seen] * hits.t_world[seen, None]
-    relief = _relief(hits.z_world.reshape(hits.height_px, hits.width_px))
-    cells = np.clip(octree.grid.to_unit(points) * _CELLS, 0, _CELLS - 1).astype(np.int64)
-    return Pose(
-        position_world,
-        position_world + camera.forward * middle,
-        share=float((z_world > lens.near_world).mean()),
-        hit=hit,
-        quality=hit * lit * relief * min(lens.near_world / middle, 1.0),
-        cells=np.unique((cells[:, 0] * _CELLS + cells[:, 1]) * _CELLS + cells[:, 2]),
-    )
+    def __init__(self, octree: Octree, size_px: tuple[int, int], lookahead: int) -> None:
+        self.octree, self.space = octree, FreeSpace(octree)
+        self.side_world = octree.grid.side_world
+        pixel = 2.0 * np.tan(FOV / 2) / size_px[1]
+        self.near_world = float(self.side_world * 2.0 ** (lookahead - octree.depth) / (2.0 * pixel))
+        self._size_px = size_px
+        self._ahead = octree.look_ahead(lookahead)
+
+    def camera(self, position_world: np.ndarray, target_world: np.ndarray, name: str) -> Camera:
+        """Upright camera of a track."""
+        return Camera.look_at(position_world, target_world, fov=FOV, size_px=self._size_px, name=name)
+
+    def share(self, cameras: Sequence[Camera]) -> float:
+        """Share of the hits of all cameras that have look-ahead; 1 without hits."""
+        seen = [first_hits(self.octree, camera) for camera in cameras]
+        ahead = np.concatenate([self._ahead[hits.node[hits.hit]] for hits in seen])
+        return float(ahead.mean()) if len(ahead) else 1.0
+
+    def look(self, position_world: np.ndarray, forward: np.ndarray) -> Pose:
+        """Pose at a position (3,), along a direction (3,); its target is as far as the middle of what is seen."""
+        width, height = self._size_px
+        size_px = (max(1, round(_TRIAL_PX * width / height)), _TRIAL_PX)
+        camera = Camera.look_at(position_world, position_world + forward, fov=FOV, size_px=size_px)
+        hits = first_hits(self.octree, camera)
+        seen = hits.hit
+        if not seen.any():
+            target = position_world + forward * self.near_world
+            return Pose(position_world, target, 1.0, 0.0, 0.0, np.empty(0, np.int64))
+        z_world = hits.z_world[seen].astype(np.float64)
+        middle = float(np.median(z_world))
+        hit = float(seen.mean())
+        lit = float(np.clip(hits.luminance[seen] / _BRIGHT, 0.0, 1.0).mean())
+        points = position_world + hits.direction[seen] * hits.t_world[seen, None]
+        relief = _relief(hits.z_world.reshape(hits.height_px, hits.width_px))
+        cells = np.clip(self.octree.grid.to_unit(points) * _CELLS, 0, _CELLS - 1).astype(np.int64)
+        return Pose(
+            position_world,
+            position_world + camera.forward * middle,
+            share=float((z_world > self.near_world).mean()),
+            hit=hit,
+            quality=hit * lit * relief * min(self.near_world / middle, 1.0),
+            cells=np.unique((cells[:, 0] * _CELLS + cells[:, 1]) * _CELLS + cells[:, 2]),
+        )
+
+    def find_poses(self, random: np.random.Generator) -> list[Pose]:
+        """Poses with look-ahead at random positions; only inside the scene if there are enough of them."""
+        low, high = self.space.bounds_world
+        margin = max(_AROUND * self.side_world, _AROUND_NEAR * self.near_world)
+        inside: list[Pose] = []
+        outside: list[Pose] = []
+        for position in self._free(random.uniform(low, high, (_POSITIONS, 3))):
+            around = [self.look(position, forward) for forward in _all_around(random)]
+            enclosed = np.mean([pose.hit for pose in around]) >= _ENCLOSED
+            (inside if enclosed else outside).extend(around)
+        for position in self._free(random.uniform(low - [margin, margin, 0.0], high + margin, (_POSITIONS, 3))):
+            towards = random.uniform(low, high, (_AIMS, 3)) - position
+            outside.extend(self.look(position, forward) for forward in towards)
+        inside, outside = (
+            [pose for pose in poses if pose.share >= MIN_SHARE and pose.hit] for poses in (inside, outside)
+        )
+        return inside if len(inside) >= _ENOUGH else inside + outside
+
+    def _free(self, points_world: np.ndarray) -> np.ndarray:
+        return points_world[self.space.contains(points_world)]
 
 
 def _relief(z_world: np.ndarray) -> float:
@@ -182,10 +191,6 @@ def _relief(z_world: np.ndarray) -> float:
     return float(np.mean(bend > _BEND * inverse[:, 1:-1])) if bend.size else 0.0
 
 
-def _free(space: FreeSpace, points_world: np.ndarray) -> np.ndarray:
-    return points_world[space.contains(points_world)]
-
-
 def _all_around(random: np.random.Generator) -> list[np.ndarray]:
     """Unit vectors (3,) in all headings and several pitches."""
     angles = 2 * np.pi * (np.arange(_HEADINGS) + random.random()) / _HEADINGS
@@ -194,25 +199,6 @@ def _all_around(random: np.random.Generator) -> list[np.ndarray]:
         for pitch in _PITCHES
         for angle in angles
     ]
-
-
-class LookAhead:
-    """Nodes of an octree that have descendants `lookahead` levels down, to count them in pictures."""
-
-    def __init__(self, octree: Octree, lookahead: int) -> None:
-        self._octree = octree
-        self._ahead = octree.look_ahead(lookahead)
-
-    def count(self, camera: Camera) -> tuple[int, int, float]:
-        """Pixels with look-ahead, pixels that hit, and the shortest ray in world units (inf without hits)."""
-        hits = first_hits(self._octree, camera)
-        nodes = hits.node[hits.hit]
-        return int(self._ahead[nodes].sum()), len(nodes), float(hits.t_world.min())
-
-    def share(self, cameras: Sequence[Camera]) -> float:
-        """Share of the hits of all cameras; 1 without hits."""
-        ahead, hit = np.sum([self.count(camera)[:2] for camera in cameras], axis=0)
-        return float(ahead / hit) if hit else 1.0
 
 
 def step_of(one: Camera, other: Camera) -> float:

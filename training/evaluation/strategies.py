@@ -12,7 +12,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import patchnet, patchnet_behind
 from ...patchnet_addon.sampling.strategy import Strategy
 from ..encoders import load_weights
-from ..strategies.registry import EVALUATED, evaluated
+from ..strategies.registry import EVALUATED
 from .networks.maps import map_strategy
 
 PREFIX = "pn-"
@@ -97,14 +97,12 @@ def _network(name: str, path: Path, lookahead: int) -> PatchNetwork:
     return PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees)
 
 
-def strategies_in_use(
-    names: Sequence[str], maps: Sequence[Path], networks: Sequence[PatchNetwork] = ()
-) -> dict[str, Strategy]:
-    """Strategies by name: those called `names`, of the weights files `maps`, and of `networks`, in this order.
+def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = ()) -> dict[str, Strategy]:
+    """Strategies by name: those of the registry, of the weights files `maps`, and of `networks`, in this order.
 
-    Raises SettingError for a name that there is not, or for two files of one network, and as `map_strategy`.
+    Raises SettingError for two files of one network, and as `map_strategy`.
     """
-    found = {name: evaluated(name) for name in names}
+    found = dict(EVALUATED)
     for path in maps:
         strategy = map_strategy(path)
         if strategy.name in found:

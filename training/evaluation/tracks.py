@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
 from .explorations import Explorations
-from .poses import FreeSpace, Lens, LookAhead, Pose, Seen, look
+from .poses import Pose, Seen, Surroundings
 
 FAR = 3.0  # cube sides from the target
 _MIN_SHARE = 0.95  # of a frame's hits with look-ahead, at its end
@@ -51,15 +51,10 @@ class _Line:
 class Approaches:
     """Approaches to an octree, each from another side and to what none before has shown."""
 
-    def __init__(
-        self, octree: Octree, space: FreeSpace, lens: Lens, look_ahead: LookAhead, random: np.random.Generator
-    ) -> None:
-        self._octree = octree
-        self._space = space
-        self._lens = lens
-        self._look_ahead = look_ahead
+    def __init__(self, around: Surroundings, random: np.random.Generator) -> None:
+        self._around = around
         self._random = random
-        self._far_world = FAR * octree.grid.side_world
+        self._far_world = FAR * around.side_world
         self._seen = Seen()
         self._azimuths: list[float] = []
 
@@ -80,16 +75,16 @@ class Approaches:
         return [self._camera(lines[best], distance, name) for distance in distances]
 
     def _camera(self, line: _Line, distance_world: float, name: str) -> Camera:
-        return self._lens.camera(line.position(distance_world, self._far_world), line.target_world, name)
+        return self._around.camera(line.position(distance_world, self._far_world), line.target_world, name)
 
     def _line(self, total: int) -> _Line | None:
         """Line from a random direction to a point of the surface that is seen from far; None if nothing is seen."""
         azimuth = self._azimuth(total)
         elevation = self._random.uniform(*_ELEVATIONS)
         swing = _SWING * self._random.choice([-1.0, 1.0])
-        centre = self._space.bounds_world.mean(axis=0)
+        centre = self._around.space.bounds_world.mean(axis=0)
         camera = self._camera(_Line(centre, azimuth, elevation, swing), self._far_world, "")
-        hits = first_hits(self._octree, camera)
+        hits = first_hits(self._around.octree, camera)
         seen = np.flatnonzero(hits.hit)
         if not len(seen):
             return None
@@ -112,30 +107,30 @@ class Approaches:
         for distance in self._distances(_COARSE_SCAN):
             pose = self._pose(line, distance)
             way = np.stack([end.position_world, pose.position_world])
-            if pose.share < _MIN_SHARE or not self._space.contains_path(way):
+            if pose.share < _MIN_SHARE or not self._around.space.contains_path(way):
                 break
             end = pose
         return end
 
     def _pose(self, line: _Line, distance_world: float) -> Pose:
         position = line.position(distance_world, self._far_world)
-        return look(self._octree, self._lens, position, line.target_world - position)
+        return self._around.look(position, line.target_world - position)
 
     def _nearest(self, line: _Line, name: str) -> float:
         """Shortest distance to which all the way is free and has look-ahead."""
         reached = self._far_world
         for distance in self._distances(_SCAN):
             way = np.stack([line.position(each, self._far_world) for each in (reached, distance)])
-            if not self._space.contains_path(way):
+            if not self._around.space.contains_path(way):
                 break
-            if self._look_ahead.share([self._camera(line, distance, name)]) < _MIN_SHARE:
+            if self._around.share([self._camera(line, distance, name)]) < _MIN_SHARE:
                 break
             reached = float(distance)
         return reached
 
     def _distances(self, count: int) -> np.ndarray:
         """Distances (count,) in world units from far to the nearest that has look-ahead at the picture's centre."""
-        nearest = min(self._lens.near_world, self._far_world)
+        nearest = min(self._around.near_world, self._far_world)
         return np.geomspace(self._far_world, nearest, count + 1)[1:]
 
 
@@ -162,10 +157,9 @@ def camera_track(
     if octree.depth <= lookahead:
         raise SettingError(f"An octree of depth {octree.depth} has no look-ahead of {lookahead} levels: use more depth")
     yield Progress(0, frames, "Looking for poses")
-    space, lens, look_ahead = FreeSpace(octree), Lens.of(octree, size_px, lookahead), LookAhead(octree, lookahead)
+    around = Surroundings(octree, size_px, lookahead)
     near_random, far_random = np.random.default_rng(seed).spawn(2)
-    approaches = Approaches(octree, space, lens, look_ahead, far_random)
-    explorations = Explorations(octree, space, lens, look_ahead, near_random)
+    approaches, explorations = Approaches(around, far_random), Explorations(around, near_random)
     cameras: list[Camera] = []
     first, second = _shots(frames - frames // 2), _shots(frames // 2)
     for number, length in enumerate(first, 1):

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE, EncoderKind
 from ...patchnet_addon.network.harmonics import harmonic_terms
 from ...patchnet_addon.network.kinds import OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
 from ...patchnet_addon.network.weights import MODULATED, Weights
 from ..data.tensor_batch import TensorBatch, TensorNearby
-from ..encoders import ConvolvingKind
-from .convolutions import TorchLayer, convolved_values
+from ..encoders import MAXIMUM, Branch, ConvolvingKind
 
 _SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
 _FIRST = "encoder.0.weight"
@@ -89,14 +89,15 @@ class PatchNet(nn.Module):
 
     def _hidden(self, patches: Tensor) -> Tensor:
         """Values (C, width) that the encoder's last layer is given."""
-        if isinstance(self.encoder_kind, ConvolvingKind):
-            layers: list[TorchLayer] = [(each.weight, each.bias) for each in self.encoder[:-1]]  # type: ignore[misc]
-            whole = _with_luminance(patches) if self.kind.mixes else patches
-            return convolved_values(self.encoder_kind.stages(self.lookahead), layers, whole)
-        values = patches.flatten(1)
-        for layer in self.encoder[:-1]:
-            values = torch.relu(layer(values))
-        return values
+        if not isinstance(self.encoder_kind, ConvolvingKind):
+            return torch.relu(_run_layers(self.encoder[:-1], patches.flatten(1)))
+        *layers, hidden = self.encoder[:-1]
+        cells = _cells(_with_luminance(patches) if self.kind.mixes else patches)
+        cells = cells.contiguous(memory_format=torch.channels_last_3d)
+        left = iter(layers)
+        for stage in self.encoder_kind.stages(self.lookahead):
+            cells = torch.relu(torch.cat([_branch(branch, next(left), cells) for branch in stage], dim=1))
+        return torch.relu(hidden(cells.flatten(1)))
 
     def decode(self, codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
         """Coverage and luminance (..., 2) in [-1, 2] for codes (..., 10), unit vectors (..., 3) and ratios (...)."""
@@ -116,6 +117,23 @@ class PatchNet(nn.Module):
         shares = covered * torch.exp(logits - logits.amax(dim=-1, keepdim=True))
         shares = shares / shares.sum(dim=-1, keepdim=True)
         return torch.stack([_bounded(outputs[..., 0]), (shares * near.luminances).sum(-1)], dim=-1)
+
+
+def _cells(patches: Tensor) -> Tensor:
+    """Cells (C, 5, 2 s, 2 s, 2 s), channel, z, y, x, of the eight blocks (C, 8, B) of patches, octants x fastest."""
+    side = round((patches.shape[2] // CHANNELS) ** (1 / 3))
+    parts = patches.view(-1, 2, 2, 2, side, side, side, CHANNELS)  # octant and cell of z, y, x; channel
+    return parts.permute(0, 7, 1, 4, 2, 5, 3, 6).reshape(-1, CHANNELS, *(2 * side,) * 3)
+
+
+def _branch(branch: Branch, convolution: nn.Module, cells: Tensor) -> Tensor:
+    values: Tensor = convolution(cells)
+    if not branch.pool:
+        return values
+    if branch.pool == MAXIMUM:
+        return functional.max_pool3d(values, 3, stride=2, padding=1)
+    # On the CPU torch has no such means of bfloat16.
+    return functional.avg_pool3d(values.float(), 3, stride=2, padding=1).to(values.dtype)
 
 
 def interpolate(corner_codes: Tensor, entry: Tensor) -> Tensor:
@@ -151,11 +169,15 @@ def _with_luminance(blocks: Tensor) -> Tensor:
 
 
 def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
-    """Layers without values; those of kernels know these alone, strides and padding are the stages' affair."""
-    return [
-        nn.Linear(shape[1], shape[0]) if len(shape) == 2 else nn.Conv3d(shape[1], shape[0], shape[2])
-        for shape in encoder.shapes(lookahead)
+    """Layers without values; those that convolve put zeros around what they see."""
+    shapes = encoder.shapes(lookahead)
+    stages = encoder.stages(lookahead) if isinstance(encoder, ConvolvingKind) else ()
+    branches = [branch for stage in stages for branch in stage]
+    layers: list[nn.Module] = [
+        nn.Conv3d(shape[1], shape[0], branch.side, branch.stride, branch.side // 2)
+        for branch, shape in zip(branches, shapes, strict=False)
     ]
+    return layers + [nn.Linear(shape[1], shape[0]) for shape in shapes[len(branches) :]]
 
 
 def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:

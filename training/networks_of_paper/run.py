@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from ..encoders import ENCODERS, load_weights
 from ..run.model_card import read_log, write_card
 from ..run.run_files import CHECKPOINT, LOG
 from ..run.trainer import RunOptions, train
-from ..run.weights_errors import weights_errors
+from ..run.validation import weights_errors
 from ..settings import TrainSettings
 from .plan import OUTPUTS, RECORD, TABLE, VALUES, NetworkPlan, network_folder, weights_path
 
@@ -44,19 +44,20 @@ class NetworksRun:
     """Budget of each network of a run, and how it is carried out.
 
     samples: of each scene. least_level: of the voxels that they are of. settings: of the trainings, their passes are
-    those of each network. voxels: of each scene that errors are measured on, at most. device, threads,
-    checkpoint_minutes: as `RunOptions` says. notes: `command`, `versions` and `machine` for the model cards.
+    those of each network. voxels: of each scene that errors are measured on, at most. options: of the trainings; its
+    folder is that of all networks, its notes are `command`, `versions` and `machine` for the model cards.
     """
 
-    out: Path
     samples: int
     least_level: int
     settings: TrainSettings
     voxels: int
-    device: str
-    threads: int | None = None
-    checkpoint_minutes: float = 5.0
-    notes: Mapping[str, Any] = field(default_factory=dict)
+    options: RunOptions
+
+    @property
+    def out(self) -> Path:
+        """Folder of the run."""
+        return self.options.out
 
 
 def train_networks(
@@ -96,10 +97,8 @@ def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, t
     if (kept := _kept_row(folder / RECORD, key, weights_path(run.out, plan.name))) is not None:
         return kept
     learned = [data[scene] for scene in plan.scenes]
-    options = RunOptions(
-        folder, (folder / CHECKPOINT).exists(), run.checkpoint_minutes, device=run.device, threads=run.threads,
-        notes=dict(run.notes) | {"settings": asdict(settings)},
-    )  # fmt: skip
+    notes = run.options.notes | {"settings": asdict(settings)}
+    options = replace(run.options, out=folder, resume=(folder / CHECKPOINT).exists(), notes=notes)
     weights = yield from labelled(train(learned, settings, options), f"Training {title}")
     save_weights(weights, weights_path(run.out, plan.name))
     write_card(folder, learned, settings, weights.metadata, weights.hash)

@@ -25,6 +25,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
+from ..evaluation.map_frames import FrameSettings
 from ..evaluation.tracks import camera_track
 from ..network.research_encoder import research_encoder
 
@@ -36,22 +37,14 @@ _INPUTS = Strategy(
 
 
 @dataclass(frozen=True)
-class TrackSettings:
-    """Settings of each octree's frames: length of its track, distance of the frames in it, pixels, seed.
+class TrackSettings(FrameSettings):
+    """Settings of each octree's frames; side: rays along a pixel's side of the reference."""
 
-    side: rays along a pixel's side of the reference.
-    """
-
-    frames: int = 2000
     every: int = 40
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
     side: int = 16
 
     def __post_init__(self) -> None:
-        bounds.TRACK_FRAMES.check(self.frames)
-        bounds.TRACK_FRAMES.check(self.every)
-        bounds.SEED.check(self.seed)
+        super().__post_init__()
         bounds.RAYS.check(self.side)
 
 

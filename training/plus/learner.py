@@ -31,12 +31,13 @@ class FormLearner:
         count, hidden, _, outputs = layer_sizes(form)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.layers = [nn.Linear(count, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)]
+            layers = nn.Linear(count, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)
         self.skip = nn.Parameter(torch.zeros(count))
         with torch.no_grad():
-            self.layers[-1].weight.zero_()
-            self.layers[-1].bias.copy_(torch.tensor([0.0, _FIRST_MEAN]))
-        self.parameters = [*(value for layer in self.layers for value in layer.parameters()), self.skip]
+            layers[-1].weight.zero_()
+            layers[-1].bias.copy_(torch.tensor([0.0, _FIRST_MEAN]))
+        self.model = nn.Sequential(layers[0], nn.ReLU(), layers[1], nn.ReLU(), layers[2])
+        self.parameters = [*self.model.parameters(), self.skip]
         self.moving = [parameter.detach().clone() for parameter in self.parameters]
         self.optimizer = torch.optim.Adam(self.parameters, rate)
         self.steps = 0
@@ -76,8 +77,5 @@ class FormLearner:
 
     def _outputs(self, inputs: torch.Tensor) -> torch.Tensor:
         """Expected squared error over the squared scale, (B,)."""
-        values = inputs
-        for layer in self.layers[:-1]:
-            values = torch.relu(layer(values))
-        variance, mean = self.layers[-1](values).unbind(1)
+        variance, mean = self.model(inputs).unbind(1)
         return (mean + inputs @ self.skip) ** 2 + torch.exp(variance.clamp(LOWEST, HIGHEST))

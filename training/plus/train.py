@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.plus.forms import FORMS
 from ...patchnet_addon.sampling.plus.weights import Estimators, save_estimators
 from ..run.run_log import Log
+from ..run.trainer import RunOptions
 from .frames import TrackSettings, views_of
 from .learner import FormLearner
 from .pixel_table import SYMMETRIES, PixelTable
@@ -53,16 +53,6 @@ class PlusSettings:
         bounds.SEED.check(self.seed)
 
 
-@dataclass(frozen=True)
-class PlusOptions:
-    """Options of carrying out a run. references: folder where they are kept. notes: for the weights' metadata."""
-
-    out: Path
-    references: Path
-    log_steps: int = 100
-    notes: dict[str, Any] = field(default_factory=dict)
-
-
 def pixels_of(
     octrees: Sequence[Path], weights: Weights, tracks: TrackSettings, settings: PlusSettings, folder: Path
 ) -> Steps[PixelTable]:
@@ -75,17 +65,16 @@ def pixels_of(
     return PixelTable.joined(parts)
 
 
-def train_plus(table: PixelTable, settings: PlusSettings, options: PlusOptions) -> Steps[Path]:
+def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -> Steps[Path]:
     """Train the networks of all forms on a table, and return the file of their weights.
 
-    Keeps `log.jsonl` up to date and writes `plus.safetensors` at the end. Raises PatchNetError without pixels or if the
-    loss is no number any more, OutputError for files that cannot be written.
+    Keeps `log.jsonl` in `options.out` up to date and writes `plus.safetensors` at the end. Raises PatchNetError without
+    pixels or if the loss is no number any more, OutputError for files that cannot be written.
     """
     if len(table) == 0:
         raise PatchNetError("There is nothing to learn from: the octrees' tracks show no surface")
     check_plus_run(options.out)
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / LOG).unlink(missing_ok=True)
     log, began = Log(options.out / LOG, 0), time.monotonic()
     random = np.random.default_rng(settings.seed)
     some = table.batch(random.integers(len(table), size=min(_SCALED_BY, 20 * len(table))), 0)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training step of one network: forward pass, loss, optimiser, moving mean of the weights; and the learning rates."""
+"""Training step of one network: forward pass, loss, optimiser, moving mean of the weights; and the learning rates.
+
+The loss (methods 7.21, 11.3) is, squared, the mean squared error of coverage, and `luminance_weight` times that of
+luminance where something is seen; absolute, as the paper's, the same of absolute errors.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +18,31 @@ from ...patchnet_addon.network.torch_precision import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..data.tensor_batch import TensorBatch
-from ..network.losses import batch_loss
 from ..network.patchnet import PatchNet
 from ..settings import SQUARED, TF32, TrainSettings
 
 
-class Learner:
+class Resumable:
+    """What is trained, with the steps that it has taken, and the seconds that they took over all interruptions."""
+
+    def __init__(self, **parts: Any) -> None:
+        """Parts of a state by name: modules and optimisers of torch's."""
+        self._parts = parts
+        self.steps, self.seconds = 0, 0.0
+
+    def state(self) -> dict[str, Any]:
+        """All that `load` needs to go on exactly, on whatever device."""
+        parts = {name: part.state_dict() for name, part in self._parts.items()}
+        return parts | {"steps": self.steps, "seconds": self.seconds}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Inverse of `state`; raises RuntimeError, KeyError or ValueError for one that is not whole."""
+        for name, part in self._parts.items():
+            part.load_state_dict(state[name])
+        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
+
+
+class Learner(Resumable):
     """Network, optimiser and moving mean, on one device."""
 
     def __init__(self, settings: TrainSettings, lookahead: int = DEFAULT_LOOKAHEAD, device: str = CPU) -> None:
@@ -27,8 +50,7 @@ class Learner:
         weights = Weights.random(settings.seed, lookahead=lookahead, kind=settings.kind, encoder=settings.encoder_kind)
         self.model, self.mean = (PatchNet(weights).to(self.device) for _ in range(2))
         self.optimizer = torch.optim.Adam(self.model.parameters(), settings.learning_rate, fused=True)
-        self.steps = 0
-        self.seconds = 0.0  # of training so far, over all interruptions
+        super().__init__(model=self.model, mean=self.mean, optimizer=self.optimizer)
 
     def differentiate(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
         """Gradients of the loss of a batch by all parameters, and its sums (3,) for `mean_errors`.
@@ -61,22 +83,26 @@ class Learner:
             for mean, parameter in zip(self.mean.parameters(), parameters, strict=True):
                 mean.lerp_(parameter, 1.0 - decay)
 
-    def state(self) -> dict[str, Any]:
-        """All that `load` needs to go on exactly, on whatever device."""
-        return {
-            "model": self.model.state_dict(),
-            "mean": self.mean.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "steps": self.steps,
-            "seconds": self.seconds,
-        }
 
-    def load(self, state: dict[str, Any]) -> None:
-        """Inverse of `state`."""
-        self.model.load_state_dict(state["model"])
-        self.mean.load_state_dict(state["mean"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
+def batch_loss(
+    predicted: Tensor, batch: TensorBatch, *, squared: bool, luminance_weight: float
+) -> tuple[Tensor, Tensor]:
+    """Loss of coverage and luminance (V, R, 2), and sums (3,) for `mean_errors`.
+
+    Sums are the mean absolute errors of coverage and of luminance, the latter 0 where nothing is seen, and the share of
+    views that see something.
+    """
+    seen = (batch.coverage > 0).float()
+    coverage, luminance = predicted[..., 0] - batch.coverage, (predicted[..., 1] - batch.luminance) * seen
+    errors = torch.stack([coverage, luminance]).flatten(1)  # (2, V R)
+    losses = (errors.square() if squared else errors.abs()).mean(dim=1)
+    sums = torch.stack([*errors.detach().abs().mean(dim=1), seen.mean()])
+    return losses[0] + luminance_weight * losses[1], sums
+
+
+def mean_errors(sums: Tensor) -> Tensor:
+    """Errors (2,) of a step, of coverage and of luminance where something is seen, from the sums (3,) of its parts."""
+    return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])
 
 
 def learning_rate(step: int, total: int, settings: TrainSettings) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...patchnet_addon.network.encoders import EncoderKind, patch_side
+from ..benchmarks.tables import markdown_table
 from ..data.dataset import Dataset
 from ..data.held_out import is_turned, scene_of
 from ..encoders import ConvolvingKind
@@ -180,5 +181,4 @@ def _error_row(entry: dict[str, float]) -> list[str]:
 
 
 def _table(head: list[str], rows: list[list[str]]) -> list[str]:
-    lines = [head, ["---"] * len(head), *rows]
-    return ["| " + " | ".join(line) + " |" for line in lines] + [""]
+    return [markdown_table(head, rows), ""]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,13 @@ def describe_commit(root: Path = ROOT) -> str:
     if Path(top).resolve() != root.resolve():  # the package lies in somebody else's repository
         return ""
     return f"{commit}, with changes" if changes else commit
+
+
+def run_notes(device: str = CPU) -> dict[str, Any]:
+    """Command line, versions and machine of this process, for the metadata of what it makes."""
+    return {
+        "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
+    }  # fmt: skip
 
 
 def describe_command(arguments: Sequence[str]) -> str:

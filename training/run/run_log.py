@@ -35,13 +35,18 @@ class Log:
         self._losses: list[torch.Tensor] = []
 
     def add(self, losses: torch.Tensor) -> None:
-        """Remember the errors (2,) of one step; they are not looked at before, so that no step waits for a GPU."""
+        """Remember the loss or errors of one step; they are not looked at before, so that no step waits for a GPU."""
         self._losses.append(losses)
 
-    def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
-        """Write the mean errors since the last time."""
-        coverage, luminance = torch.stack(self._losses).double().mean(0).tolist()
+    def means(self) -> list[float]:
+        """Means of what was remembered since the last time."""
+        found: list[float] = torch.stack(self._losses).double().mean(0).flatten().tolist()
         self._losses.clear()
+        return found
+
+    def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
+        """Write the mean errors of coverage and luminance since the last time."""
+        coverage, luminance = self.means()
         errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
         self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)
 

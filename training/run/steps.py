@@ -20,7 +20,7 @@ from ..data.augmentation import Augmentation
 from ..data.batches import Batch
 from ..data.corpus import Corpus
 from ..data.fresh import FreshCorpus
-from ..data.tensor_batch import TensorBatch
+from ..data.tensor_batch import TensorBatch, tensor_batch
 from ..settings import TrainSettings
 from .processes import Processes
 
@@ -65,7 +65,7 @@ def batches_ahead(
 
     def gathered(step: int) -> TensorBatch:
         with enough_memory(BATCHES):
-            return TensorBatch.of(plan.batch(step), device)
+            return tensor_batch(plan.batch(step), device)
 
     with ThreadPoolExecutor(ahead, "PatchNet batches") as pool:
         waiting = deque(pool.submit(gathered, step) for step in range(first, min(first + ahead, end)))

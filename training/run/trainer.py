@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 
@@ -29,9 +29,8 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ..data.corpus import Corpus, corpus_of
 from ..data.dataset import Dataset
 from ..data.fresh import fresh_corpus_of
-from ..network.losses import mean_errors
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
-from .learner import Learner, learning_rate
+from .learner import Learner, Resumable, learning_rate, mean_errors
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
@@ -186,13 +185,6 @@ def has_fast_bf16() -> bool:
     """Return whether this processor multiplies bf16 matrices in hardware."""
     capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
     return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
-
-
-class Resumable(Protocol):
-    """Learner that can go on from a state."""
-
-    def load(self, state: dict[str, Any]) -> None:
-        """Take over a state; raises RuntimeError, KeyError or ValueError for one that is not whole."""
 
 
 def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:

@@ -1,40 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Validation: scenes that take no part in a run, held-out parts of those that do, and errors on them (methods 7.21)."""
+"""Validation: scenes that take no part in a run, held-out parts of those that do, and errors on them (methods 7.21);
+errors of weights on a scene's samples as a whole, by level and by pixel-voxel ratio.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 
 from ...patchnet_addon.network.torch_precision import float32_products
+from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.augmentation import Augmentation
 from ..data.corpus import Corpus
 from ..data.dataset import Dataset, check_names
 from ..data.forest import concatenate, voxel_luminance
 from ..data.held_out import why_not_held_out
-from ..data.tensor_batch import TensorBatch
+from ..data.samples import UNIT
+from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
 
 _CHUNK = 512
+_RATIOS = 0.5, 0.625, 0.75, 0.875, 1.0
 
 
-def validate(
-    model: PatchNet, sets: Mapping[str, Corpus], limit: int = VALIDATION_VOXELS
-) -> dict[str, dict[str, float]]:
+def validate(model: PatchNet, sets: Mapping[str, Corpus]) -> dict[str, dict[str, float]]:
     """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
 
     `constant_coverage` and `constant_luminance` are those of the best constant guess, `voxel_luminance` that of
     luminance as the voxel shows it, which is what a pixel has without a network. Errors of luminance are over views
-    that see something. Only the first `limit` voxels of each count; samples are drawn in random order.
+    that see something. Only the first VALIDATION_VOXELS of each count; samples are drawn in random order.
     """
     result = {}
     for name, corpus in sets.items():
-        coverage, luminance, guess, target, own = predicted_views(model, corpus, limit)
+        coverage, luminance, guess, target, own = predicted_views(model, corpus, VALIDATION_VOXELS)
         seen = coverage > 0
         result[name] = {
             "coverage": _mean(np.abs(guess - coverage)),
@@ -57,13 +62,13 @@ def _predicted(model: PatchNet, corpus: Corpus, first: int, last: int) -> tuple[
     rows = np.arange(first, last)
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad(), float32_products(model.device):
-        predicted = model(TensorBatch.of(batch, model.device)).clamp(0, 1).cpu().numpy()
+        predicted = model(tensor_batch(batch, model.device)).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
     return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
 
 
 def _mean(values: np.ndarray) -> float:
-    return round(float(values.mean()), 6) if values.size else 0.0
+    return _rounded(values.mean()) if values.size else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,3 +109,57 @@ def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
     samples = dataset.samples
     tree = np.zeros(len(samples.voxel), np.int32)
     return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)
+
+
+def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str, Any]:
+    """Errors of the first `voxels` of a data set, plain JSON values: `all`, by `level`, by `ratio`.
+
+    Each has `views`, mean absolute `coverage` and `luminance`, the luminance error of `voxel_luminance`, what the voxel
+    shows without a network, `luminance_ratio` of these two, and mean squares: `coverage_squared`, and
+    `luminance_squared_ratio` over views weighted by coverage. Raises SettingError where samples and weights look
+    another number of levels ahead.
+    """
+    if weights.lookahead != dataset.lookahead:
+        raise SettingError(
+            f"{dataset.name} looks {dataset.lookahead} levels ahead, the weights {weights.lookahead}: draw the samples "
+            f"with --lookahead {weights.lookahead}"
+        )
+    corpus = all_of(dataset, nearby=weights.kind.mixes)
+    found = np.stack(predicted_views(PatchNet(weights), corpus, voxels))  # (5, N)
+    views = corpus.views.shape[1]
+    level = np.repeat(corpus.voxel[:voxels, 0], views)
+    ratio = corpus.views[:voxels, :, 9].ravel() / UNIT
+    bins = {f"{low} to {high}": (ratio >= low) & (ratio <= high) for low, high in itertools.pairwise(_RATIOS)}
+    return {
+        "all": _errors(found),
+        "level": {str(one): _errors(found[:, level == one]) for one in np.unique(level)},
+        "ratio": {name: _errors(found[:, chosen]) for name, chosen in bins.items() if chosen.any()},
+    }
+
+
+def _errors(found: np.ndarray) -> dict[str, float | None]:
+    """Errors of views (5, N), N > 0; luminance counts where something is seen, and is 0 where nothing is.
+
+    The ratios to the voxel's own errors are None where those are 0.
+    """
+    coverage, luminance, guess, target, own = found.astype(np.float64)
+    seen = coverage > 0
+    ours, voxels = (target - luminance)[seen], (own - luminance)[seen]
+    weight = coverage[seen]
+    return {
+        "views": len(coverage),
+        "coverage": _rounded(np.abs(guess - coverage).mean()),
+        "coverage_squared": _rounded(np.square(guess - coverage).mean()),
+        "luminance": _rounded(np.abs(ours).sum() / max(len(ours), 1)),
+        "voxel_luminance": _rounded(np.abs(voxels).sum() / max(len(voxels), 1)),
+        "luminance_ratio": _ratio(np.abs(ours).sum(), np.abs(voxels).sum()),
+        "luminance_squared_ratio": _ratio((weight * ours**2).sum(), (weight * voxels**2).sum()),
+    }
+
+
+def _ratio(ours: float, voxels: float) -> float | None:
+    return _rounded(ours / voxels) if voxels > 0 else None
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 6)

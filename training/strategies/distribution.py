@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.windows import windows
 
 EPSILON = 1e-6  # a window whose luminances sum to less is black
@@ -46,6 +48,27 @@ class WindowDistribution:
         return np.where(self.inside, values, 0.0).sum(axis=-1) / self.count
 
 
-def luminance_distribution(buffers: PixelBuffers) -> WindowDistribution:
-    """Distribution of the preview's luminance in all windows of a view; black windows count as uniform."""
-    return WindowDistribution.of(buffers.picture(buffers.preview), EPSILON)
+Contrast = Callable[[WindowDistribution], np.ndarray]
+"""Contrast (H, W) of the distribution in each window."""
+
+
+def luminance_contrast(buffers: PixelBuffers, contrast: Contrast) -> np.ndarray:
+    """Contrast of luminance times mean luminance of each window of the preview, (H, W); black ones count as uniform."""
+    distribution = WindowDistribution.of(buffers.picture(buffers.preview), EPSILON)
+    return distribution.mean * contrast(distribution)
+
+
+def contrast_strategy(
+    name: str, title: str, description: str, contrast: Contrast, maximum: float, quantity: str = "luminance x contrast"
+) -> Strategy:
+    """Strategy whose score is a contrast of luminance times mean luminance of the 3x3 pixels around."""
+    return Strategy(
+        name=name,
+        title=title,
+        description=description,
+        needs=frozenset(),
+        score=lambda buffers: luminance_contrast(buffers, contrast).ravel(),
+        quantity=quantity,
+        maximum=maximum,
+        group="screen-space",
+    )

@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
-from .distribution import WindowDistribution, luminance_distribution
+from .distribution import Contrast, WindowDistribution, contrast_strategy
 
 
 def kullback_leibler(distribution: WindowDistribution) -> np.ndarray:
@@ -29,35 +26,19 @@ def squared_hellinger(distribution: WindowDistribution) -> np.ndarray:
     return distribution.average((np.sqrt(distribution.ratio) - 1.0) ** 2) / 2.0
 
 
-def _strategy(
-    name: str,
-    title: str,
-    divergence: Callable[[WindowDistribution], np.ndarray],
-    words: str,
-    maximum: float,
-    root: bool = False,
-) -> Strategy:
-    def score(buffers: PixelBuffers) -> np.ndarray:
-        distribution = luminance_distribution(buffers)
-        amount = divergence(distribution)
-        return (distribution.mean * (np.sqrt(amount) if root else amount)).ravel()
+def _root_of(divergence: Contrast) -> Contrast:
+    return lambda distribution: np.sqrt(divergence(distribution))
 
-    return Strategy(
-        name=name,
-        title=title,
-        description=f"Mean luminance times the {words} of the 3x3 pixels around from uniform luminance",
-        needs=frozenset(),
-        score=score,
-        quantity="luminance x divergence",
-        maximum=maximum,
-        group="screen-space",
-    )
+
+def _strategy(name: str, title: str, words: str, divergence: Contrast, maximum: float) -> Strategy:
+    description = f"Mean luminance times the {words} of the 3x3 pixels around from uniform luminance"
+    return contrast_strategy(name, title, description, divergence, maximum, "luminance x divergence")
 
 
 STRATEGIES = (
-    _strategy("kl", "Kullback-Leibler", kullback_leibler, "Kullback-Leibler divergence", 0.25),
-    _strategy("chi2", "Chi-square", chi_square, "chi-square divergence", 0.5),
-    _strategy("chi2-root", "Chi-square, root", chi_square, "root of the chi-square divergence", 0.5, root=True),
-    _strategy("hellinger", "Hellinger", squared_hellinger, "squared Hellinger distance", 0.1),
-    _strategy("hellinger-root", "Hellinger, root", squared_hellinger, "Hellinger distance", 0.25, root=True),
+    _strategy("kl", "Kullback-Leibler", "Kullback-Leibler divergence", kullback_leibler, 0.25),
+    _strategy("chi2", "Chi-square", "chi-square divergence", chi_square, 0.5),
+    _strategy("chi2-root", "Chi-square, root", "root of the chi-square divergence", _root_of(chi_square), 0.5),
+    _strategy("hellinger", "Hellinger", "squared Hellinger distance", squared_hellinger, 0.1),
+    _strategy("hellinger-root", "Hellinger, root", "Hellinger distance", _root_of(squared_hellinger), 0.25),
 )

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import NORMAL, Strategy
-from .distribution import WindowDistribution, luminance_distribution
+from .distribution import WindowDistribution, contrast_strategy, luminance_contrast
 from .divergences import kullback_leibler
 
 LUMINANCE_SHARE = 0.5  # delta of methods 3.5
@@ -24,12 +24,6 @@ def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
     return kullback_leibler(distribution) / np.where(most > 0, most, 1.0)  # (ln N - H) / ln N
 
 
-def luminance_contrast(buffers: PixelBuffers) -> np.ndarray:
-    """Entropy contrast of luminance times mean luminance of each window, (H, W) (equation 8 with one channel)."""
-    distribution = luminance_distribution(buffers)
-    return distribution.mean * entropy_contrast(distribution)
-
-
 def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
     """Entropy contrast of cos / d^2 of each window, (H, W); d: distance of the hit, cos: |N_V . w| (equations 9, 10).
 
@@ -43,25 +37,18 @@ def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
     return entropy_contrast(WindowDistribution.of(buffers.picture(cosine / distance**2), _TINY))
 
 
-def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
-    return luminance_contrast(buffers).ravel()
-
-
 def _geometry_score(buffers: PixelBuffers) -> np.ndarray:
-    luminance, geometry = luminance_contrast(buffers), geometry_contrast(buffers)
+    luminance, geometry = luminance_contrast(buffers, entropy_contrast), geometry_contrast(buffers)
     return (LUMINANCE_SHARE * luminance + (1.0 - LUMINANCE_SHARE) * geometry).ravel()
 
 
 STRATEGIES = (
-    Strategy(
-        name="entropy",
-        title="Entropy, luminance",
-        description="Mean luminance times the entropy that luminance lacks to be uniform in the 3x3 pixels around",
-        needs=frozenset(),
-        score=_luminance_score,
-        quantity="luminance x contrast",
+    contrast_strategy(
+        "entropy",
+        "Entropy, luminance",
+        "Mean luminance times the entropy that luminance lacks to be uniform in the 3x3 pixels around",
+        entropy_contrast,  # equation 8 of methods 3.5 with one channel
         maximum=0.2,
-        group="screen-space",
     ),
     Strategy(
         name="entropy-geometry",

@@ -9,44 +9,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import FINE, FINE_4, Strategy
 
-_QUANTITY = "luminance difference"
+
+def _strategy(name: str, title: str, words: str, need: str, rays: int) -> Strategy:
+    """Strategy of the difference to what so many finer rays see, the part `need` of a view."""
+    return Strategy(
+        name=name,
+        title=title,
+        description=f"Luminance difference to {words} one level more than a patch",
+        needs=frozenset({need}),
+        score=lambda buffers: np.abs(buffers.preview - getattr(buffers, need)),
+        quantity="luminance difference",
+        maximum=0.5,
+        group="rays",
+        extra_rays=rays,
+    )
 
 
-def _score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.fine is not None  # `needs` says so
-    return np.abs(buffers.preview - buffers.fine)
-
-
-def _score_4(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.fine_4 is not None
-    return np.abs(buffers.preview - buffers.fine_4)
-
-
-FINE_RAY = Strategy(
-    name="fine-ray",
-    title="One finer ray",
-    description="Luminance difference to one ray through the pixel's center that sees one level more than a patch",
-    needs=frozenset({FINE}),
-    score=_score,
-    quantity=_QUANTITY,
-    maximum=0.5,
-    group="rays",
-    extra_rays=1,
-)
-
-FINE_RAYS_4 = Strategy(
-    name="fine-rays-4",
-    title="Four finer rays",
-    description="Luminance difference to the mean of 2x2 rays in the pixel that see one level more than a patch",
-    needs=frozenset({FINE_4}),
-    score=_score_4,
-    quantity=_QUANTITY,
-    maximum=0.5,
-    group="rays",
-    extra_rays=4,
-)
+FINE_RAY = _strategy("fine-ray", "One finer ray", "one ray through the pixel's center that sees", FINE, 1)
+FINE_RAYS_4 = _strategy("fine-rays-4", "Four finer rays", "the mean of 2x2 rays in the pixel that see", FINE_4, 4)
 
 STRATEGIES = FINE_RAY, FINE_RAYS_4

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Error estimator without what the network says: the same features otherwise, trained alike (methods 12.4)."""
+"""Error estimators to measure beside others: without what the network says, trained alike, and in stages (methods 12.4,
+12.5).
+"""
 
+from ...patchnet_addon.sampling import patchnet_plus
 from ...patchnet_addon.sampling.patchnet_plus import estimator_strategy
+from ...patchnet_addon.sampling.patchnet_plus_staged import plan_of
 from ...patchnet_addon.sampling.plus.forms import FORMS
+from ...patchnet_addon.sampling.staged_strategy import in_stages
 
-STRATEGIES = tuple(
+_PLAIN = tuple(
     estimator_strategy(
         FORMS[f"plain-{rays}"],
         None,
@@ -13,4 +18,12 @@ STRATEGIES = tuple(
         f"The estimate of PatchNet Plus, {words}, trained without the network's coverage and luminance",
     )
     for rays, words in ((4, "four rays"), (1, "one ray"), (0, "no ray"))
+)
+_WHOLE = {strategy.name: strategy for strategy in (*patchnet_plus.STRATEGIES, *_PLAIN)}
+STRATEGIES = (
+    *_PLAIN,
+    *(
+        in_stages(_WHOLE[name], plan_of(FORMS[form]))
+        for name, form in (("patchnet-plus-1", "plus-1"), ("plain-plus-4", "plain-4"), ("plain-plus-1", "plain-1"))
+    ),
 )

@@ -1,35 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strategies for research by name: those of the panel, of the literature, and rivals that trace finer rays."""
 
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
-from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, staged, tsallis, ws_lut
+from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, tsallis, ws_lut
 
-EVALUATED: dict[str, Strategy] = STRATEGIES | {
-    reference.name: reference
-    for module in (
-        fusion,
-        plain_plus,
-        staged,
-        fine_rays,
-        ss_variance_hits,
-        mitchell,
-        entropy,
-        divergences,
-        tsallis,
-        ws_lut,
-    )
-    for reference in module.STRATEGIES
-}
+_MODULES = fusion, plain_plus, fine_rays, ss_variance_hits, mitchell, entropy, divergences, tsallis, ws_lut
+EVALUATED: dict[str, Strategy] = STRATEGIES | {each.name: each for module in _MODULES for each in module.STRATEGIES}
 
 STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
 """Names of those that rank anew for each budget."""
-
-
-def evaluated(name: str) -> Strategy:
-    """Strategy called `name`, of all that are evaluated; raises SettingError that lists the names if there is none."""
-    if name not in EVALUATED:
-        raise SettingError(f"There is no strategy {name!r}: choose one of {', '.join(EVALUATED)}")
-    return EVALUATED[name]

@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
-from .distribution import WindowDistribution, luminance_distribution
+from .distribution import WindowDistribution, contrast_strategy
 from .entropy import entropy_contrast
 
 INDICES = (0.5, 1.5, 2.0, 3.0)  # the paper's own index is not known, so these are compared
@@ -34,20 +33,12 @@ def tsallis(q: float) -> Strategy:
     """
     if not 0.0 < q < np.inf:
         raise SettingError(f"Entropic index {q} is not above 0: choose a number such as 1.5")
-
-    def score(buffers: PixelBuffers) -> np.ndarray:
-        distribution = luminance_distribution(buffers)
-        return (distribution.mean * tsallis_contrast(distribution, q)).ravel()
-
-    return Strategy(
-        name=f"tsallis-{q:g}",
-        title=f"Tsallis entropy, q = {q:g}",
-        description="Mean luminance times the Tsallis entropy that the 3x3 pixels around lack to be uniform",
-        needs=frozenset(),
-        score=score,
-        quantity="luminance x contrast",
+    return contrast_strategy(
+        f"tsallis-{q:g}",
+        f"Tsallis entropy, q = {q:g}",
+        "Mean luminance times the Tsallis entropy that the 3x3 pixels around lack to be uniform",
+        lambda distribution: tsallis_contrast(distribution, q),
         maximum=0.2,
-        group="screen-space",
     )
 
 

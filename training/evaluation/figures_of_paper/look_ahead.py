@@ -23,10 +23,9 @@ from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.refine import refinement_order
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
-from ...benchmarks.figures import BLUE, GRAY, GREEN, ORANGE, PURPLE
 from ...strategies.registry import EVALUATED
 from ..catalogue import SCENES, TWO_LIGHTS
-from ..panels import PATTERN_BUDGET, save_panels, show_picture, show_values
+from ..panels import BLUE, GRAY, GREEN, ORANGE, PATTERN_BUDGET, PURPLE, save_panels, show_picture, show_values
 from .split import found_share
 
 if TYPE_CHECKING:

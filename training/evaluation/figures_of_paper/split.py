@@ -22,10 +22,9 @@ from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.render import first_hits
 from ....patchnet_addon.tracing.supersample import supersample
-from ...benchmarks.figures import BLUE, ORANGE
 from ...strategies.registry import EVALUATED
-from ..panels import PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
-from ..poses import FreeSpace, Lens, LookAhead
+from ..panels import BLUE, ORANGE, PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
+from ..poses import Surroundings
 from ..tracks import Approaches
 
 if TYPE_CHECKING:
@@ -56,8 +55,7 @@ def hardest_end(
     SceneError if nothing is seen from far.
     """
     yield Progress(0, APPROACHES, _LABEL)
-    space, lens, look_ahead = FreeSpace(octree), Lens.of(octree, size_px, lookahead), LookAhead(octree, lookahead)
-    approaches = Approaches(octree, space, lens, look_ahead, np.random.default_rng(seed))
+    approaches = Approaches(Surroundings(octree, size_px, lookahead), np.random.default_rng(seed))
     ends = []
     for number in range(1, APPROACHES + 1):
         end = approaches.shot(number, APPROACHES, _FRAMES)[-1]

@@ -10,22 +10,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from ....patchnet_addon.network.devices import CPU, enough_memory, found_device
+from ....patchnet_addon.network.devices import enough_memory, found_device
 from ....patchnet_addon.runtime import bounds
 from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
+from ...run.learner import Resumable
 from ...run.run_files import CHECKPOINT, LOG
 from ...run.run_log import Log
-from ...run.trainer import load_checkpoint, write_checkpoint
+from ...run.trainer import RunOptions, load_checkpoint, write_checkpoint
 from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
 from .maps import MAP, check_map_run, map_networks, save_map
@@ -92,23 +93,7 @@ class MapSettings:
                 row.check(value)
 
 
-@dataclass(frozen=True)
-class MapOptions:
-    """Options of carrying out a run, which change its result by rounding at most.
-
-    stop_after: end early after this many steps, leaving a checkpoint. notes: for the metadata of the weights.
-    """
-
-    out: Path
-    resume: bool = False
-    checkpoint_minutes: float = 5.0
-    log_steps: int = 50
-    stop_after: int | None = None
-    device: str = CPU
-    notes: dict[str, Any] = field(default_factory=dict)
-
-
-class MapLearner:
+class MapLearner(Resumable):
     """Network and optimiser of a run on one device."""
 
     def __init__(self, settings: MapSettings, device: str) -> None:
@@ -119,8 +104,7 @@ class MapLearner:
             self.model = self.network.build()
         self.model.to(self.device)
         self.optimizer = torch.optim.Adam(self.model.parameters(), settings.rate)
-        self.steps = 0
-        self.seconds = 0.0  # of training so far, over all interruptions
+        super().__init__(model=self.model, optimizer=self.optimizer)
 
     def step(self, batch: MapBatch) -> torch.Tensor:
         """Take one step; returns the loss of the batch before it, which is not looked at here."""
@@ -132,23 +116,8 @@ class MapLearner:
         self.steps += 1
         return loss.detach()
 
-    def state(self) -> dict[str, Any]:
-        """All that `load` needs to go on."""
-        return {
-            "model": self.model.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "steps": self.steps,
-            "seconds": self.seconds,
-        }
 
-    def load(self, state: dict[str, Any]) -> None:
-        """Inverse of `state`."""
-        self.model.load_state_dict(state["model"])
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
-
-
-def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings, options: MapOptions) -> Steps[Path]:
+def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings, options: RunOptions) -> Steps[Path]:
     """Train a map network on frames of one size, and return the file of its weights.
 
     key: of the frames, so that a run is not resumed on others. Keeps `checkpoint.pt`, `sampling_map.safetensors` and
@@ -168,7 +137,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     log = Log(options.out / LOG, learner.steps)
     end = min(settings.steps, options.stop_after or settings.steps)
     batch, crop = settings.batch or learner.network.batch, settings.crop or learner.network.crop
-    before, saved, losses = time.monotonic() - learner.seconds, time.monotonic(), []
+    before, saved = time.monotonic() - learner.seconds, time.monotonic()
     try:
         while learner.steps < end:
             crops = batch_of_crops(
@@ -176,10 +145,10 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
             )
             # Interrupts wait, lest a checkpoint be of half a step.
             with enough_memory("batches of this size (--batch)"), interrupts_wait():
-                losses.append(learner.step(crops))
+                log.add(learner.step(crops))
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
-                _log_mean(log, losses, learner)
+                _log_mean(log, learner)
             if time.monotonic() - saved > 60 * options.checkpoint_minutes:
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
@@ -190,16 +159,15 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     return _save(learner, run, options, len(frames))
 
 
-def _log_mean(log: Log, losses: list[torch.Tensor], learner: MapLearner) -> None:
+def _log_mean(log: Log, learner: MapLearner) -> None:
     """Write the mean loss since the last time; raises PatchNetError if it is no number."""
-    mean = float(torch.stack(losses).double().mean())
-    losses.clear()
+    (mean,) = log.means()
     if mean != mean:
         raise PatchNetError(f"The loss is no number after {learner.steps} steps: train anew with a lower --rate")
     log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
 
 
-def _save(learner: MapLearner, run: dict[str, Any], options: MapOptions, frames: int) -> Path:
+def _save(learner: MapLearner, run: dict[str, Any], options: RunOptions, frames: int) -> Path:
     """Write checkpoint and weights, each atomically."""
     write_checkpoint(options.out, run, learner.state())
     weights = {name: value.cpu().numpy() for name, value in learner.model.state_dict().items()}
