@@ -59,16 +59,6 @@ def test_ply(octree, level, tmp_path):
     assert (rows["red"] == rows["green"]).all() and (rows["red"] == rows["blue"]).all()
 
 
-def test_ply_in_open3d(octree, tmp_path):
-    open3d = pytest.importorskip("open3d")
-    path = tmp_path / "voxels.ply"
-    drain(export_octree(octree, path, 5))
-    points, cloud = open3d.io.read_point_cloud(str(path)), voxel_cloud(octree, 5)
-    np.testing.assert_allclose(np.asarray(points.points), cloud.centres_world, atol=1e-6)
-    np.testing.assert_allclose(np.asarray(points.normals), cloud.normal, atol=1e-6)
-    assert np.asarray(points.colors).shape == (len(cloud), 3)
-
-
 @pytest.mark.parametrize("level", [0, 4, 7])
 def test_npz(octree, level, tmp_path):
     path = tmp_path / "voxels.npz"

@@ -16,13 +16,6 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.engine.test_sampling import random_buffers
 
 
-def test_bilinear_between_pixel_centres() -> None:
-    resized = picture_weights(np.array([[0.0, 1.0]]), 1, 4)
-    np.testing.assert_allclose(resized, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
-    rows = picture_weights(np.array([[0.0], [1.0]]), 4, 1)  # row 0 is the lowest in both
-    np.testing.assert_allclose(rows, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
-
-
 @given(
     before=st.tuples(st.integers(1, 40), st.integers(1, 40)),
     after=st.tuples(st.integers(1, 40), st.integers(1, 40)),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
@@ -27,18 +28,60 @@ def mesh():
     return TriangleMesh.from_arrays(rng.uniform(-1, 1, (80, 1, 3)) + rng.normal(size=(80, 3, 3)) * 0.1)
 
 
+def color_shade(batch, fragments):
+    """Three times as bright, so that there is light above white."""
+    luminance, opacity = shade(batch, fragments)
+    return 3.0 * luminance, opacity, np.stack([luminance, opacity, 0.5 * opacity], axis=1)
+
+
+@pytest.fixture(scope="module")
+def plain(mesh):
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 5), shade, exposure=0.5, provenance={"scene": "s"}))
+
+
 @pytest.fixture(scope="module")
 def octree(mesh):
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 5), shade, provenance={"scene": "soup"}))
+    """It has all that there may be: colour, light above white, boxes of leaves."""
+    grid = Grid.around(mesh.bounds_world, 5)
+    return drain(build_octree(mesh, grid, color_shade, exposure=1.0, provenance={"scene": "s"}, boxes=True))
 
 
-def test_round_trip(octree, tmp_path):
+OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
+
+
+@pytest.mark.parametrize("name", ["plain", "octree"])
+def test_round_trip(name, tmp_path, request):
+    octree = request.getfixturevalue(name)
     save_octree(octree, tmp_path / "o.safetensors")
     loaded = load_octree(tmp_path / "o.safetensors")
-    for name, array in octree_arrays(octree).items():
-        np.testing.assert_array_equal(array, octree_arrays(loaded)[name])
-    assert (loaded.grid, loaded.exposure, loaded.provenance) == (octree.grid, octree.exposure, {"scene": "soup"})
+    arrays, found = octree_arrays(octree), octree_arrays(loaded)
+    assert arrays.keys() == found.keys() and (set(OPTIONAL) <= arrays.keys()) == (name == "octree")
+    for each, array in arrays.items():
+        np.testing.assert_array_equal(array, found[each])
+    assert (loaded.grid, loaded.exposure, loaded.provenance) == (octree.grid, octree.exposure, {"scene": "s"})
     assert octree_hash(loaded) == octree_hash(octree)
+
+
+def test_colour_light_above_white_and_boxes_count(octree):
+    without = replace(octree, **dict.fromkeys(OPTIONAL))
+    assert octree_hash(octree) != octree_hash(replace(octree, chroma=None)) != octree_hash(without)
+    leaves, bright = octree.node_count - octree.level_start[-2], len(octree.bright_nodes)
+    assert octree.nbytes == without.nbytes + 2 * octree.node_count + 16 * bright + 3 * leaves
+
+
+@pytest.mark.parametrize("level", [3, 5])
+def test_a_coarser_octree_has_what_its_levels_have(octree, level):
+    coarse, nodes = truncated(octree, level), np.arange(octree.level_start[level + 1])
+    np.testing.assert_array_equal(coarse.chroma, octree.chroma[: len(nodes)])
+    np.testing.assert_array_equal(coarse.color_above_white(nodes), octree.color_above_white(nodes))
+    assert coarse.bright_nodes.max() < coarse.node_count == len(nodes)
+    assert coarse.leaf_box is (octree.leaf_box if level == octree.depth else None)
+
+
+def with_an_empty_box(octree):
+    boxes = octree.leaf_box.copy()
+    boxes[-1, 1] = 0x0F
+    return {"leaf_box": boxes}
 
 
 @pytest.mark.parametrize(
@@ -46,10 +89,19 @@ def test_round_trip(octree, tmp_path):
     [
         (lambda o: {"first_child": np.where(o.child_mask > 0, o.first_child + 1, 0).astype(np.uint32)}, "child index"),
         (lambda o: {"first_child": np.zeros_like(o.first_child)}, "child index"),
-        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "child index"),
+        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "belongs to a node with children"),
+        (lambda o: {"child_mask": np.full_like(o.child_mask, 255), "leaf_box": None}, "child index"),
         (lambda o: {"area_world": np.full_like(o.area_world, np.nan)}, "area"),
         (lambda o: {"level_start": o.level_start[::-1].copy()}, "levels do not add up"),
         (lambda o: {"luminance": o.luminance[:-1]}, "differ in length"),
+        (lambda o: {"chroma": o.chroma[:-1]}, "differ in length"),
+        (lambda o: {"chroma": o.chroma.reshape(-1)}, "differ in length"),
+        (lambda o: {"chroma": o.chroma.astype(np.uint16)}, "'chroma'"),
+        (lambda o: {"bright_nodes": o.bright_nodes[::-1].copy()}, "out of order"),
+        (lambda o: {"bright_colors": o.bright_colors[1:].copy()}, "incomplete"),
+        (lambda o: {"bright_colors": -o.bright_colors}, "not a positive number"),
+        (lambda o: {"leaf_box": o.leaf_box[1:]}, "not as many"),
+        (with_an_empty_box, "empty"),
     ],
 )
 def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
@@ -91,10 +143,11 @@ def test_estimate_is_near_the_truth(mesh):
     assert choice.octree_bytes == pytest.approx(octree.nbytes, rel=0.25)
 
 
+@pytest.mark.parametrize("color", [False, True])
 @pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
-def test_most_leaves_is_the_inverse_of_peak_bytes(memory):
-    leaves = max_leaves(memory)
-    assert peak_bytes(leaves) <= memory < peak_bytes(leaves + 2)
+def test_most_leaves_is_the_inverse_of_peak_bytes(memory, color):
+    leaves = max_leaves(memory, color=color)
+    assert peak_bytes(leaves, color=color) <= memory < peak_bytes(leaves + 2, color=color)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):

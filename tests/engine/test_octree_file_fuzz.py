@@ -14,12 +14,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.octree.file import KIND, load_octree, octree_arrays, octree_hash, save_octree
-from patchnet.patchnet_addon.runtime import files
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, read_header, write_arrays
 from patchnet.tests.engine.octree_samples import octree_from_leaves
 
 fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unsynchronized():
+    """Hundreds of files, of which none need outlive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -68,17 +75,6 @@ def test_damaged_files_are_refused_or_unchanged(octree, whole, tmp_path, data):
     path.write_bytes(content)
     loaded = refused(path)
     assert loaded is None or octree_hash(loaded) == octree_hash(octree)
-
-
-announced = st.integers(0, 2**63).map(lambda length: length.to_bytes(8, "little"))
-
-
-@fuzz
-@given(st.one_of(st.binary(max_size=300), st.builds(bytes.__add__, announced, st.binary())))
-def test_foreign_files_are_refused(tmp_path, content):
-    path = tmp_path / "foreign.safetensors"
-    path.write_bytes(content)
-    assert refused(path) is None
 
 
 def walk(octree):
@@ -157,15 +153,6 @@ def test_odd_metadata_are_refused_or_make_sense(octree, tmp_path, name, value):
     if loaded is not None:
         assert loaded.depth == 3
         assert loaded.grid.side_world > 0 and np.isfinite(loaded.grid.origin_world).all()
-
-
-def test_newer_version_is_refused(octree, tmp_path, monkeypatch):
-    path = tmp_path / "newer.safetensors"
-    monkeypatch.setattr(files, "SCHEMA_VERSION", files.SCHEMA_VERSION + 1)
-    save_octree(octree, path)
-    monkeypatch.undo()
-    with pytest.raises(OctreeFileError, match="newer PatchNet"):
-        load_octree(path)
 
 
 WRITER = """

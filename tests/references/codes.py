@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
     _COLUMNS,
@@ -30,7 +29,7 @@ from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits
-from patchnet.tests.references.lookups import covered_shares, face_luminances, ray_frames
+from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
 from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
 
 
@@ -261,30 +260,6 @@ def voxel_blocks_reference(
     values[there, 1] = octree.luminance_float(nodes[there])
     values[there, 2:] = octree.normal_float(nodes[there])
     return values.reshape(-1, side, side, side, CHANNELS)
-
-
-def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
-    nodes = np.full(len(cells), -1, np.int64)
-    for coarser in range(min(level, octree.depth), -1, -1):
-        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
-        leaf = (found >= 0) & (octree.child_mask[found] == 0)
-        accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
-        nodes[accepted] = found[accepted]
-    return nodes
-
-
-def corner_table_reference(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
-
-    The rows are those of each node's corners, in the order of `OCTANTS`.
-    """
-    cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
-    keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
-    rows = np.empty((len(cells), 8), np.uint32)
-    for octant, offset in enumerate(OCTANTS):
-        rows[:, octant] = np.searchsorted(keys, morton_encode(cells + offset))
-    return morton_decode(keys), rows
 
 
 def corner_blocks_reference(
