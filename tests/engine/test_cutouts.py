@@ -163,7 +163,7 @@ def test_leaves_are_where_rasterised_alpha_is(name: str, threshold: float | None
     assert found.sum() == pytest.approx(expected.sum(), rel=0.015), "area is conserved"
     assert (found[expected > 0.05] > 0).all(), "no leaf is missing where there is coverage"
     assert found[expected == 0].max(initial=0) < 0.08
-    near = quad.near_coverage(0.3 * 2.0**-quad.depth, samples)
+    near = quad.near_coverage(0.3 * 2.0**-quad.depth, samples // 2)
     assert np.isin(leaves.keys, near).all(), "gaps stay empty"
     assert quad.depth < 4 or np.isin(every, leaves.keys).mean() < 0.9, "there are gaps"
 
