@@ -65,16 +65,16 @@ def test_octrees_of_one_and_of_many_passes_have_the_same_bits(mesh, layout, dept
         np.testing.assert_array_equal(array, octree_arrays(other)[name], err_msg=name)
 
 
-def test_octree_equals_one_that_is_built_node_by_node(mesh, layout):
-    grid = Grid.around(mesh.bounds_world, 8)
+@pytest.mark.parametrize(("depth", "mixed"), [(6, False), (8, True)], ids=["uniform", "mixed"])
+def test_octree_equals_one_that_is_built_node_by_node(mesh, layout, depth, mixed):
+    grid, layout = Grid.around(mesh.bounds_world, depth), layout if mixed else None
     leaves = {}
-    parts = leaves_of(mesh, grid, shade, layout=layout)
-    for part in parts:
+    for part in leaves_of(mesh, grid, shade, layout=layout):
         for cell, (area, *moments) in zip(morton_decode(part.keys).tolist(), part.sums.tolist(), strict=True):
             luminance, *normal = (value / area for value in moments)
-            leaves[part.level, tuple(cell)] = (area, luminance, tuple(normal))
-    octree = drain(build_octree(mesh, grid, shade, layout=layout, exposure=1.0))
-    expected = octree_from_leaves(leaves, 8)
+            leaves[part.level, tuple(cell)] = (area, min(1.5 * luminance, 1.0), tuple(normal))
+    octree = drain(build_octree(mesh, grid, shade, layout=layout, exposure=1.5))
+    expected = octree_from_leaves(leaves, depth)
     for name in ("level_start", "child_mask"):
         np.testing.assert_array_equal(getattr(octree, name), getattr(expected, name), err_msg=name)
     inner = octree.child_mask > 0
@@ -82,18 +82,6 @@ def test_octree_equals_one_that_is_built_node_by_node(mesh, layout):
     np.testing.assert_allclose(octree.area_world, expected.area_world, rtol=1e-5)
     np.testing.assert_allclose(octree.luminance / 65535, expected.luminance / 65535, atol=2e-5)
     np.testing.assert_allclose(octree.normal, expected.normal, atol=1)
-
-
-def test_coarse_levels_equal_those_of_a_uniform_octree(mesh, layout):
-    full = LeafLevels(np.maximum(layout.levels, BLOCK_LEVEL))
-    grid = Grid.around(mesh.bounds_world, 8)
-    mixed = drain(build_octree(mesh, grid, shade, layout=full, exposure=1.0))
-    uniform = drain(build_octree(mesh, grid, shade, exposure=1.0))
-    for level in range(BLOCK_LEVEL + 1):
-        np.testing.assert_array_equal(mixed.keys(level), uniform.keys(level))
-        one, other = mixed.level(level), uniform.level(level)
-        np.testing.assert_allclose(mixed.area_world[one], uniform.area_world[other], rtol=1e-5)
-        np.testing.assert_allclose(mixed.luminance[one] / 65535, uniform.luminance[other] / 65535, atol=3e-5)
 
 
 def test_levels_below_the_deepest_leaf_are_left_out_and_the_file_is_consistent(mesh, layout, tmp_path):

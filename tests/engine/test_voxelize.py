@@ -129,27 +129,6 @@ def test_leaf_means_equal_dense_point_sampling():
     np.testing.assert_allclose(sums.sums[enough, 4] / sums.sums[enough, 0], mean_nz, atol=0.2)
 
 
-def test_means_of_all_levels_equal_direct_computation():
-    mesh = TriangleMesh.from_arrays(soup(60, seed=5))
-    depth = 6
-    grid = Grid.around(mesh.bounds_world, depth)
-    (leaves,) = leaves_of(mesh, grid, position_shade)
-    octree = drain(build_octree(mesh, grid, position_shade, exposure=0.9))
-    luminance = np.clip(leaves.sums[:, 1] / leaves.sums[:, 0] * 0.9, 0, 1)
-    for level in range(depth + 1):
-        own = leaves.keys >> np.uint64(3 * (depth - level))
-        nodes = octree.level(level)
-        np.testing.assert_array_equal(octree.keys(level), np.unique(own))
-        place = np.searchsorted(octree.keys(level), own)
-        area = np.bincount(place, leaves.sums[:, 0])
-        mean = np.bincount(place, leaves.sums[:, 0] * luminance) / area
-        np.testing.assert_allclose(octree.luminance_float(nodes), mean, atol=1 / 65535)
-        np.testing.assert_allclose(octree.area_world[nodes], area, rtol=1e-6)
-        for axis in range(3):
-            normal = np.bincount(place, leaves.sums[:, 2 + axis]) / area
-            np.testing.assert_allclose(octree.normal_float(nodes)[:, axis], normal, atol=0.6 / 127)
-
-
 def test_huge_triangle_is_divided_among_tasks_without_loss():
     mesh = TriangleMesh.from_arrays(np.array([[[0, 0, 0.5], [1, 0, 0.51], [0, 1, 0.52]]]))
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), position_shade))

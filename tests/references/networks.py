@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
-from patchnet.patchnet_addon.network.kinds import COVERING, OUTPUT_LOW, OUTPUT_RANGE
+from patchnet.patchnet_addon.network.kinds import CORNERS, COVERING, OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
 from patchnet.patchnet_addon.network.weights import CHANNELS, MODULATED, Weights
 
 
@@ -86,7 +86,7 @@ class MixtureInputs:
 def decode_mixture(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
     """Coverage (N,) in [0, 1] and luminance (N,), float32, of what the network expects behind N pixels."""
     rays = ray_inputs(given.codes, given.direction, given.up, given.ratio)
-    corner_codes = given.corner_codes.reshape(len(rays), -1)
+    corner_codes = given.corner_codes.reshape(len(rays), CORNERS * SIDE_BY_SIDE)
     outputs = run_decoder(weights, np.concatenate([rays, corner_codes, given.view, given.covered], axis=1))
     luminance = (mixture_shares(outputs[:, 1:], given.covered) * given.luminances).sum(axis=1)
     return np.clip(sigmoid_output(outputs[:, 0]), 0, 1), luminance
