@@ -57,20 +57,20 @@ def modules_of(part: str) -> list[Path]:
 
 
 @cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
+def imports_in(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def imported_parts(path: Path) -> set[str]:
     """The top folders of this tree that a module imports, by relative imports or by the package's name."""
     here = path.relative_to(ROOT).with_suffix("").parts
     found = set()
-    for node in ast.walk(parsed(path)):
+    for node in imports_in(path):
         if isinstance(node, ast.ImportFrom):
             base = here[: -node.level] if node.level else ()
             module = (*base, *(node.module or "").split("."))
             found |= {module[0] or alias.name for alias in node.names} if node.level else {module[0]}
-        elif isinstance(node, ast.Import):
+        else:
             found |= {alias.name.partition(".")[0] for alias in node.names}
     return found
 
@@ -112,7 +112,7 @@ def test_root_is_small_and_imports_nothing_at_the_top() -> None:
 def imports_of(path: Path) -> set[Path]:
     """Modules of this tree that a module imports, by relative imports; a package is its `__init__.py`."""
     found = set()
-    for node in ast.walk(parsed(path)):
+    for node in imports_in(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
             for alias in node.names:
