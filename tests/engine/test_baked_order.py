@@ -14,10 +14,10 @@ from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafSums
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.textures import TextureTable
 
-from .leaf_samples import leaves_of
+from .leaf_samples import in_batches, leaves_of
 
 COUNT = 600
 
@@ -45,13 +45,8 @@ def shuffled(order: np.ndarray, parts: int) -> tuple[TriangleMesh, np.ndarray]:
     ids = rng.integers(0, 4, COUNT).astype(np.int32)
     seen = rng.uniform(0.1, 1.0, (COUNT, 2)).astype(np.float32)
     seen[rng.random(COUNT) < 0.4] = 0.0  # the bake met gaps only
-    pieces = np.array_split(order, parts)
-    starts = np.cumsum([0, *[len(piece) for piece in pieces]])
-    batches = tuple(
-        TriangleBatch(corners[piece], uvs[piece], ids[piece], int(start))
-        for piece, start in zip(pieces, starts, strict=False)
-    )
-    return TriangleMesh(batches, materials()), seen[order]
+    cuts = np.linspace(0, COUNT, parts + 1).astype(int)[1:-1]
+    return TriangleMesh(in_batches(corners[order], cuts, uvs[order], ids[order]), materials()), seen[order]
 
 
 def baked(mesh: TriangleMesh, seen: np.ndarray) -> Atlas:

@@ -19,6 +19,8 @@ from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_col
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.tests.references.small import encoded_chroma_reference
 
+from .leaf_samples import in_batches
+
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
 
@@ -27,14 +29,7 @@ def soup(order: np.ndarray, cuts: list[int]) -> TriangleMesh:
     """The same 150 triangles in any order and batches; a triangle's material is its number."""
     rng = np.random.default_rng(0)
     corners = rng.uniform(-1, 1, (150, 1, 3)) + rng.normal(size=(150, 3, 3)) * rng.uniform(0.01, 0.15, (150, 1, 1))
-    parts = np.split(order, cuts)
-    starts = [0, *cuts]
-    return TriangleMesh(
-        tuple(
-            TriangleBatch(corners[p], np.zeros((len(p), 3, 2), np.float32), p.astype(np.int32), start)
-            for p, start in zip(parts, starts, strict=True)
-        )
-    )
+    return TriangleMesh(in_batches(corners[order], cuts, materials=order.astype(np.int32)))
 
 
 def colors_of(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:

@@ -57,16 +57,6 @@ def test_beside_hits() -> None:
     np.testing.assert_allclose(beside_hits(weights, hit), expected)
 
 
-def test_ones_change_nothing() -> None:
-    buffers = random_buffers()
-    same = replace(buffers, importance=np.ones(len(buffers.preview), np.float32))
-    score = np.random.default_rng(1).random(len(buffers.preview)).astype(np.float32)
-    order = refinement_order(buffers, score)
-    np.testing.assert_array_equal(order, refinement_order(same, score))
-    np.testing.assert_array_equal(refined_mask(buffers, order, 0.3), refined_mask(same, order, 0.3))
-    np.testing.assert_array_equal(mse_at(buffers, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
-
-
 @pytest.mark.parametrize("budget", [0.0, 0.1, 0.5, 1.0])
 def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
     buffers = random_buffers()

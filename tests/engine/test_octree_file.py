@@ -97,6 +97,12 @@ def test_a_coarser_octree_has_what_its_levels_have(octree, level):
     assert coarse.leaf_box is (octree.leaf_box if level == DEPTH else None)
 
 
+def with_mask(octree, node, mask):
+    masks = octree.child_mask.copy()
+    masks[node] = mask
+    return {"child_mask": masks, "leaf_box": None}
+
+
 def with_an_empty_box(octree):
     boxes = octree.leaf_box.copy()
     boxes[-1, 1] = 0x0F
@@ -109,7 +115,8 @@ def with_an_empty_box(octree):
         (lambda o: {"first_child": np.where(o.child_mask > 0, o.first_child + 1, 0).astype(np.uint32)}, "child index"),
         (lambda o: {"first_child": np.zeros_like(o.first_child)}, "child index"),
         (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "belongs to a node with children"),
-        (lambda o: {"child_mask": np.full_like(o.child_mask, 255), "leaf_box": None}, "child index"),
+        (lambda o: with_mask(o, -1, 255), "its children do not add up to its nodes"),
+        (lambda o: with_mask(o, o.level_start[DEPTH] - 1, 0), "the children of level 2 do not add up to level 3"),
         (lambda o: {"area_world": np.full_like(o.area_world, np.nan)}, "area"),
         (lambda o: {"level_start": o.level_start[::-1].copy()}, "levels do not add up"),
         (lambda o: {"luminance": o.luminance[:-1]}, "differ in length"),

@@ -21,10 +21,10 @@ from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleBatch, TriangleMesh, random_rotation
+from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleMesh, random_rotation
 from patchnet.tests.references.clip import clip_reference
 
-from .leaf_samples import leaves_of
+from .leaf_samples import in_batches, leaves_of
 
 
 def position_shade(batch, fragments):
@@ -170,17 +170,6 @@ def test_opacity_cuts_the_surface():
         drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: (np.zeros(len(f)), np.zeros(len(f)))))
 
 
-def batches(corners, cuts):
-    parts = np.split(corners, cuts)
-    starts = [0, *cuts]
-    return TriangleMesh(
-        tuple(
-            TriangleBatch(part, np.zeros((len(part), 3, 2), np.float32), np.zeros(len(part), np.int32), start)
-            for part, start in zip(parts, starts, strict=True)
-        )
-    )
-
-
 @settings(max_examples=150, deadline=None)
 @given(soups)
 def test_area_is_conserved_and_touched_voxels_are_there(corners):
@@ -207,8 +196,9 @@ def test_bits_do_not_depend_on_order_batches_blocks_and_tasks(corners, random, b
     (reference,) = leaves_of(TriangleMesh.from_arrays(corners), GRID, position_shade)
     order = random.sample(range(len(corners)), len(corners))
     cuts = sorted(random.sample(range(1, len(corners)), min(2, len(corners) - 1)))
+    mesh = TriangleMesh(in_batches(corners[order], cuts))
     with mock.patch.object(blocks, "FRAGMENTS_PER_TASK", task_fragments):
-        (other,) = leaves_of(batches(corners[order], cuts), GRID, position_shade, block_fragments=block_fragments)
+        (other,) = leaves_of(mesh, GRID, position_shade, block_fragments=block_fragments)
     np.testing.assert_array_equal(reference.keys, other.keys)
     np.testing.assert_array_equal(reference.sums, other.sums)
 
