@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaf sums that the voxelizer makes of a surface, before it becomes an octree."""
+"""Batches of triangles, and leaf sums that the voxelizer makes of a surface, before it becomes an octree."""
 
 import numpy as np
 
 from patchnet.patchnet_addon.octree.voxelize import LeafSums, voxelize
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import TriangleBatch
 
 
 def all_leaves(leaves, _block_level):
@@ -17,6 +18,14 @@ def leaves_of(source, grid, shade, **settings):
     passes = drain(voxelize(source, grid, shade, all_leaves, **settings))
     parts = [part for leaves in passes for part in leaves]
     return [_joined(level, parts) for level in sorted({part.level for part in parts})]
+
+
+def in_batches(corners, cuts, uvs=None, materials=None):
+    """Batches of triangles (T, 3, 3) that are cut at the numbers `cuts`."""
+    uvs = np.zeros((len(corners), 3, 2), np.float32) if uvs is None else uvs
+    materials = np.zeros(len(corners), np.int32) if materials is None else materials
+    ranges = zip([0, *cuts], [*cuts, len(corners)], strict=True)
+    return tuple(TriangleBatch(corners[a:b], uvs[a:b], materials[a:b], int(a)) for a, b in ranges)
 
 
 def _joined(level, parts):

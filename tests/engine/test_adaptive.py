@@ -31,7 +31,7 @@ def camera(width: int = 23, height: int = 17) -> Camera:
 
 def colored(octree: Octree) -> Octree:
     chroma = np.random.default_rng(1).integers(30, 100, (octree.node_count, 2), dtype=np.uint8)
-    return Octree(**{name: value for name, value in vars(octree).items() if name != "chroma"}, chroma=chroma)
+    return replace(octree, chroma=chroma)
 
 
 @pytest.mark.parametrize("with_color", [False, True])

@@ -14,10 +14,10 @@ from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import LeafSums
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.textures import TextureTable
 
-from .leaf_samples import leaves_of
+from .leaf_samples import in_batches, leaves_of
 
 COUNT = 600
 
@@ -45,13 +45,8 @@ def shuffled(order: np.ndarray, parts: int) -> tuple[TriangleMesh, np.ndarray]:
     ids = rng.integers(0, 4, COUNT).astype(np.int32)
     seen = rng.uniform(0.1, 1.0, (COUNT, 2)).astype(np.float32)
     seen[rng.random(COUNT) < 0.4] = 0.0  # the bake met gaps only
-    pieces = np.array_split(order, parts)
-    starts = np.cumsum([0, *[len(piece) for piece in pieces]])
-    batches = tuple(
-        TriangleBatch(corners[piece], uvs[piece], ids[piece], int(start))
-        for piece, start in zip(pieces, starts, strict=False)
-    )
-    return TriangleMesh(batches, materials()), seen[order]
+    cuts = np.linspace(0, COUNT, parts + 1).astype(int)[1:-1]
+    return TriangleMesh(in_batches(corners[order], cuts, uvs[order], ids[order]), materials()), seen[order]
 
 
 def baked(mesh: TriangleMesh, seen: np.ndarray) -> Atlas:
@@ -62,19 +57,31 @@ def baked(mesh: TriangleMesh, seen: np.ndarray) -> Atlas:
     return Atlas(charts, texels, base=0.2 + 0.5 * texels[:, :1])
 
 
-def leaves(order: np.ndarray, parts: int, block_fragments: int) -> LeafSums:
+def leaves(order: np.ndarray, parts: int, block_fragments: int, colored: bool) -> LeafSums:
     mesh, seen = shuffled(order, parts)
-    shade = atlas_shade(baked(mesh, seen), mesh)
+    atlas = baked(mesh, seen)
+    if colored:
+        hue = np.stack([0.5 * atlas.texels[:, 0], 2.0 * atlas.texels[:, 0] * atlas.texels[:, 1]], axis=-1)
+        texels, base = np.concatenate([atlas.texels, hue], axis=1), np.repeat(atlas.base, 3, axis=1)
+        atlas = Atlas(atlas.charts, texels, base=base)
+    shade = atlas_shade(atlas, mesh)
     (leaves,) = leaves_of(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments)
     return leaves
 
 
-@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (7, 10**9), (3, 2_000), (7, 300)])
-def test_bits_do_not_depend_on_order_batches_or_blocks(parts: int, block_fragments: int) -> None:
-    expected = leaves(np.arange(COUNT), 1, 10**9)
-    found = leaves(np.random.default_rng(parts).permutation(COUNT), parts, block_fragments)
+@pytest.mark.parametrize("colored", [False, True])
+@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (3, 2_000), (7, 300)])
+def test_bits_do_not_depend_on_order_batches_or_blocks(parts: int, block_fragments: int, colored: bool) -> None:
+    expected = leaves(np.arange(COUNT), 1, 10**9, colored)
+    found = leaves(np.random.default_rng(parts).permutation(COUNT), parts, block_fragments, colored)
     np.testing.assert_array_equal(found.keys, expected.keys)
     np.testing.assert_array_equal(found.sums, expected.sums)
+
+
+def test_colour_changes_no_luminance() -> None:
+    gray, colored = (leaves(np.arange(COUNT), 1, 10**9, colored) for colored in (False, True))
+    np.testing.assert_array_equal(colored.sums[:, :5], gray.sums)
+    assert colored.sums.shape[1] == 7 and (colored.sums[:, 5] != colored.sums[:, 6]).any()
 
 
 def test_lost_triangles_take_the_light_of_their_material() -> None:
@@ -105,22 +112,3 @@ def test_exact_sums() -> None:
         expected = sum(map(Fraction, chosen.tolist()), Fraction(0)) / max(len(chosen), 1)
         assert ratio == float(expected)
         assert ratio == pytest.approx(math.fsum(chosen) / max(len(chosen), 1))
-
-
-@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (7, 300)])
-def test_colour_does_not_depend_on_order_and_changes_no_luminance(parts: int, block_fragments: int) -> None:
-    def in_color(order: np.ndarray, parts: int, block_fragments: int) -> LeafSums:
-        mesh, seen = shuffled(order, parts)
-        atlas = baked(mesh, seen)
-        hue = np.stack([0.5 * atlas.texels[:, 0], 2.0 * atlas.texels[:, 0] * atlas.texels[:, 1]], axis=-1)
-        texels, base = np.concatenate([atlas.texels, hue], axis=1), np.repeat(atlas.base, 3, axis=1)
-        shade = atlas_shade(Atlas(atlas.charts, texels, base=base), mesh)
-        (leaves,) = leaves_of(mesh, Grid.around(mesh.bounds_world, 6), shade, block_fragments=block_fragments)
-        return leaves
-
-    expected = in_color(np.arange(COUNT), 1, 10**9)
-    np.testing.assert_array_equal(expected.sums[:, :5], leaves(np.arange(COUNT), 1, 10**9).sums)
-    found = in_color(np.random.default_rng(parts).permutation(COUNT), parts, block_fragments)
-    np.testing.assert_array_equal(found.keys, expected.keys)
-    np.testing.assert_array_equal(found.sums, expected.sums)
-    assert expected.sums.shape[1] == 7 and (expected.sums[:, 5] != expected.sums[:, 6]).any()

@@ -3,8 +3,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
@@ -137,17 +135,6 @@ def test_no_triangle_reads_its_neighbours() -> None:
         np.testing.assert_allclose(triangle_means(charts, texels[page][:, None], members, page)[:, 0], members)
     everyone = np.arange(len(corners))
     np.testing.assert_allclose(triangle_means(charts, texels.reshape(-1, 1), everyone)[:, 0], everyone)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.floats(0.05, 200.0), st.floats(0.05, 200.0), st.integers(0, 2), st.booleans())
-def test_any_shape_has_texels_of_its_own(one: float, other: float, turn: int, twice: bool) -> None:
-    corner = np.roll([(0.0, 0.0, 0.0), (one, 0.0, 0.0), (0.0, other, 0.0)], turn, axis=0)
-    corners = np.stack([corner] * (2 if twice else 1))
-    charts = layout(corners, 1.0)
-    owners = texel_owners(charts, 0)
-    for triangle in range(len(corners)):
-        assert len(inside(charts, triangle)) == (owners == triangle).sum() >= 1
 
 
 def test_shade_divides_by_opacity() -> None:

@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour in octrees: luminance keeps its bits, order changes none, inner nodes hold exact means, files keep it."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.export.octree_file import truncated
-from patchnet.patchnet_addon.lod.depth import estimate, max_leaves, peak_bytes
+from patchnet.patchnet_addon.lod.depth import estimate, max_leaves
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.file import octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.levels import stored_chroma
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_colors
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.tests.references.small import encoded_chroma_reference
+
+from .leaf_samples import in_batches
 
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)
@@ -30,14 +29,7 @@ def soup(order: np.ndarray, cuts: list[int]) -> TriangleMesh:
     """The same 150 triangles in any order and batches; a triangle's material is its number."""
     rng = np.random.default_rng(0)
     corners = rng.uniform(-1, 1, (150, 1, 3)) + rng.normal(size=(150, 3, 3)) * rng.uniform(0.01, 0.15, (150, 1, 1))
-    parts = np.split(order, cuts)
-    starts = [0, *cuts]
-    return TriangleMesh(
-        tuple(
-            TriangleBatch(corners[p], np.zeros((len(p), 3, 2), np.float32), p.astype(np.int32), start)
-            for p, start in zip(parts, starts, strict=True)
-        )
-    )
+    return TriangleMesh(in_batches(corners[order], cuts, materials=order.astype(np.int32)))
 
 
 def colors_of(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
@@ -110,23 +102,27 @@ def test_bits_do_not_depend_on_order_batches_or_passes(octree: Octree, parts: in
         np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)
 
 
-def test_leaves_hold_means_over_their_surface() -> None:
+@pytest.mark.parametrize("bits", [12, 30], ids=["many in a leaf", "thousands of new bricks at once"])
+def test_leaves_hold_means_over_their_surface(bits: int) -> None:
     """Against a plain sum over fragments; luminance of any size, and what is no number, is gray."""
     rng = np.random.default_rng(6)
     count = 30_000
-    keys, areas = rng.integers(0, 1 << 12, count).astype(np.uint64), rng.uniform(0, 1e-6, count)
+    keys, areas = rng.integers(0, 1 << bits, count).astype(np.uint64), rng.uniform(0, 1e-6, count)
     color = (rng.random((count, 3)) * 10.0 ** rng.uniform(-3, 6, (count, 1))).astype(np.float32)
     luminance = (color.astype(np.float64) @ WEIGHTS).astype(np.float32)
-    color[:4] = [[np.nan] * 3, [np.inf] * 3, [0.0] * 3, [-1.0] * 3]
+    luminance[4:7] = np.nan, np.inf, -np.inf
+    color[:7] = [[np.nan] * 3, [np.inf] * 3, [0.0] * 3, [-1.0] * 3, *[[1.0] * 3] * 3]
     leaves = LeafAccumulator(1.0 / 1024)
     fragments = Fragments(keys, np.zeros(count, np.int32), np.zeros((count, 2), np.float32), areas)
     leaves.add(fragments, luminance, np.ones(count), np.array([[0.0, 0.0, 1.0]]), 0.5 * color)
     found, sums, _ = leaves.take()
-    color[:4] = luminance[:4, None]
-    _, place = np.unique(keys, return_inverse=True)
-    for channel, column in ((0, 5), (2, 6)):
-        np.testing.assert_allclose(sums[:, column], np.bincount(place, areas * color[:, channel]), rtol=1e-4)
-    assert sums.shape == (len(found), 7)
+    luminance = np.clip(np.nan_to_num(luminance.astype(float), posinf=2.0**32, neginf=-(2.0**32)), -(2.0**32), 2.0**32)
+    color[:7] = luminance[:7, None]
+    expected, place = np.unique(keys, return_inverse=True)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(sums[:, 0], np.bincount(place, areas), rtol=1e-6)
+    for values, column in ((luminance, 1), (color[:, 0], 5), (color[:, 2], 6)):
+        np.testing.assert_allclose(sums[:, column], np.bincount(place, areas * values), rtol=1e-4)
 
 
 @pytest.mark.parametrize("levels", [(6,), (4, 6)], ids=["uniform", "fitted"])
@@ -147,26 +143,6 @@ def test_inner_nodes_hold_area_weighted_means(levels: tuple[int, ...]) -> None:
     np.testing.assert_allclose(colors[0], whole, rtol=0.02)
 
 
-def test_files_keep_colour(gray: Octree, octree: Octree, tmp_path) -> None:
-    path = tmp_path / "o.safetensors"
-    save_octree(octree, path)
-    loaded = load_octree(path)
-    np.testing.assert_array_equal(loaded.chroma, octree.chroma)
-    assert octree_hash(loaded) == octree_hash(octree) != octree_hash(gray)
-    np.testing.assert_array_equal(truncated(octree, 3).chroma, octree.chroma[: octree.level_start[4]])
-    save_octree(gray, path)
-    assert load_octree(path).chroma is None
-    assert octree.nbytes == gray.nbytes + 2 * gray.node_count
-
-
-@pytest.mark.parametrize("chroma", [lambda c: c[:-1], lambda c: c.reshape(-1), lambda c: c.astype(np.uint16)])
-def test_contradictory_colour_is_refused(octree: Octree, chroma, tmp_path) -> None:
-    path = tmp_path / "bad.safetensors"
-    save_octree(replace(octree, chroma=chroma(octree.chroma)), path)
-    with pytest.raises(OctreeFileError, match=r"bad.safetensors.*(differ in length|'chroma')"):
-        load_octree(path)
-
-
 def test_info_says_whether_there_is_colour(gray: Octree, octree: Octree, tmp_path, capsys) -> None:
     for made, text in ((gray, "luminance alone"), (octree, "in color")):
         save_octree(made, tmp_path / "o.safetensors")
@@ -178,7 +154,4 @@ def test_memory_estimates_count_colour(octree: Octree) -> None:
     leaves, nodes, peak = estimate(octree, 9)
     same, more_nodes, more_peak = estimate(octree, 9, color=True)
     assert same == leaves and more_nodes == pytest.approx(nodes + leaves * 1.36 * 2, rel=1e-4) and more_peak > peak
-    for memory in (1e6, 1e9, 4e9, 1e11):
-        found = max_leaves(memory, color=True)
-        assert found < max_leaves(memory)
-        assert peak_bytes(found, color=True) <= memory < peak_bytes(found + 2, color=True)
+    assert max_leaves(1e9, color=True) < max_leaves(1e9)

@@ -80,21 +80,24 @@ def test_exit_code_of_the_sub_command_is_returned(greet: SimpleNamespace) -> Non
     assert commands.main(["greet", "Ada"]) == 3
 
 
-def test_our_errors_are_one_line_and_exit_2(greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (PatchNetError("nothing is selected; select a mesh"), 2, "error: nothing is selected; select a mesh\n"),
+        (OSError(28, "No space left on device", "/cache/a"), 2, "error: /cache/a: No space left on device; "),
+        (KeyboardInterrupt(), 130, "interrupted\n"),
+    ],
+)
+def test_errors_are_one_line_and_an_exit_code(
+    error: BaseException, code: int, said: str, greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]
+) -> None:
     def run(args) -> int:
-        raise PatchNetError("nothing is selected; select a mesh")
+        raise error
 
     greet.run = run
-    assert commands.main(["greet", "Ada"]) == 2
-    assert capsys.readouterr().err == "patchnet: error: nothing is selected; select a mesh\n"
-
-
-def test_interruption_exits_130(greet: SimpleNamespace) -> None:
-    def run(args) -> int:
-        raise KeyboardInterrupt
-
-    greet.run = run
-    assert commands.main(["greet", "Ada"]) == 130
+    assert commands.main(["greet", "Ada"]) == code
+    written = capsys.readouterr().err
+    assert written.startswith(f"patchnet: {said}") and written.count("\n") == 1
 
 
 def test_sigterm_exits_143_with_the_same_sentence(
@@ -107,16 +110,6 @@ def test_sigterm_exits_143_with_the_same_sentence(
     greet.run = run
     assert commands.main(["greet", "Ada"]) == 143
     assert capsys.readouterr().err == "patchnet: interrupted\n"
-
-
-def test_errors_of_the_system_name_their_own_file(greet: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
-    def run(args) -> int:
-        raise OSError(28, "No space left on device", "/cache/kernels")
-
-    greet.run = run
-    assert commands.main(["greet", "Ada"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("patchnet: error: /cache/kernels: No space left on device; ") and said.count("\n") == 1
 
 
 def test_other_errors_are_not_hidden(greet: SimpleNamespace) -> None:

@@ -45,18 +45,6 @@ def naive_code(weights, patch):
     return matrix.astype(np.float64) @ values + bias
 
 
-def other_encoder(name, weights):
-    """Encoder that is given chunks, several for a level, the last one partly filled; None for our kernels."""
-    if name == "compiled":
-        return None
-    if name == "torch":
-        pytest.importorskip("torch")
-        from patchnet.patchnet_addon.network.torch_encode import TorchEncoder
-    encoder = NumpyEncoder(weights) if name == "numpy" else TorchEncoder(weights)
-    encoder.chunk = 37
-    return encoder
-
-
 def has_descendants_two_levels_down(octree, node):
     level = int(octree.level_of(np.array([node]))[0])
     if level + 2 > octree.depth:
@@ -65,9 +53,7 @@ def has_descendants_two_levels_down(octree, node):
     return bool((octree.cells(level + 2) >> 2 == cell).all(axis=1).any())
 
 
-@pytest.mark.parametrize("encoder", ["compiled", "numpy", "torch"])
-def test_every_corner_has_the_code_of_its_patch(octree, weights, encoder):
-    coded = drain(encode_octree(octree, weights, encoder=other_encoder(encoder, weights)))
+def test_every_corner_has_the_code_of_its_patch(coded, octree, weights):
     for level in range(octree.depth + 1):
         dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
         for offset, cell in enumerate(octree.cells(level)):
@@ -83,11 +69,10 @@ def test_every_corner_has_the_code_of_its_patch(octree, weights, encoder):
 
 
 @pytest.mark.parametrize("width", [64, 320])
-@pytest.mark.parametrize("encoder", ["compiled", "torch"])
-def test_encoders_of_other_widths(octree, encoder, width):
+def test_encoders_of_other_widths(octree, width):
     weights = Weights.random(seed=9, bias=0.1, encoder=MLP.of_width(width))
     wanted = drain(encode_octree(octree, weights, encoder=NumpyEncoder(weights))).codes
-    found = drain(encode_octree(octree, weights, encoder=other_encoder(encoder, weights))).codes
+    found = drain(encode_octree(octree, weights)).codes
     np.testing.assert_allclose(found, wanted, rtol=2 * HALF, atol=1e-4)
 
 
@@ -147,7 +132,7 @@ def test_codes_file(coded, octree, weights, tmp_path):
 
 
 def test_codes_file_of_a_mixture(octree, tmp_path):
-    """It holds what is mixed around corners, and is refused without; a change of light alone changes no code."""
+    """It holds what is mixed around corners, which follows the light, and is refused without."""
     mixture, path = Weights.random(2, kind=MIXTURE), tmp_path / "mixture.safetensors"
     coded = drain(encode_octree(octree, mixture))
     save_codes(coded, path)
@@ -159,7 +144,6 @@ def test_codes_file_of_a_mixture(octree, tmp_path):
         with pytest.raises(CodesFileError, match="damaged"):
             load_codes(path, octree, mixture)
     darker = drain(encode_octree(replace(octree, luminance=octree.luminance // 2), mixture))
-    np.testing.assert_array_equal(darker.codes, coded.codes)
     there = coded.corner_cells > 0
     np.testing.assert_array_equal(darker.corner_cells & 255, coded.corner_cells & 255)
     brighter, halved = face_luminances(coded.corner_cells)[there], face_luminances(darker.corner_cells)[there]

@@ -43,6 +43,16 @@ def camera():
     return Camera.look_at(np.array([0.1, -0.9, 0.25]), np.array([0.0, 0.5, 0.2]), size_px=(288, 192))
 
 
+@pytest.fixture(scope="module")
+def fitted(mesh, camera):
+    return drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade))
+
+
+@pytest.fixture(scope="module")
+def octree(mesh, fitted):
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+
+
 def share_of(octree, camera):
     hits = first_hits(octree, camera)
     return octree.look_ahead()[hits.node[hits.hit]].mean()
@@ -81,10 +91,7 @@ def test_rays_that_lie_farther_apart_ask_for_what_pixels_ask_for():
     assert set(two[two > 0]) == set(one[one > 0]) and 0 < (two > 0).sum() < (one > 0).sum()
 
 
-def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera):
-    grid = Grid.around(mesh.bounds_world, 9)
-    fitted = drain(fit_leaf_levels(mesh, grid, [camera], shade))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera, fitted, octree):
     assert share_of(octree, camera) > 0.99 and fitted.lookahead_share == 1.0
     assert octree.depth == fitted.layout.deepest == fitted.wanted
     assert octree.leaf_count == pytest.approx(fitted.leaves, rel=0.05)
@@ -92,20 +99,17 @@ def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera):
     assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
 
 
-def test_the_wall_is_fine_where_it_shows_through_the_laths(mesh, camera):
-    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+def test_the_wall_is_fine_where_it_shows_through_the_laths(camera, octree):
     hits = first_hits(octree, camera)
     wall = hits.hit & (hits.z_world > 1.6)
     assert 0.05 < wall.mean() < 0.5
     assert octree.look_ahead()[hits.node[wall]].mean() > 0.99
 
 
-def test_fewer_leaves_where_memory_is_short(mesh, camera):
+def test_fewer_leaves_where_memory_is_short(mesh, camera, fitted):
     grid = Grid.around(mesh.bounds_world, 9)
-    full = drain(fit_leaf_levels(mesh, grid, [camera], shade))
-    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, max_leaves=0.6 * full.leaves))
-    assert less.leaves < 0.7 * full.leaves
+    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, max_leaves=0.6 * fitted.leaves))
+    assert less.leaves < 0.7 * fitted.leaves
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=less.layout))
     assert 0.3 < share_of(octree, camera) < 0.99
     assert less.lookahead_share == pytest.approx(share_of(octree, camera)) and octree.leaf_count == less.leaves
@@ -120,14 +124,10 @@ def test_a_track_serves_all_its_cameras(mesh, camera):
     assert min(share_of(octree, view) for view in (camera, other)) > 0.99
 
 
-def test_the_result_is_the_same_on_every_run_and_in_any_order(mesh, camera):
-    grid = Grid.around(mesh.bounds_world, 9)
-    one, two = (drain(fit_leaf_levels(source, grid, [camera], shade)) for source in (mesh, _reversed(mesh)))
-    np.testing.assert_array_equal(one.layout.levels, two.layout.levels)
-
-
-def _reversed(mesh):
-    return TriangleMesh.from_arrays(mesh.parts[0].corners_world[::-1])
+def test_the_result_is_the_same_on_every_run_and_in_any_order(mesh, camera, fitted):
+    other = TriangleMesh.from_arrays(mesh.parts[0].corners_world[::-1])
+    again = drain(fit_leaf_levels(other, Grid.around(mesh.bounds_world, 9), [camera], shade))
+    np.testing.assert_array_equal(fitted.layout.levels, again.layout.levels)
 
 
 def test_a_camera_that_looks_away_asks_for_nothing(mesh):

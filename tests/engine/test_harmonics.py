@@ -1,22 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Harmonics: orthonormal by exact quadrature, and equal to scipy's complex ones combined by the definition."""
+"""Harmonics equal scipy's complex ones, which are orthonormal, combined by the definition."""
 
 import numpy as np
 import pytest
 from scipy.special import sph_harm_y
 
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
-
-
-def test_orthonormal():
-    # Gauss-Legendre in z and equal steps in azimuth integrate polynomials of degree 8 exactly.
-    heights, height_weights = np.polynomial.legendre.leggauss(8)
-    azimuths = np.arange(16) * 2 * np.pi / 16
-    z, azimuth = (grid.ravel() for grid in np.meshgrid(heights, azimuths, indexing="ij"))
-    weights = np.repeat(height_weights, 16) * 2 * np.pi / 16
-    radius = np.sqrt(1 - z**2)
-    values = real_harmonics(np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z], axis=-1))
-    np.testing.assert_allclose(values.T @ (weights[:, None] * values), np.eye(25), atol=1e-10)
 
 
 def _real_from_complex(degree, order, polar, azimuth):

@@ -2,18 +2,14 @@
 """Light above white beside clamped luminance, in nodes and in refined pixels, and exposures without emitters."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, TriangleBatch, TriangleMesh
@@ -85,32 +81,6 @@ def test_refined_pixels_have_it_and_their_luminance_has_not() -> None:
         np.testing.assert_array_equal(found.luminance, plain.luminance)
         np.testing.assert_array_equal(plain.colors[:, 0], plain.luminance)
         assert (found.colors[:, 0] > 1.5).any() and plain.colors.max() <= 1.0
-
-
-def test_files_keep_it_and_damage_is_found(tmp_path: Path) -> None:
-    octree, _ = octrees(colored=True)
-    save_octree(octree, tmp_path / "octree.safetensors")
-    loaded = load_octree(tmp_path / "octree.safetensors")
-    np.testing.assert_array_equal(loaded.bright_nodes, octree.bright_nodes)
-    np.testing.assert_array_equal(loaded.bright_colors, octree.bright_colors)
-    assert octree.nbytes > replace(octree, bright_colors=None).nbytes
-    broken = {
-        "out of order": replace(octree, bright_nodes=octree.bright_nodes[::-1].copy()),
-        "incomplete": replace(octree, bright_colors=octree.bright_colors[1:].copy()),
-        "not a positive number": replace(octree, bright_colors=-octree.bright_colors),
-    }
-    for name, bad in broken.items():
-        save_octree(bad, tmp_path / "bad.safetensors")
-        with pytest.raises(OctreeFileError, match=name):
-            load_octree(tmp_path / "bad.safetensors")
-
-
-def test_a_coarser_octree_has_that_of_its_levels() -> None:
-    octree, _ = octrees()
-    coarse = truncated(octree, 4)
-    nodes = np.arange(coarse.node_count)
-    np.testing.assert_array_equal(coarse.color_above_white(nodes), octree.color_above_white(nodes))
-    assert coarse.bright_nodes.max() < coarse.node_count
 
 
 def lamp_shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:

@@ -16,13 +16,6 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.engine.test_sampling import random_buffers
 
 
-def test_bilinear_between_pixel_centres() -> None:
-    resized = picture_weights(np.array([[0.0, 1.0]]), 1, 4)
-    np.testing.assert_allclose(resized, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
-    rows = picture_weights(np.array([[0.0], [1.0]]), 4, 1)  # row 0 is the lowest in both
-    np.testing.assert_allclose(rows, [0.0, 0.25, 0.75, 1.0], atol=1e-6)
-
-
 @given(
     before=st.tuples(st.integers(1, 40), st.integers(1, 40)),
     after=st.tuples(st.integers(1, 40), st.integers(1, 40)),
@@ -62,16 +55,6 @@ def test_beside_hits() -> None:
     hit = np.array([[True, False, False, False], [True, False, False, False]])
     expected = [[0.5, 0.5, 0.0, 0.0], [0.2, 0.5, 0.0, 0.0]]
     np.testing.assert_allclose(beside_hits(weights, hit), expected)
-
-
-def test_ones_change_nothing() -> None:
-    buffers = random_buffers()
-    same = replace(buffers, importance=np.ones(len(buffers.preview), np.float32))
-    score = np.random.default_rng(1).random(len(buffers.preview)).astype(np.float32)
-    order = refinement_order(buffers, score)
-    np.testing.assert_array_equal(order, refinement_order(same, score))
-    np.testing.assert_array_equal(refined_mask(buffers, order, 0.3), refined_mask(same, order, 0.3))
-    np.testing.assert_array_equal(mse_at(buffers, score, [0.0, 0.3, 1.0]), mse_at(same, score, [0.0, 0.3, 1.0]))
 
 
 @pytest.mark.parametrize("budget", [0.0, 0.1, 0.5, 1.0])

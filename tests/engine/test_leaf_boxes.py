@@ -8,15 +8,12 @@ import pytest
 from hypothesis import example, given, settings
 
 from patchnet.patchnet_addon.cells.morton import morton_decode
-from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
-from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, unpacked
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
-from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
@@ -133,19 +130,3 @@ def test_a_thin_bar_is_as_wide_as_it_is(boxes):
     coverage = supersample_pixels(octree, camera, np.arange(32), 32).coverage.reshape(4, 8)
     width = coverage.sum(axis=1)  # pixels are as wide as voxels
     np.testing.assert_allclose(width, 0.6 if boxes else 2.0, atol=2 / STEPS)
-
-
-def test_files_keep_boxes_and_refuse_wrong_ones(tmp_path):
-    octree = with_boxes(random_octree(seed=1))
-    path = tmp_path / "boxes.safetensors"
-    save_octree(octree, path)
-    np.testing.assert_array_equal(load_octree(path).leaf_box, octree.leaf_box)
-    empty = octree.leaf_box.copy()
-    empty[-1, 1] = 0x0F
-    for wrong, why in ((octree.leaf_box[1:], "not as many"), (empty, "empty")):
-        save_octree(replace(octree, leaf_box=wrong), path)
-        with pytest.raises(OctreeFileError, match=why):
-            load_octree(path)
-    save_octree(replace(octree, leaf_box=None), path)  # as files were before there were boxes
-    assert load_octree(path).leaf_box is None
-    assert truncated(octree, 3).leaf_box is None and truncated(octree, octree.depth).leaf_box is octree.leaf_box

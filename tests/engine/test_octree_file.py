@@ -1,20 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree files: what is written comes back; what is damaged is refused with file and cause."""
+"""Octree files: what is written comes back, what is damaged or contradictory is refused with file and cause; depths."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.file import KIND, load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
+from patchnet.patchnet_addon.runtime.files import read_arrays, read_header, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
+
+DEPTH = 3
+OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
+fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unsynchronized():
+    """Hundreds of files, of which none need outlive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
 
 
 def shade(_batch, fragments):
@@ -27,18 +48,65 @@ def mesh():
     return TriangleMesh.from_arrays(rng.uniform(-1, 1, (80, 1, 3)) + rng.normal(size=(80, 3, 3)) * 0.1)
 
 
+def color_shade(batch, fragments):
+    """Three times as bright, so that there is light above white."""
+    luminance, opacity = shade(batch, fragments)
+    return 3.0 * luminance, opacity, np.stack([luminance, opacity, 0.5 * opacity], axis=1)
+
+
+@pytest.fixture(scope="module")
+def plain(mesh):
+    return drain(
+        build_octree(mesh, Grid.around(mesh.bounds_world, DEPTH), shade, exposure=0.5, provenance={"scene": "s"})
+    )
+
+
 @pytest.fixture(scope="module")
 def octree(mesh):
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 5), shade, provenance={"scene": "soup"}))
+    """It has all that there may be: colour, light above white, boxes of leaves."""
+    grid = Grid.around(mesh.bounds_world, DEPTH)
+    return drain(build_octree(mesh, grid, color_shade, exposure=1.0, provenance={"scene": "s"}, boxes=True))
 
 
-def test_round_trip(octree, tmp_path):
+@pytest.mark.parametrize("name", ["plain", "octree"])
+def test_round_trip(name, tmp_path, request):
+    octree = request.getfixturevalue(name)
     save_octree(octree, tmp_path / "o.safetensors")
     loaded = load_octree(tmp_path / "o.safetensors")
-    for name, array in octree_arrays(octree).items():
-        np.testing.assert_array_equal(array, octree_arrays(loaded)[name])
-    assert (loaded.grid, loaded.exposure, loaded.provenance) == (octree.grid, octree.exposure, {"scene": "soup"})
+    arrays, found = octree_arrays(octree), octree_arrays(loaded)
+    assert arrays.keys() == found.keys() and (set(OPTIONAL) <= arrays.keys()) == (name == "octree")
+    for each, array in arrays.items():
+        np.testing.assert_array_equal(array, found[each])
+    assert (loaded.grid, loaded.exposure, loaded.provenance) == (octree.grid, octree.exposure, {"scene": "s"})
     assert octree_hash(loaded) == octree_hash(octree)
+
+
+def test_colour_light_above_white_and_boxes_count(octree):
+    without = replace(octree, **dict.fromkeys(OPTIONAL))
+    assert octree_hash(octree) != octree_hash(replace(octree, chroma=None)) != octree_hash(without)
+    leaves, bright = octree.node_count - octree.level_start[-2], len(octree.bright_nodes)
+    assert octree.nbytes == without.nbytes + 2 * octree.node_count + 16 * bright + 3 * leaves
+
+
+@pytest.mark.parametrize("level", [2, DEPTH])
+def test_a_coarser_octree_has_what_its_levels_have(octree, level):
+    coarse, nodes = truncated(octree, level), np.arange(octree.level_start[level + 1])
+    np.testing.assert_array_equal(coarse.chroma, octree.chroma[: len(nodes)])
+    np.testing.assert_array_equal(coarse.color_above_white(nodes), octree.color_above_white(nodes))
+    assert coarse.bright_nodes.max() < coarse.node_count == len(nodes)
+    assert coarse.leaf_box is (octree.leaf_box if level == DEPTH else None)
+
+
+def with_mask(octree, node, mask):
+    masks = octree.child_mask.copy()
+    masks[node] = mask
+    return {"child_mask": masks, "leaf_box": None}
+
+
+def with_an_empty_box(octree):
+    boxes = octree.leaf_box.copy()
+    boxes[-1, 1] = 0x0F
+    return {"leaf_box": boxes}
 
 
 @pytest.mark.parametrize(
@@ -46,10 +114,20 @@ def test_round_trip(octree, tmp_path):
     [
         (lambda o: {"first_child": np.where(o.child_mask > 0, o.first_child + 1, 0).astype(np.uint32)}, "child index"),
         (lambda o: {"first_child": np.zeros_like(o.first_child)}, "child index"),
-        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "child index"),
+        (lambda o: {"child_mask": np.full_like(o.child_mask, 255)}, "belongs to a node with children"),
+        (lambda o: with_mask(o, -1, 255), "its children do not add up to its nodes"),
+        (lambda o: with_mask(o, o.level_start[DEPTH] - 1, 0), "the children of level 2 do not add up to level 3"),
         (lambda o: {"area_world": np.full_like(o.area_world, np.nan)}, "area"),
         (lambda o: {"level_start": o.level_start[::-1].copy()}, "levels do not add up"),
         (lambda o: {"luminance": o.luminance[:-1]}, "differ in length"),
+        (lambda o: {"chroma": o.chroma[:-1]}, "differ in length"),
+        (lambda o: {"chroma": o.chroma.reshape(-1)}, "differ in length"),
+        (lambda o: {"chroma": o.chroma.astype(np.uint16)}, "'chroma'"),
+        (lambda o: {"bright_nodes": o.bright_nodes[::-1].copy()}, "out of order"),
+        (lambda o: {"bright_colors": o.bright_colors[1:].copy()}, "incomplete"),
+        (lambda o: {"bright_colors": -o.bright_colors}, "not a positive number"),
+        (lambda o: {"leaf_box": o.leaf_box[1:]}, "not as many"),
+        (with_an_empty_box, "empty"),
     ],
 )
 def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
@@ -58,6 +136,126 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
     with pytest.raises(OctreeFileError, match=cause) as caught:
         load_octree(path)
     assert "bad.safetensors" in str(caught.value)
+
+
+def refused(path):
+    """Ask the reader whether it refuses a file, with a sentence that names it."""
+    try:
+        loaded = load_octree(path)
+    except OctreeFileError as caught:
+        assert str(path) in str(caught) and "\n" not in str(caught)
+        return None
+    return loaded
+
+
+def walk(octree):
+    """Visits of every node on a walk from the root, and the largest level."""
+    seen = np.zeros(octree.node_count, int)
+    front, level = [0], 0
+    while front:
+        children = []
+        for node in front:
+            seen[node] += 1
+            assert octree.level_start[level] <= node < octree.level_start[level + 1]
+            first = int(octree.first_child[node])
+            children += range(first, first + int(octree.child_mask[node]).bit_count())
+        front, level = children, level + 1
+        assert level <= octree.depth + 1
+    return seen
+
+
+@fuzz
+@given(data=st.data())
+def test_contradictory_files_are_refused_or_can_be_walked(octree, tmp_path, data):
+    """Files with right checksums whose values were changed: what is accepted is a tree, every node of it once."""
+    arrays = {name: array.copy() for name, array in octree_arrays(octree).items()}
+    for _ in range(data.draw(st.integers(1, 3))):
+        name = data.draw(st.sampled_from(sorted(arrays)))
+        flat = arrays[name].reshape(-1)
+        change = data.draw(st.sampled_from(["value", "length", "type", "shape", "special"]))
+        if change == "value" and len(flat) and flat.dtype.kind in "ui":
+            limits = np.iinfo(flat.dtype)
+            flat[data.draw(st.integers(0, len(flat) - 1))] = data.draw(st.integers(int(limits.min), int(limits.max)))
+        elif change == "length":
+            arrays[name] = arrays[name][: data.draw(st.integers(0, len(arrays[name])))]
+        elif change == "type":
+            with np.errstate(invalid="ignore"):
+                arrays[name] = arrays[name].astype(data.draw(st.sampled_from([np.uint8, np.int64, np.float32])))
+        elif change == "shape":
+            arrays[name] = arrays[name].reshape(
+                data.draw(st.sampled_from([(flat.size, 1), (1, flat.size), (flat.size,)]))
+            )
+        elif flat.dtype.kind == "f" and len(flat):
+            flat[data.draw(st.integers(0, len(flat) - 1))] = data.draw(st.sampled_from([np.nan, np.inf, -1.0]))
+    path = tmp_path / "odd.safetensors"
+    write_arrays(path, arrays, read_metadata(octree, tmp_path), KIND)
+    loaded = refused(path)
+    if loaded is not None:
+        assert (walk(loaded) == 1).all()
+        assert np.isfinite(loaded.area_world).all()
+        assert np.isfinite(loaded.color_float(slice(None))).all()
+
+
+def read_metadata(octree, folder):
+    path = folder / "good.safetensors"
+    if not path.exists():
+        save_octree(octree, path)
+    return read_header(path).metadata
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@fuzz
+@given(
+    st.sampled_from(["origin_world", "side_world", "depth", "exposure", "provenance", None]),
+    json_values,
+)
+def test_odd_metadata_are_refused_or_make_sense(octree, tmp_path, name, value):
+    metadata = read_metadata(octree, tmp_path)
+    changed = value if name is None else {**metadata, name: value}
+    path = tmp_path / "meta.safetensors"
+    write_arrays(path, octree_arrays(octree), changed, KIND)
+    loaded = refused(path)
+    if loaded is not None:
+        assert loaded.depth == DEPTH
+        assert loaded.grid.side_world > 0 and np.isfinite(loaded.grid.origin_world).all()
+
+
+WRITER = """
+import sys
+import numpy as np
+from patchnet.patchnet_addon.runtime.files import write_arrays
+print("ready", flush=True)
+for number in range(1, 100_000):
+    write_arrays(sys.argv[1], {"values": np.full(1_000_000, number)}, {"number": number}, "octree")
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
+def test_killed_while_saving_leaves_a_whole_file(tmp_path):
+    """Kills at random moments of endless saving: the file always is one that was written whole."""
+    path = tmp_path / "o.safetensors"
+    write_arrays(path, {"values": np.zeros(1_000_000, np.int64)}, {"number": 0}, KIND)
+    random = np.random.default_rng(int.from_bytes(os.urandom(4)))
+    interrupted = 0
+    for _ in range(8):
+        writer = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE)
+        assert writer.stdout is not None and writer.stdout.readline() == b"ready\n"
+        time.sleep(random.uniform(0.0, 0.2))
+        writer.kill()
+        writer.wait()
+        writer.stdout.close()
+        arrays, metadata = read_arrays(path, KIND, OctreeFileError)
+        assert (arrays["values"] == metadata["number"]).all()
+        for leftover in tmp_path.glob(".*.tmp"):
+            interrupted += 1
+            leftover.unlink()
+    assert interrupted > 0, "no kill met a file that was being written"
 
 
 def test_auto_depth_is_the_smallest_with_look_ahead(mesh):
@@ -91,10 +289,11 @@ def test_estimate_is_near_the_truth(mesh):
     assert choice.octree_bytes == pytest.approx(octree.nbytes, rel=0.25)
 
 
+@pytest.mark.parametrize("color", [False, True])
 @pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
-def test_most_leaves_is_the_inverse_of_peak_bytes(memory):
-    leaves = max_leaves(memory)
-    assert peak_bytes(leaves) <= memory < peak_bytes(leaves + 2)
+def test_most_leaves_is_the_inverse_of_peak_bytes(memory, color):
+    leaves = max_leaves(memory, color=color)
+    assert peak_bytes(leaves, color=color) <= memory < peak_bytes(leaves + 2, color=color)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):

@@ -6,12 +6,7 @@ import pytest
 
 from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, covering_nodes, voxel_blocks
 from patchnet.tests.engine.octree_samples import around_voxels, dense_cells, random_octree, with_boxes
-from patchnet.tests.references.codes import (
-    corner_blocks_reference,
-    corner_table_reference,
-    covering_nodes_reference,
-    voxel_blocks_reference,
-)
+from patchnet.tests.references.lookups import covering_nodes_reference
 
 
 @pytest.fixture(params=[False, True], ids=["uniform", "adaptive, with boxes"])
@@ -33,13 +28,6 @@ def test_blocks_are_cut_from_the_dense_grid(octree):
             np.testing.assert_allclose(block, dense[z : z + 4, y : y + 4, x : x + 4], atol=1e-7)
 
 
-def test_blocks_equal_their_reference(octree):
-    for level in levels(octree):
-        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-        reference = voxel_blocks_reference(octree, level, octree.cells(level))
-        np.testing.assert_array_equal(voxel_blocks(octree, nodes), reference)
-
-
 def test_missing_node_has_an_empty_block(octree):
     assert not voxel_blocks(octree, np.array([-1])).any()
 
@@ -54,33 +42,12 @@ def test_covering_nodes(octree):
     np.testing.assert_array_equal(nodes >= 0, occupied[z, y, x] > 0)
 
 
-def test_patches_of_corners_are_cut_from_the_padded_grid(octree):
-    for level in levels(octree):
-        dense = np.pad(dense_cells(octree, level + 2), ((4, 4), (4, 4), (4, 4), (0, 0)))
-        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-        corners, _ = corner_table_reference(octree, level, nodes)
-        for patch, (x, y, z) in zip(corner_blocks_reference(octree, level, corners), 4 * corners, strict=True):
-            np.testing.assert_allclose(patch, dense[z : z + 8, y : y + 8, x : x + 8], atol=1e-7)
-
-
-def test_corner_table_lists_each_corner_once(octree):
-    level = 3
-    nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])[::2]
-    cells = octree.cells(level)[::2]
-    corners, rows = corner_table_reference(octree, level, nodes)
-    wanted = {tuple(cell + offset) for cell in cells.tolist() for offset in [np.array(o) for o in OCTANTS]}
-    assert {tuple(corner) for corner in corners.tolist()} == wanted
-    assert len(corners) == len(wanted)
-    np.testing.assert_array_equal(corners[rows], cells[:, None] + OCTANTS)
-
-
 def test_neighbours_of_a_corner_meet_there(octree):
     level = 4
     nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-    corners, rows = corner_table_reference(octree, level, nodes)
-    neighbours = corner_neighbours(octree, level, corners)
-    for octant in range(8):  # seen from its corner `octant`, a voxel is the neighbour in the opposite octant
-        np.testing.assert_array_equal(neighbours[rows[:, octant], 7 - octant], nodes)
+    for octant, offset in enumerate(OCTANTS):  # seen from there, a voxel is the neighbour in the opposite octant
+        neighbours = corner_neighbours(octree, level, octree.cells(level) + offset)
+        np.testing.assert_array_equal(neighbours[:, 7 - octant], nodes)
 
 
 @pytest.mark.parametrize("adaptive", [False, True])

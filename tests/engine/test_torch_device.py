@@ -36,7 +36,7 @@ HALF = 2.0**-11  # relative rounding of a half float
 
 @pytest.fixture(scope="module", params=[False, True], ids=["uniform", "adaptive, with boxes"])
 def octree(request):
-    octree = random_octree(seed=8, depth=6, count=3000, adaptive=request.param)
+    octree = random_octree(seed=8, depth=6, count=1200, adaptive=request.param)
     return with_boxes(octree) if request.param else octree
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,8 +19,7 @@ def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tupl
     low = np.clip(np.floor(corners_voxel.min(axis=0)).astype(int), 0, resolution - 1)
     high = np.clip(np.floor(corners_voxel.max(axis=0)).astype(int), 0, resolution - 1)
     pieces = {}
-    for cell in itertools.product(*(range(a, b + 1) for a, b in zip(low, high, strict=True))):
-        polygon = piece_reference(corners_voxel, cell)
+    for cell, polygon in _cells_of(_whole(corners_voxel), low, high):
         share, centroid = _share_and_centroid(polygon)
         upper_face = any(
             polygon and cell[axis] < high[axis] and all(point[axis] == cell[axis] + 1 for point, _ in polygon)
@@ -33,11 +32,28 @@ def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tupl
 
 def piece_reference(corners_voxel: np.ndarray, cell: tuple[int, ...]) -> list:
     """Part of a triangle (3, 3) in one cell: vertices as pairs of position (3,) and barycentric weights (3,)."""
-    polygon = list(zip(corners_voxel, np.eye(3), strict=True))
+    polygon = _whole(corners_voxel)
     for axis in range(3):
-        polygon = half_space(polygon, axis, cell[axis], +1.0)
-        polygon = half_space(polygon, axis, cell[axis] + 1, -1.0)
+        polygon = _slab(polygon, axis, cell[axis])
     return polygon
+
+
+def _whole(corners_voxel: np.ndarray) -> list:
+    return list(zip(corners_voxel, np.eye(3), strict=True))
+
+
+def _slab(polygon: list, axis: int, cell: int) -> list:
+    return half_space(half_space(polygon, axis, cell, +1.0), axis, cell + 1, -1.0)
+
+
+def _cells_of(polygon: list, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[tuple[int, ...], list]]:
+    """Cells from `low` to `high` that a polygon touches, and its part in each, cut axis by axis."""
+    for x in range(low[0], high[0] + 1):
+        in_x = _slab(polygon, 0, x)
+        for y in range(low[1], high[1] + 1) if in_x else ():
+            in_xy = _slab(in_x, 1, y)
+            for z in range(low[2], high[2] + 1) if in_xy else ():
+                yield (x, y, z), _slab(in_xy, 2, z)
 
 
 def _share_and_centroid(polygon: list) -> tuple[float, np.ndarray]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.cells.morton import morton_decode, morton_encode
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
     _COLUMNS,
@@ -30,7 +29,7 @@ from patchnet.patchnet_addon.octree.leaf_boxes import FILLED_STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits
-from patchnet.tests.references.lookups import covered_shares, face_luminances, ray_frames
+from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
 from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
 
 
@@ -44,7 +43,7 @@ def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> n
     """Reference of `corner_cells` in NumPy."""
     cells = (2 * np.asarray(corners)[:, None] - 1 + OCTANTS).reshape(-1, 3)
     node = covering_nodes_reference(octree, level + 1, cells)
-    lights = np.stack([_child_luminances(octree, node, octant) for octant in range(8)], axis=-1)  # (N, 8)
+    lights = _luminances(octree, _parts(octree, node))  # (N, 8)
     masks = (lights >= 0) @ (1 << np.arange(8))
     words = packed_reference(masks, face_luminances_reference(lights))
     return np.where(node >= 0, words, EMPTY).astype(np.uint32).reshape(-1, CORNERS)
@@ -73,16 +72,6 @@ def packed_reference(masks: np.ndarray, faces: np.ndarray) -> np.ndarray:
         steps = np.copysign(np.floor(SLOPE_STEPS * np.sqrt(2 * np.abs(half)) + 0.5), half)
         words |= (SLOPE_STEPS + steps.astype(np.int64)) << (SLOPE + SLOPE_BITS * axis)
     return words
-
-
-def _child_luminances(octree: Octree, node: np.ndarray, octant: int) -> np.ndarray:
-    """Luminances (N,) float32 of a child of nodes (N,), -1 where it is not; a leaf is all of its children."""
-    there = np.maximum(node, 0)
-    mask = octree.child_mask[there].astype(np.int64)
-    before = np.array([value.bit_count() for value in range(256)])[mask & (1 << octant) - 1]
-    child = np.where(mask == 0, there, octree.first_child[there].astype(np.int64) + before)
-    found = (node >= 0) & ((mask == 0) | (mask >> octant & 1 == 1))
-    return np.where(found, octree.luminance_float(np.where(found, child, 0)), np.float32(-1))
 
 
 def footprint_reference(
@@ -186,21 +175,26 @@ def _in_ray_order(values: np.ndarray, order: np.ndarray) -> np.ndarray:
     return found
 
 
-def _children(octree: Octree, node: np.ndarray) -> np.ndarray:
-    """Children (..., 8) int64 of nodes (...,), -1 for none."""
+def _parts(octree: Octree, node: np.ndarray) -> np.ndarray:
+    """Children (..., 8) int64 of nodes (...,), -1 for none; a leaf is all of its children."""
     mask = octree.child_mask[node].astype(np.int64)[..., None] >> np.arange(8) & 1
-    return np.where(mask == 1, octree.first_child[node].astype(np.int64)[..., None] + np.cumsum(mask, -1) - 1, -1)
+    child = np.where(mask == 1, octree.first_child[node].astype(np.int64)[..., None] + np.cumsum(mask, -1) - 1, -1)
+    parts = np.where((octree.child_mask[node] == 0)[..., None], node[..., None], child)
+    return np.where((node >= 0)[..., None], parts, -1)
+
+
+def _luminances(octree: Octree, node: np.ndarray) -> np.ndarray:
+    """Luminances (...,) float32 of nodes (...,), ABSENT for none."""
+    return np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), np.float32(ABSENT))
 
 
 def _grandchildren(octree: Octree, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Luminances (M, 64) of the children's children of nodes (M,), -1 for none, and what they cover of their cells'
     faces across each axis (M, 3, 64); x + 4 y + 16 z. A leaf is all of its children.
     """
-    child = _children(octree, node)
-    inner = np.where((octree.child_mask[child] == 0)[..., None], child[..., None], _children(octree, child))
-    inner = np.where((child >= 0)[..., None], inner, -1)
+    inner = _parts(octree, _parts(octree, node))
     fine = np.empty((len(node), CELLS), np.float32)
-    fine[:, _CELL_OF] = np.where(inner >= 0, octree.luminance_float(np.maximum(inner, 0)), ABSENT)
+    fine[:, _CELL_OF] = _luminances(octree, inner)
     whole = np.ones((*inner.shape, 3), np.float32)
     if octree.leaf_box is not None:
         first = int(octree.level_start[octree.depth])
@@ -261,30 +255,6 @@ def voxel_blocks_reference(
     values[there, 1] = octree.luminance_float(nodes[there])
     values[there, 2:] = octree.normal_float(nodes[there])
     return values.reshape(-1, side, side, side, CHANNELS)
-
-
-def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
-    nodes = np.full(len(cells), -1, np.int64)
-    for coarser in range(min(level, octree.depth), -1, -1):
-        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
-        leaf = (found >= 0) & (octree.child_mask[found] == 0)
-        accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
-        nodes[accepted] = found[accepted]
-    return nodes
-
-
-def corner_table_reference(octree: Octree, level: int, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distinct corners (C, 3) int32 of `nodes` (K,) of a level, in Morton order, and rows (K, 8) uint32 in that list.
-
-    The rows are those of each node's corners, in the order of `OCTANTS`.
-    """
-    cells = morton_decode(octree.keys(level)[np.asarray(nodes) - octree.level_start[level]])
-    keys = np.unique(np.concatenate([morton_encode(cells + offset) for offset in OCTANTS]))
-    rows = np.empty((len(cells), 8), np.uint32)
-    for octant, offset in enumerate(OCTANTS):
-        rows[:, octant] = np.searchsorted(keys, morton_encode(cells + offset))
-    return morton_decode(keys), rows
 
 
 def corner_blocks_reference(

@@ -1,21 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What only tests ask for: octrees of given leaves, boxes of nodes, frames of rays, luminances of cells."""
+"""What only tests ask for: boxes of nodes, frames of rays, luminances of cells."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from patchnet.patchnet_addon.codes.brick import EMPTY
 from patchnet.patchnet_addon.codes.corner_cells import BASE, BASE_STEPS, FACES, SLOPE, SLOPE_BITS, SLOPE_STEPS
-from patchnet.patchnet_addon.octree.build import _joined
-from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.octree.subtrees import subtrees
-from patchnet.patchnet_addon.octree.voxelize import LeafSums
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 
 
@@ -24,26 +17,27 @@ def fits_pixel_of(voxel_side: np.ndarray | float, pixel_side: np.ndarray | float
     return np.asarray(voxel_side) < 2.0 * np.asarray(pixel_side)
 
 
+def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
+    """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
+    nodes = np.full(len(cells), EMPTY, np.int64)
+    for coarser in range(min(level, octree.depth), -1, -1):
+        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
+        leaf = (found >= 0) & (octree.child_mask[found] == 0)
+        accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
+        nodes[accepted] = found[accepted]
+    return nodes
+
+
 def brick_nodes(octree: Octree, level: int, cell: np.ndarray, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
     """Reference of `fill_brick`: nodes (S, S, S) int64 in the order z, y, x, -1 for empty, by look-ups of keys.
 
     S is 3 * 2^lookahead.
     """
-    side, finest = 1 << lookahead, level + lookahead
-    low = (np.asarray(cell, np.int64) - 1) * side
+    side = 1 << lookahead
     axis = np.arange(3 * side)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    fine = np.stack([x, y, z], axis=-1).reshape(-1, 3) + low  # (S^3, 3)
-    nodes = np.full(len(fine), EMPTY, np.int64)
-    for up in range(finest + 1):  # from the finest level to the root: only leaves count above the finest
-        here = octree.find(finest - up, fine >> up) if finest - up <= octree.depth else None
-        if here is None:
-            continue
-        valid = here >= 0
-        if up > 0:
-            valid &= octree.child_mask[np.maximum(here, 0)] == 0
-        nodes = np.where((nodes < 0) & valid, here, nodes)
-    return nodes.reshape(3 * side, 3 * side, 3 * side)
+    fine = np.stack([x, y, z], axis=-1).reshape(-1, 3) + (np.asarray(cell, np.int64) - 1) * side  # (S^3, 3)
+    return covering_nodes_reference(octree, level + lookahead, fine).reshape(3 * side, 3 * side, 3 * side)
 
 
 def face_luminances(words: np.ndarray) -> np.ndarray:
@@ -70,17 +64,6 @@ def ray_frames(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     flips = (direction < 0) @ np.array([1, 2, 4])
     signs = np.where(np.take_along_axis(direction, axes, 1) < 0, np.float32(-1), np.float32(1))
     return 8 * (2 * axes[:, 0] + (axes[:, 1] > axes[:, 2])) + flips, axes, signs
-
-
-def octree_from_leaves(
-    leaves: Sequence[LeafSums],
-    grid: Grid,
-    *,
-    exposure: float | None = None,
-    provenance: dict[str, Any] | None = None,
-) -> Octree:
-    """Octree over the leaf sums of one or several levels, no leaf within another one; settings as in `build_octree`."""
-    return _joined([subtrees(leaves, 0)], grid, exposure, provenance or {})
 
 
 def box_bounds(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

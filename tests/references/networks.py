@@ -3,27 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from patchnet.patchnet_addon.network.harmonics import harmonic_terms
-from patchnet.patchnet_addon.network.kinds import (
-    CODE_SIZE,
-    CORNERS,
-    COVERED,
-    COVERING,
-    MIXTURE,
-    OUTPUT_LOW,
-    OUTPUT_RANGE,
-    PAPER,
-    RAY_INPUTS,
-    SIDE_BY_SIDE,
-    VIEWS,
-)
+from patchnet.patchnet_addon.network.harmonics import real_harmonics
+from patchnet.patchnet_addon.network.kinds import CORNERS, COVERING, OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
 from patchnet.patchnet_addon.network.weights import CHANNELS, MODULATED, Weights
-
-BLOCK = 4096  # pixels at once: the layers' values stay in the cache (methods 4.5)
 
 
 class NumpyEncoder:
@@ -51,49 +37,30 @@ def decode(
     codes: (N, 10) interpolated codes. direction, up: (N, 3) unit vectors in octree axes (methods 7.14). ratio: (N,)
     pixel-voxel ratio. `clip`: to [0, 1], as at inference; in training the network speaks in [-1, 2].
     """
-    count = len(codes)
-    outputs = np.empty((2, count), np.float32)
-    inputs = np.empty((PAPER.decoder[0], min(BLOCK, count)), np.float32)
-    for start in range(0, count, BLOCK):
-        block = slice(start, min(start + BLOCK, count))
-        values = inputs[:, : block.stop - start]
-        fill_ray_inputs(values, codes[block], direction[block], up[block], ratio[block])
-        outputs[:, block] = sigmoid_output(run_decoder(weights, values))
-    if clip:
-        np.clip(outputs, 0, 1, out=outputs)
-    return outputs[0], outputs[1]
+    outputs = sigmoid_output(run_decoder(weights, ray_inputs(codes, direction, up, ratio)))
+    coverage, luminance = (np.clip(outputs, 0, 1) if clip else outputs).T
+    return coverage, luminance
+
+
+def ray_inputs(codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray) -> np.ndarray:
+    """Inputs (N, 42) float32 of code and ray."""
+    harmonics = real_harmonics(direction)
+    modulated = codes[:, :MODULATED] * harmonics[:, :MODULATED]
+    inputs = [modulated, codes[:, MODULATED:], direction, up, ratio[:, None], harmonics]
+    return np.concatenate(inputs, axis=1).astype(np.float32)
 
 
 def run_decoder(weights: Weights, values: np.ndarray) -> np.ndarray:
-    """Last layer's values (outputs, n) float32 for inputs (inputs, n)."""
-    for matrix, bias in weights.decoder[:-1]:
-        values = matrix @ values
-        values += bias[:, None]
-        np.maximum(values, 0, out=values)
-    matrix, bias = weights.decoder[-1]
-    result: np.ndarray = matrix @ values + bias[:, None]
-    return result
+    """Last layer's values (N, outputs) float32 for inputs (N, inputs)."""
+    *hidden, (matrix, bias) = weights.decoder
+    for weight, offset in hidden:
+        values = np.maximum(values @ weight.T + offset, 0)
+    return np.asarray(values @ matrix.T + bias)
 
 
 def sigmoid_output(logits: np.ndarray) -> np.ndarray:
     """Values in [-1, 2] of the last layer's, bounded so that far ones saturate without an overflow warning."""
-    result: np.ndarray = OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-np.clip(logits, -80, 80)))
-    return result
-
-
-def fill_ray_inputs(
-    inputs: np.ndarray, codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray
-) -> None:
-    """Write the inputs (42, n) of code and ray, one feature a row: rows are contiguous, and BLAS does the layers."""
-    inputs[:CODE_SIZE] = codes.T
-    inputs[CODE_SIZE : CODE_SIZE + 3] = direction.T
-    inputs[CODE_SIZE + 3 : CODE_SIZE + 6] = up.T
-    inputs[CODE_SIZE + 6] = ratio
-    x, y, z = inputs[CODE_SIZE : CODE_SIZE + 3]
-    for index, term in enumerate(harmonic_terms(x, y, z)):
-        inputs[CODE_SIZE + 7 + index] = term
-        if index < MODULATED:
-            inputs[index] *= term
+    return np.asarray(OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-np.clip(logits, -80, 80))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,31 +82,14 @@ class MixtureInputs:
     covered: np.ndarray
     luminances: np.ndarray
 
-    def part(self, block: slice) -> MixtureInputs:
-        """Inputs of some of the pixels."""
-        return MixtureInputs(*(getattr(self, field.name)[block] for field in fields(self)))
 
-
-def decode_mixture(weights: Weights, inputs: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
+def decode_mixture(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
     """Coverage (N,) in [0, 1] and luminance (N,), float32, of what the network expects behind N pixels."""
-    count = len(inputs.ratio)
-    coverage, luminance = np.empty(count, np.float32), np.empty(count, np.float32)
-    for start in range(0, count, BLOCK):
-        block = slice(start, min(start + BLOCK, count))
-        coverage[block], luminance[block] = _decode_block(weights, inputs.part(block))
-    return coverage, luminance
-
-
-def _decode_block(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
-    values = np.empty((MIXTURE.decoder[0], len(given.ratio)), np.float32)
-    fill_ray_inputs(values, given.codes, given.direction, given.up, given.ratio)
-    values[RAY_INPUTS:VIEWS] = given.corner_codes.reshape(-1, CORNERS * SIDE_BY_SIDE).T
-    values[VIEWS:COVERED] = given.view.T
-    values[COVERED:] = given.covered.T
-    outputs = run_decoder(weights, values)
-    shares = mixture_shares(outputs[1:].T, given.covered)
-    luminance = (shares * given.luminances).sum(axis=1)
-    return np.clip(sigmoid_output(outputs[0]), 0, 1), luminance
+    rays = ray_inputs(given.codes, given.direction, given.up, given.ratio)
+    corner_codes = given.corner_codes.reshape(len(rays), CORNERS * SIDE_BY_SIDE)
+    outputs = run_decoder(weights, np.concatenate([rays, corner_codes, given.view, given.covered], axis=1))
+    luminance = (mixture_shares(outputs[:, 1:], given.covered) * given.luminances).sum(axis=1)
+    return np.clip(sigmoid_output(outputs[:, 0]), 0, 1), luminance
 
 
 def mixture_shares(logits: np.ndarray, covered: np.ndarray) -> np.ndarray:

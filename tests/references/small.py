@@ -5,18 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.cells.contract import MAX_RATIO, MIN_RATIO
 from patchnet.patchnet_addon.octree.leaf_boxes import _MARGIN, STEPS
 from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import Form
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.windows import windows
 from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
-
-
-def pixel_voxel_ratio_reference(pixel_side: np.ndarray | float, voxels_per_side: np.ndarray | float) -> np.ndarray:
-    """Reference of `pixel_voxel_ratio`: (N,)."""
-    return np.clip(np.asarray(pixel_side) * voxels_per_side, MIN_RATIO, MAX_RATIO)
 
 
 def boxes_reference(points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of weights, and the mixture with torch and in plain NumPy: one result."""
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.network.kinds import MIXTURE
+from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
+from patchnet.patchnet_addon.runtime.errors import WeightsFileError
+from patchnet.patchnet_addon.runtime.files import write_arrays
+from patchnet.tests.references.networks import MixtureInputs, decode_mixture
+
+COUNT = 1000
+
+
+@pytest.fixture(scope="module")
+def weights():
+    return Weights.random(seed=5, bias=0.1)
+
+
+@pytest.fixture(scope="module", params=[48, 78])
+def mixture(request):
+    return Weights.random(seed=6, bias=0.1, kind=MIXTURE.of_width(request.param))
+
+
+@pytest.fixture(scope="module")
+def mixed_pixels():
+    """Inputs of a mixture as rays bring them; some cells do not exist."""
+    random = np.random.default_rng(2)
+    direction = random.normal(size=(COUNT, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    up = np.cross(direction, random.normal(size=(COUNT, 3)))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    rays = random.normal(size=(COUNT, 10)) * 2, random.normal(size=(COUNT, 8, 4)), direction, up
+    covered = random.uniform(0.01, 1, (COUNT, 64)) * (random.random((COUNT, 64)) < 0.6)
+    others = random.uniform(0.5, 1, COUNT), random.random((COUNT, 9)), covered, random.random((COUNT, 65))
+    return MixtureInputs(*(array.astype(np.float32) for array in (*rays, *others)))
+
+
+def test_mixture_with_torch(mixture, mixed_pixels):
+    torch = pytest.importorskip("torch")
+    from patchnet.training.data.tensor_batch import TensorNearby
+    from patchnet.training.network.patchnet import PatchNet
+
+    given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
+    near = TensorNearby(*(given.pop(name) for name in ("view", "covered", "luminances")))
+    with torch.no_grad():
+        outputs = PatchNet(mixture).decode_mixture(near=near, **given).numpy()
+    coverage, luminance = decode_mixture(mixture, mixed_pixels)
+    np.testing.assert_allclose(outputs[:, 0].clip(0, 1), coverage, atol=1e-4)
+    np.testing.assert_allclose(outputs[:, 1], luminance, atol=1e-4)
+
+
+def test_weights_file(weights, tmp_path):
+    path = tmp_path / "w.safetensors"
+    save_weights(Weights(weights.encoder, weights.decoder, {"data": "test"}), path)
+    loaded = load_weights(path)
+    assert loaded.hash == weights.hash
+    assert loaded.metadata == {"data": "test"}
+    assert Weights.random(1).hash != Weights.random(2).hash
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda arrays: arrays.pop("decoder.2.bias"), r"another network: it lacks 'decoder\.2\.bias'"),
+        (lambda arrays: arrays.update({"encoder.0.weight": np.zeros((256, 320), np.float32)}), "shape"),
+        (lambda arrays: arrays.update({"encoder.1.bias": np.full(256, np.nan, np.float32)}), "not finite"),
+        (lambda arrays: arrays.update({"encoder.1.bias": np.zeros(256)}), "float64"),
+    ],
+)
+def test_unusable_weights(weights, tmp_path, change, sentence):
+    path = tmp_path / "bad.safetensors"
+    arrays = weights.arrays()
+    change(arrays)
+    write_arrays(path, arrays, {"network": network(2)}, "weights")
+    with pytest.raises(WeightsFileError, match=rf"bad\.safetensors.*{sentence}"):
+        load_weights(path)
+
+
+def test_file_says_the_kind_of_network(mixture, tmp_path):
+    path = tmp_path / "mixture.safetensors"
+    save_weights(mixture, path)
+    loaded = load_weights(path)
+    assert loaded.kind == mixture.kind and loaded.kind.name == MIXTURE.name and loaded.hash == mixture.hash
+    write_arrays(path, mixture.arrays(), {"network": network(2, MIXTURE) | {"kind": "oracle"}}, "weights")
+    with pytest.raises(WeightsFileError, match="its 'kind' is 'oracle' where this one has one of paper, mixture"):
+        load_weights(path)
+    write_arrays(path, mixture.arrays(), {"network": network(2)}, "weights")
+    with pytest.raises(WeightsFileError, match="shape"):
+        load_weights(path)
+    odd = Weights.random(kind=MIXTURE.of_width(50)).arrays()
+    write_arrays(path, odd, {"network": network(2, MIXTURE)}, "weights")
+    with pytest.raises(WeightsFileError, match=r"shape \(50,\) where decoders have a multiple of 6 numbers, 6 to 78"):
+        load_weights(path)
+
+
+@pytest.mark.parametrize("stated", [{}, {**network(2), "look_ahead": 3}])
+def test_weights_of_another_network(weights, tmp_path, stated):
+    path = tmp_path / "other.safetensors"
+    write_arrays(path, weights.arrays(), {"network": stated}, "weights")
+    with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'patch'"):
+        load_weights(path)
