@@ -76,7 +76,7 @@ def property_of(row: Setting) -> Any:
         low, high = int(row.bounds.low), int(row.bounds.high)
         return IntVectorProperty(**words, size=2, default=row.default, min=low, max=high, **more)
     if row.kind is Kind.AUTOMATIC:
-        return FloatProperty(**words, default=0.0, min=0.0, max=_inside(row.bounds)[1], **more)
+        return FloatProperty(**words, default=row.default or 0.0, min=0.0, max=_inside(row.bounds)[1], **more)
     make = share if row.kind is Kind.SHARE else number
     return make(row.label, row.description, row.default, row.bounds, **more)
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 import bpy
 
 from ...patchnet_addon.runtime.errors import FilesGoneError, PatchNetError, StoppedError
-from .passes import PASSES
+from .passes import BY_PRIORITY, PASSES
 
 ENGINE = "PATCHNET"
 
@@ -36,7 +36,8 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene: bpy.types.Scene = None, renderlayer: bpy.types.ViewLayer = None) -> None:
         """Tell the compositor which passes there are."""
-        for item in PASSES:
+        ranked = not scene.patchnet.render_samples
+        for item in (each for each in PASSES if ranked or each.name not in BY_PRIORITY):
             self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:

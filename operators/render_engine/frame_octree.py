@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -90,8 +91,10 @@ def octree_of_frame(
     warn: Callable[[str], None],
     *,
     animation: bool,
-) -> Steps[CodedOctree]:
-    """Lit and coded octree of a render's graph at its frame; `camera` sees it if the depth is to be found.
+) -> Steps[tuple[Octree, CodedOctree | None]]:
+    """Lit octree of a render's graph at its frame, with its codes if the settings want them for renders.
+
+    camera: sees it if the depth is to be found.
 
     warn: takes sentences about what had to be assumed or left out where one is made.
     animation: other frames follow. Raises PatchNetError.
@@ -102,12 +105,12 @@ def octree_of_frame(
         gloss = settings.light.gloss
         settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
     result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
-    if result.coded is not None:
-        return result.coded
+    if result.coded is not None or settings.view.render_samples is not None:
+        return result.octree, result.coded
     coded, _ = yield from encode(result.octree, load_network(settings.network), settings.compute)
     if results.result_of(scene) is result:
         results.keep(scene, replace(result, coded=coded), "codes")
-    return coded
+    return result.octree, coded
 
 
 @dataclass(frozen=True, eq=False)

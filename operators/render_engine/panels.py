@@ -38,11 +38,15 @@ class _RenderPanel(PanelBase):
 class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
     """Sampling of the render engine: what is refined first, and how much."""
 
-    bl_label = "Refinement"
+    bl_label = "Sampling"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Strategy, budget and painted importance, which views in the sidebar have, too."""
+        """Samples of all pixels, else strategy and budget, and painted importance, which the sidebar has, too."""
         layout = split(self.layout)
+        draw_setting(layout, context.scene.patchnet, "render_samples")
+        if context.scene.patchnet.render_samples:
+            draw_settings(layout, context.scene.patchnet, "importance")
+            return
         for name in ("strategy", "unrefined", "budget"):
             draw_setting(layout, context.scene.patchnet, name)
         draw_samples(layout, context.scene.patchnet)

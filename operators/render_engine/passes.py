@@ -42,6 +42,7 @@ PASSES = (
     Pass("Sample Count", "X", "VALUE"),
     Pass("Level", "X", "VALUE"),
 )
+BY_PRIORITY = ("Priority", "Coverage")  # where pixels are refined by priority, not sampled alike
 
 
 def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:
@@ -61,20 +62,22 @@ def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:
 
 
 def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Pixels (P, C) float32 of each pass that is known by now: only Combined as long as pixels are being traced."""
+    """Pixels (P, C) float32 of each pass that is known by now: only Combined as long as pixels are being traced.
+
+    Those of BY_PRIORITY only where pixels are ranked.
+    """
     known = {"Combined": combined(picture, world)}
-    priority = picture.priority
-    if picture.buffers is None or priority is None:
+    if picture.buffers is None:
         return known
     hits = picture.buffers.hits
     values = {
         "Depth": np.where(hits.hit, hits.z_world, np.float32(NO_DEPTH)),
         "Normal": _normals(picture),
-        "Priority": priority,
-        "Coverage": _coverage(picture.buffers),
         "Sample Count": picture.samples,
         "Level": np.where(hits.hit, hits.level, -1),
     }
+    if picture.priority is not None:
+        values |= {"Priority": picture.priority, "Coverage": _coverage(picture.buffers)}
     return known | {name: value.astype(np.float32).reshape(len(hits.hit), -1) for name, value in values.items()}
 
 

@@ -82,16 +82,20 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     _mention_left_out(engine, scene, camera)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     with rendered_frame(engine, scene) as frames:
-        coded = pull(engine, making, 0.0, 0.3, frames)
-        importance = None if strokes is None else partial(strokes.weights, coded.octree.grid, rect=rect)
-        world = pull(engine, _world(engine, depsgraph, camera, coded.octree), 0.3, 0.3, frames)
+        octree, coded = pull(engine, making, 0.0, 0.3, frames)
+        importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
+        world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3, frames)
         budget = wanted.budget if wanted.spp is None else None
-        picture = AdaptivePicture(coded.octree, camera, chosen, coded, importance, wanted.unrefined, budget)
+        if wanted.render_side is None:
+            picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
+            refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
+        else:
+            picture = AdaptivePicture(octree, camera, None, None, importance)
+            refining = picture.sample_evenly(wanted.render_side)
         output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
         try:
             pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5, frames)
             _warn_of_unseen(engine, picture)
-            refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
             pull(engine, output.shown_meanwhile(refining), 0.5, 1.0, frames)
         finally:  # a render that was stopped shows how far it came
             output.end()

@@ -25,6 +25,7 @@ from ..properties.preferences import apply_preferences
 from ..session import results
 from ..session.memory import give_back
 from ..session.scene_result import SceneResult
+from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
@@ -88,8 +89,8 @@ class Viewport:
         result: SceneResult,
     ) -> None:
         values, region = context.scene.patchnet, context.region
-        chosen = strategy(values.strategy)
-        if result.coded is None and (chosen.needs or values.unrefined != PREVIEW):
+        needs_codes = strategy(values.strategy).needs or values.unrefined != PREVIEW
+        if result.coded is None and needs_codes and not values.render_samples:
             self._forget()
             self._message(engine, context, _NO_CODES)
             return
@@ -122,11 +123,12 @@ class Viewport:
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
         wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
-        state = (id(result), *wanted, self.mask.version, rect, *_view(camera))
+        state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = _picture(context, result, camera, importance)
-            preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples)
+            side = samples_side(values.render_samples)
+            preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples, side)
             self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # the first picture comes soon
         elif background != self._background:
@@ -136,7 +138,8 @@ class Viewport:
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
         """Return whether all kernels are there; they come once for each kind of work."""
-        kind = picture.strategy.name, picture.unrefined, picture.octree.chroma is None, picture.coded is None
+        ranked_by = picture.strategy and picture.strategy.name
+        kind = ranked_by, picture.unrefined, picture.octree.chroma is None, picture.coded is None
         if self._preparation is None or self._prepared_for != kind:
             apply_preferences(context)
             self._preparation, self._prepared_for = Preparation(picture), kind
@@ -155,6 +158,8 @@ class Viewport:
 def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, importance: Any) -> AdaptivePicture:
     """Picture of a result as the scene's settings have it."""
     values = context.scene.patchnet
+    if values.render_samples:
+        return AdaptivePicture(result.octree, camera, None, None, importance)
     budget = None if values.spp else values.budget
     chosen = strategy(values.strategy)
     return AdaptivePicture(result.octree, camera, chosen, result.coded, importance, values.unrefined, budget)

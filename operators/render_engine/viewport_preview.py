@@ -26,7 +26,7 @@ _LARGEST_PACE = (1 << 16, 1 << 20)
 
 
 class ViewportPreview:
-    """Coarse picture, one ray in each pixel, then refinement by priority until the budget is spent.
+    """Coarse picture, one ray in each pixel, then as many in all, or refinement by priority until the budget is spent.
 
     status: what is done now. done: nothing is left to do. steps: the work, for callers that pull it without `work`.
     """
@@ -38,19 +38,21 @@ class ViewportPreview:
         world: np.ndarray | CubeMap | None,
         spp: float | None = None,
         refined: float = _FINE_SIDE**2,
+        even_side: int = _QUICK_SIDE,
     ) -> None:
         """Prepare for a picture; world: behind all surfaces, one colour (3,), or light by direction; None: transparent.
 
         spp: mean samples per active pixel instead of the share `budget`.
 
-        refined: mean samples of the pixels in that share.
+        refined: mean samples of the pixels in that share. even_side: rays per pixel side of a picture without a
+        strategy.
         """
         self.picture = picture
         self.status = ""
         self.done = False
         self._map = world if isinstance(world, CubeMap) else None
         self._world = BLACK if isinstance(world, CubeMap) else world
-        self._budget, self._spp, self._refined = budget, spp, refined
+        self._budget, self._spp, self._refined, self._even_side = budget, spp, refined, even_side
         self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
 
@@ -91,6 +93,9 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing the preview")
         yield from self._look()
         yield from self.picture.trace(self.pace)
+        if self.picture.strategy is None:
+            yield from self.picture.sample_evenly(self._even_side, self.pace)
+            return
         for side in (_QUICK_SIDE, _FINE_SIDE):
             yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp, refined=self._refined)
 

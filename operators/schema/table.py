@@ -214,6 +214,14 @@ _VIEWS = (
         widget={"soft_max": 64.0}, automatic="By Budget", first=16.0,
     ),
     Setting(
+        "render_samples", "Render Samples",
+        "Rays in every pixel of renders and of the viewport, 16 as 4 x 4; 0 refines by priority, as previews do, and "
+        "gives the passes Priority and Coverage",
+        VIEW, Kind.AUTOMATIC, 16.0, bounds.SPP, effect=Effect.NEVER,
+        counts=lambda values: values.id_data.render.engine == "PATCHNET",
+        widget={"soft_max": 64.0, "precision": 0}, automatic="By Priority", first=16.0,
+    ),
+    Setting(
         "reference", "In All Previews",
         "Preview Selection and Render Preview, too, trace 32 x 32 rays in every pixel and measure the error of all "
         "strategies against them: takes far longer",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -110,6 +111,11 @@ class NetworkSettings:
     weights: Path | None = None
 
 
+def samples_side(samples: float) -> int:
+    """Rays per pixel side of the square number nearest to `samples`."""
+    return max(1, round(math.sqrt(samples)))
+
+
 @dataclass(frozen=True)
 class ViewSettings:
     """Settings of the views: who looks, what is refined first, and how it is shown.
@@ -121,6 +127,7 @@ class ViewSettings:
     samples per active pixel instead (methods 7.25b); None refines the share. reference: whether whole jobs measure the
     errors of all strategies against 32x32 rays in every pixel. background: what pictures show where no surface is.
     heatmap_maximum: None takes the strategy's own.
+    render_samples: of every pixel in renders of the engine and its viewport; None refines by priority there, too.
     importance: what was painted to matter; None where all pixels matter alike.
     cycles: how Cycles renders the worst pixels over the preview; None renders none.
     """
@@ -130,6 +137,7 @@ class ViewSettings:
     budget: float = TABLE["budget"].default
     refined_samples: float = TABLE["refined_samples"].default
     spp: float | None = None
+    render_samples: float | None = TABLE["render_samples"].default
     reference: bool = TABLE["reference"].default
     strategy: str = TABLE["strategy"].default
     unrefined: str = TABLE["unrefined"].default
@@ -145,6 +153,11 @@ class ViewSettings:
         _check_numbers(self)
         _check_choice("background", self.background, [value for value, _, _ in TABLE["background"].choices])
         _check_choice("color map", self.colormap, COLORMAPS)
+
+    @property
+    def render_side(self) -> int | None:
+        """Rays per pixel side in every pixel of renders; None refines by priority."""
+        return None if self.render_samples is None else samples_side(self.render_samples)
 
     @property
     def has_reference(self) -> bool:

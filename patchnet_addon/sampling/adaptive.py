@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adaptive super-sampling of a picture: one ray a pixel first, then more where the budget goes (methods 3, 7.25b).
+"""Adaptive super-sampling of a picture: one ray a pixel first, then more where the budget goes (methods 3, 7.25b), or
+as many in every pixel.
 
 The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
 """
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
+EVEN_FOOTPRINT = 16  # of pixels with as many rays each: a ray meets voxels of this part of a pixel. Coarser ones are
+# too thick at edges, finer ones cost more than they show (docs/worth-it.md).
 Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 
@@ -62,7 +66,7 @@ class AdaptivePicture:
         self,
         octree: Octree,
         camera: Camera,
-        strategy: Strategy,
+        strategy: Strategy | None,
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
@@ -70,6 +74,7 @@ class AdaptivePicture:
     ) -> None:
         """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1.
 
+        strategy: what `refine` ranks by; None for a picture that is only sampled evenly.
         unrefined: what pixels with one ray show, see `PixelBuffers`. budget: share of the active pixels that will be
         refined, for strategies that look at pixels in stages then; None: all pixels are looked at alike.
         """
@@ -95,10 +100,7 @@ class AdaptivePicture:
         Raises SettingError if the strategy, or what unrefined pixels show, needs codes and there are none, and what
         finding importance raises.
         """
-        pace, camera, bands = pace or Pace(), self.camera, []
-        staged, budget = self._staged, self._budget
-        first = self.strategy if staged is None or budget is None else staged.first_look()
-        wanted = [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
+        pace, camera, bands, wanted = pace or Pace(), self.camera, [], self._looks()
         row = 0
         while row < camera.height_px:
             yield Progress(row, camera.height_px, "Tracing the preview")
@@ -141,19 +143,41 @@ class AdaptivePicture:
             [(rays, pixels[self.samples[pixels] != rays**2]) for rays, pixels in groups], pace or Pace(), self._take
         )
 
+    def sample_evenly(self, side: int, pace: Pace | None = None) -> Steps[None]:
+        """Trace side x side rays in all pixels but those of importance 0 and those that have as many already.
+
+        Rays have the footprint pixel / EVEN_FOOTPRINT. Raises SettingError for a side outside 1 to 32.
+        """
+        assert self.buffers is not None
+        importance = self.buffers.importance
+        pixels = np.arange(len(self.samples)) if importance is None else np.flatnonzero(importance > 0)
+        take = partial(self._take, finer=max(side, EVEN_FOOTPRINT))
+        yield from in_batches([(side, pixels[self.samples[pixels] != side**2])], pace or Pace(), take)
+
+    def _looks(self) -> list[Strategy]:
+        """Strategies whose looks a traced view needs."""
+        if self.strategy is None:
+            return []
+        first = self.strategy if self._staged is None else self._staged.first_look()
+        return [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
+
     def _chosen(self, counts: np.ndarray, side: int) -> Iterator[tuple[int, np.ndarray]]:
         """Rays per pixel side, `side` at most, and the pixels that get so many."""
         order = self._order
         assert order is not None
         return ((rays, order[run]) for rays, run in runs_of_equal_counts(np.minimum(counts, side**2)))
 
-    def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, np.ndarray, np.ndarray]]:
-        """Whole view of its bands, the score of its pixels, and their order."""
+    def _ranked(
+        self, bands: list[PixelBuffers]
+    ) -> Steps[tuple[PixelBuffers, np.ndarray | None, np.ndarray | None]]:
+        """Whole view of its bands, the score of its pixels, and their order, these two with a strategy."""
         yield Progress(0, 1, "Ranking pixels")
         buffers = joined_buffers(bands)
         if self._importance is not None:
             buffers = replace(buffers, importance=(yield from self._importance(buffers)))
-        score = self._scores(buffers)
+        if self.strategy is None:
+            return buffers, None, None
+        score = self._scores(buffers, self.strategy)
         return buffers, score, refinement_order(buffers, score)
 
     @property
@@ -162,10 +186,10 @@ class AdaptivePicture:
         known = self._budget is not None and self.unrefined == PREVIEW
         return self.strategy if known and isinstance(self.strategy, StagedStrategy) else None
 
-    def _scores(self, buffers: PixelBuffers) -> np.ndarray:
+    def _scores(self, buffers: PixelBuffers, strategy: Strategy) -> np.ndarray:
         staged = self._staged
         if staged is None or self._budget is None:
-            return self.strategy.scores(buffers)
+            return strategy.scores(buffers)
         lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
         looks = TracedLooks(self.octree, self.camera, self.coded, lookahead, buffers.prediction)
         return staged.scores_within(buffers, looks, self._budget)
@@ -180,10 +204,10 @@ class AdaptivePicture:
         self.alpha[rows] = band.shown_alpha
         self.samples[rows] = 1
 
-    def _take(self, pixels: np.ndarray, side: int) -> None:
+    def _take(self, pixels: np.ndarray, side: int, finer: float | None = None) -> None:
         from ..tracing.supersample import supersample_pixels
 
-        means = supersample_pixels(self.octree, self.camera, pixels, side)
+        means = supersample_pixels(self.octree, self.camera, pixels, side, finer=finer)
         self.colors[pixels], self.alpha[pixels] = means.colors, means.coverage
         self.samples[pixels] = side**2
 

@@ -244,13 +244,16 @@ class PixelMeans:
     coverage: np.ndarray
 
 
-def supersample_pixels(octree: Octree, camera: Camera, pixels: np.ndarray, side: int = MAX_SIDE) -> PixelMeans:
+def supersample_pixels(
+    octree: Octree, camera: Camera, pixels: np.ndarray, side: int = MAX_SIDE, *, finer: float | None = None
+) -> PixelMeans:
     """Pixels (N,) of `camera`, by their indices row * width + column, with side x side rays each.
 
-    Each ray has the footprint pixel / side. Raises SettingError for sample counts outside 1 to 32.
+    Each ray has the footprint pixel / side; with `finer`, pixel / finer. Raises SettingError for sample counts outside
+    1 to 32.
     """
     RAYS.check(side)
-    unit = camera_in_unit_cube(camera, octree.grid).finer(side)
+    unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
     chroma = NO_CHROMA if octree.chroma is None else octree.chroma
     pixels = np.asarray(pixels, np.int64)
     order = block_order(pixels, camera.width_px, side)

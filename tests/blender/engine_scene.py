@@ -24,6 +24,7 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     scene = bpy.context.scene
     values = scene.patchnet
     values.weights, values.light, values.resolution, values.depth = str(weights), "two-lights", "DEPTH", 6
+    values.render_samples = 0.0  # by priority
     values.refined_samples = 1024.0  # so that refined pixels are those of the reference
     scene.world = bpy.data.worlds.new("World")
     background = start_nodes(scene.world).nodes["Background"]

@@ -78,6 +78,8 @@ def test_panel_and_figures(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[
     scene.patchnet.spp = 4.0
     assert "'Pixel Samples' changed: render again" in drawn(PATCHNET_PT_preview)
     assert "spp" in drawn(PATCHNET_PT_preview)
+    assert not {"budget", "spp"} & set(drawn(engine_panels.PATCHNET_PT_render_refinement))
+    scene.patchnet.render_samples = 0.0
     assert {"budget", "spp"} <= set(drawn(engine_panels.PATCHNET_PT_render_refinement))
     assert bpy.ops.patchnet.render_preview(size=SMALL["size"], reference=True) == {"FINISHED"}
     assert "after refining with 4 samples per pixel" in capfd.readouterr().out
