@@ -13,7 +13,6 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
-from ...patchnet_addon.sampling.chosen_pixels import chosen_pixels
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import Chosen, pixel_renders
@@ -160,7 +159,7 @@ def refine_view(
     depsgraph = context.evaluated_depsgraph_get()
     surface = wanted_surface(depsgraph)
     wanted = yield from computed(lambda: wanted_pixels(surface, camera), choosing)
-    mask = buffers.picture(chosen_pixels(view.ranking, wanted.mask.ravel(), settings.budget))
+    mask = buffers.picture(view.ranking.chosen(wanted.mask.ravel(), settings.budget))
     added = not has_light(depsgraph) if sun is None else sun
     gloss = bool(wanted.mask.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light

@@ -106,7 +106,7 @@ class ViewportPreview:
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
-        from ...patchnet_addon.tracing.render import first_hits, hit_colors
+        from ...patchnet_addon.tracing.render import first_hits, seen_color
 
         picture, camera = self.picture, self.picture.camera
         columns, rows = (-(-side // COARSE) for side in (camera.width_px, camera.height_px))
@@ -116,7 +116,7 @@ class ViewportPreview:
         square = (row[:, None] * columns + column).ravel()
         if self._map is not None:
             self._world = self._map.look(pixel_directions(camera.with_size(columns, rows)))[square]
-        seen = hit_colors(picture.octree, hits) + picture.octree.color_above_white(hits.node)
+        seen = seen_color(picture.octree, hits.node) + picture.octree.color_above_white(hits.node)
         picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
 
@@ -124,7 +124,7 @@ class ViewportPreview:
         """Double or halve what one step does; that of the other kind of work is not known by this one's time."""
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
         pace = self.pace
-        if self.picture.buffers is None:
+        if self.picture.ranking is None:
             pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
         else:
             pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
