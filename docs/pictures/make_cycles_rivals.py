@@ -34,13 +34,13 @@ from patchnet.operators.cycles.camera_render import (
 from patchnet.operators.cycles.pixel_renders import Chosen, pixel_renders
 from patchnet.operators.cycles.render_call import render
 from patchnet.operators.cycles.scene_copy import prepared
-from patchnet.operators.pipeline.cycles_refine import wanted_pixels, wanted_surface
+from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, wanted_pixels, wanted_surface
 from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.chosen_pixels import chosen_pixels
+from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -56,7 +56,6 @@ COMPARED = (DEFAULT, "patchnet-plus-0", "ss-variance", "random")
 OPTIMUM = "optimum"
 SAMPLES, TRUTH = 32, 512
 OF_WHOLE = (1, 2, 4, 8, 16, 32)  # samples of Cycles' whole pictures
-SIDE = 4  # of the octree's own rays where Cycles renders nothing
 # Samples by rank, each as shares of the picture and weights; all cost the paths of a fifth of the picture at SAMPLES.
 SPREADS = {
     "10 % of the pixels": [(0.1, 1.0)],
@@ -83,7 +82,7 @@ class Measured:
         """(P,) bool: the pixels that a strategy chooses, or those of the largest error."""
         if strategy != OPTIMUM:
             ranking = rank(STRATEGIES[strategy], self.buffers, share)
-            return chosen_pixels(ranking, np.zeros(len(self.preview), bool), share)
+            return ranking.chosen(np.zeros(len(self.preview), bool), share)
         chosen = np.zeros(len(self.preview), bool)
         chosen[np.argsort(-self.preview, kind="stable")[: int(share * len(chosen))]] = True
         return chosen
@@ -121,7 +120,7 @@ def _measured(coded: CodedOctree, camera: Camera) -> tuple[Measured, Reference]:
     truth = render_reference(bpy.context, camera, TRUTH, 1)
     cycles = _shown(coded, render_reference(bpy.context, camera, SAMPLES, 0).luminance)
     known = _shown(coded, truth.luminance)
-    own = drain(supersample(coded.octree, camera, SIDE))
+    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT))
     errors = ((picture.astype(np.float64) - known) ** 2 for picture in (buffers.preview, own, cycles))
     return Measured(*errors, buffers), truth
 
@@ -172,7 +171,7 @@ def _curve(coded: CodedOctree, camera: Camera, measured: Measured, truth: Refere
             picture = _whole(camera, samples, denoised)
             rows[name].append((f"{samples}", time.process_time() - begun, error(picture)))
     begun = time.process_time()
-    own = drain(supersample(coded.octree, camera, SIDE)) / coded.octree.exposure
+    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT)) / coded.octree.exposure
     own_s = time.process_time() - begun
     depth = wanted_pixels(wanted_surface(bpy.context.evaluated_depsgraph_get()), camera).depth_world
     for share in SHARES:

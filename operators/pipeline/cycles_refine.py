@@ -7,7 +7,7 @@ All others take the octree's own rays, which are so cheap that sixteen of them n
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -16,9 +16,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
-from ...patchnet_addon.sampling.adaptive import Pace, in_batches
-from ...patchnet_addon.sampling.chosen_pixels import chosen_pixels
-from ...patchnet_addon.sampling.refined_picture import RefinedPicture
+from ...patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, Pace, in_batches
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import Chosen, pixel_renders
@@ -34,7 +32,10 @@ from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View
 
-OWN_SIDE = 4  # of the octree's rays in pixels that neither Cycles renders nor the budget refined
+if TYPE_CHECKING:
+    from ...patchnet_addon.tracing.supersample import PixelMeans
+
+OWN_SIDE = 4  # of the octree's rays in pixels that Cycles does not render
 
 # Triangles of a box, by its corners in Blender's order.
 _SIDES = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [0, 4, 5], [0, 5, 1],
@@ -159,9 +160,8 @@ def refine_view(
 ) -> Steps[CyclesView]:
     """Render a view's worst pixels with Cycles; the scene is as before afterwards, also when closed.
 
-    Pixels that Cycles does not render are as the view's budget refined them, or get OWN_SIDE x OWN_SIDE rays. sun:
-    whether the octree was lit by a sun and a sky of ours; None if it was where the scene has no light. Raises
-    PatchNetError.
+    Pixels that Cycles does not render get OWN_SIDE x OWN_SIDE of the octree's rays. sun: whether the octree was lit by
+    a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
     """
     octree, camera, buffers = view.octree, view.camera, view.buffers
     check_light(octree)
@@ -169,12 +169,13 @@ def refine_view(
     depsgraph = context.evaluated_depsgraph_get()
     surface = wanted_surface(depsgraph)
     wanted = yield from computed(lambda: wanted_pixels(surface, camera), choosing)
-    mask = buffers.picture(chosen_pixels(view.ranking, wanted.mask.ravel(), settings.budget))
+    mask = buffers.picture(view.ranking.chosen(wanted.mask.ravel(), settings.budget))
     added = not has_light(depsgraph) if sun is None else sun
     gloss = bool(wanted.mask.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
     renders = yield from _rendered(context, camera, Chosen(mask, wanted.depth_world), (settings, light), added)
-    own = yield from run_in_worker(lambda: _own_rays(view, ~mask.ravel()), Progress(0, 1, f"{camera.name}: own rays"))
+    tracing = Progress(0, 1, f"{camera.name}: tracing all others")
+    own = yield from run_in_worker(lambda: _own_rays(view, np.flatnonzero(~mask)), tracing)
     result = yield from computed(
         lambda: _composited(view, mask, own, renders, settings),
         Progress(0, 1, f"{camera.name}: measuring Cycles' pictures" if settings.compare else choosing.label),
@@ -215,26 +216,24 @@ def _rendered(
     return result
 
 
-def _own_rays(view: View, where: np.ndarray) -> Steps[RefinedPicture]:
-    """Picture of the view's budget with OWN_SIDE x OWN_SIDE rays in those pixels of `where` (P,) that have fewer."""
-    from ...patchnet_addon.tracing.supersample import supersample_pixels
+def _own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
+    """OWN_SIDE x OWN_SIDE rays in pixels (N,); all others (P - N) are 0. As those of the engine's renders."""
+    from ...patchnet_addon.tracing.supersample import PixelMeans, supersample_pixels
 
-    octree, camera, seen = view.octree, view.camera, view.refined
-    colors = None if seen.colors is None else seen.colors.copy()
-    own = RefinedPicture(seen.luminance.copy(), colors, seen.alpha.copy(), seen.samples.copy())
+    octree, camera = view.octree, view.camera
+    count = camera.pixel_count
+    own = PixelMeans(np.zeros(count, np.float32), np.zeros((count, 3), np.float32), np.zeros(count, np.float32))
 
-    def take(pixels: np.ndarray, side: int) -> None:
-        means = supersample_pixels(octree, camera, pixels, side)
-        own.luminance[pixels], own.alpha[pixels], own.samples[pixels] = means.luminance, means.coverage, side**2
-        if own.colors is not None:
-            own.colors[pixels] = means.colors
+    def take(batch: np.ndarray, side: int) -> None:
+        means = supersample_pixels(octree, camera, batch, side, finer=EVEN_FOOTPRINT)
+        own.luminance[batch], own.colors[batch], own.coverage[batch] = means
 
-    yield from in_batches([(OWN_SIDE, np.flatnonzero(where & (seen.samples < OWN_SIDE**2)))], Pace(), take)
+    yield from in_batches([(OWN_SIDE, pixels)], Pace(), take)
     return own
 
 
 def _composited(
-    view: View, mask: np.ndarray, own: RefinedPicture, renders: Renders, settings: CyclesSettings
+    view: View, mask: np.ndarray, own: PixelMeans, renders: Renders, settings: CyclesSettings
 ) -> CyclesView:
     buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
     score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
@@ -251,13 +250,13 @@ def _composited(
     color = buffers.shown_color
     colored = color is not None
     preview = buffers.picture(buffers.shown if color is None else color)
-    others = np.minimum(buffers.picture(own.luminance if own.colors is None else own.colors), np.float32(1.0))
+    others = np.minimum(buffers.picture(own.colors if colored else own.luminance), np.float32(1.0))
     cycles = shown_light(renders.pixels, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, others)
     full = None if renders.full is None else shown_light(renders.full, exposure, colored)
     alphas = {
         "preview": buffers.picture(buffers.shown_alpha),
-        "composited": np.where(mask, renders.pixels[..., 3], buffers.picture(own.alpha)),
+        "composited": np.where(mask, renders.pixels[..., 3], buffers.picture(own.coverage)),
     }
     if renders.full is not None:
         alphas["full"] = renders.full[..., 3]

@@ -69,13 +69,13 @@ def first_look(
     background: np.ndarray | None = BLACK,
 ) -> Steps[None]:
     """Trace the first ray of every pixel, and show it under a title over a background, see `View`."""
-    from ...patchnet_addon.tracing.render import first_hits, hit_colors
+    from ...patchnet_addon.tracing.render import first_hits, seen_color
 
     ground = Ground(camera, background, octree.exposure)
 
     def traced() -> np.ndarray:
         hits = first_hits(octree, camera)
-        light = hits.luminance if octree.chroma is None else hit_colors(octree, hits)
+        light = hits.luminance if octree.chroma is None else seen_color(octree, hits.node)
         return opaque(ground.picture(light, hits.hit.astype(np.float32)))
 
     picture = yield from computed(traced, Progress(0, 1, f"{camera.name}: Tracing the preview"))

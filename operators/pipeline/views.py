@@ -24,12 +24,7 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, UNREFINED
 from ...patchnet_addon.sampling.ranking import Ranking, rank
 from ...patchnet_addon.sampling.refine import refinable
-from ...patchnet_addon.sampling.refined_picture import (
-    RefinedPicture,
-    refined_by_samples,
-    refined_by_share,
-    samples_report,
-)
+from ...patchnet_addon.sampling.refined_picture import RefinedPicture, refined_view, samples_report
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.sampling.report import predicted_report, shown_errors, view_report
 from ...patchnet_addon.sampling.strategy import Strategy
@@ -187,9 +182,9 @@ def _refined(
     camera = ground.camera
 
     def make() -> Steps[RefinedPicture]:
-        if settings.spp is None:
-            return refined_by_share(octree, camera, ranking, settings.refined_samples, begun=begun.append)
-        return refined_by_samples(octree, camera, ranking, settings.spp, begun=begun.append)
+        spp = settings.spp
+        samples = ranking.refined_samples(settings.refined_samples) if spp is None else ranking.samples(spp)
+        return refined_view(octree, camera, ranking, samples, begun=begun.append)
 
     tracing = run_in_worker(make, Progress(0, 1, "Refining by priority"))
     if meanwhile is not None:

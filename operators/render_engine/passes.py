@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from ...patchnet_addon.octree.octree import Octree
     from ...patchnet_addon.sampling.adaptive import AdaptivePicture
     from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+    from ...patchnet_addon.tracing.render import Hits
 
 NO_DEPTH = 1e10  # what Cycles writes
 
@@ -72,21 +74,19 @@ def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str,
     hits = picture.buffers.hits
     values = {
         "Depth": np.where(hits.hit, hits.z_world, np.float32(NO_DEPTH)),
-        "Normal": _normals(picture),
+        "Normal": _normals(picture.octree, hits),
         "Sample Count": picture.samples,
         "Level": np.where(hits.hit, hits.level, -1),
     }
-    if picture.priority is not None:
-        values |= {"Priority": picture.priority, "Coverage": _coverage(picture.buffers)}
+    if picture.ranking is not None:
+        values |= {"Priority": picture.ranking.priority, "Coverage": _coverage(picture.buffers)}
     return known | {name: value.astype(np.float32).reshape(len(hits.hit), -1) for name, value in values.items()}
 
 
-def _normals(picture: AdaptivePicture) -> np.ndarray:
+def _normals(octree: Octree, hits: Hits) -> np.ndarray:
     """(P, 3): a sheet is seen from both sides, so its normal is turned towards the camera, as Cycles does."""
-    assert picture.buffers is not None
-    hits = picture.buffers.hits
     normals = np.zeros((len(hits.hit), 3), np.float32)
-    mean = picture.octree.normal_float(hits.node[hits.hit])
+    mean = octree.normal_float(hits.node[hits.hit])
     away = np.einsum("pc,pc->p", mean, hits.direction[hits.hit]) > 0.0
     mean[away] *= -1.0
     normals[hits.hit] = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)

@@ -192,8 +192,9 @@ def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) ->
     """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
     from ...patchnet_addon.tracing.empty_view import why_unseen
 
-    assert picture.buffers is not None
-    warning = why_unseen(picture.octree, picture.camera, picture.buffers.hits, float(picture.buffers.preview.max()))
+    buffers = picture.buffers
+    assert buffers is not None
+    warning = why_unseen(picture.octree, picture.camera, buffers.hits, float(buffers.preview.max()))
     if warning is not None:
         warn(engine, warning)
 

@@ -43,9 +43,14 @@ class Prediction:
     luminance: np.ndarray
     look_ahead: np.ndarray
 
-    def part(self, pixels: np.ndarray) -> Prediction:
+    def __getitem__(self, pixels: np.ndarray) -> Prediction:
         """Prediction for some of the pixels, given by their indices (N,)."""
         return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
+
+    def __setitem__(self, pixels: np.ndarray, found: Prediction) -> None:
+        """Put in the prediction for some of the pixels, given by their indices (N,)."""
+        self.coverage[pixels], self.luminance[pixels] = found.coverage, found.luminance
+        self.look_ahead[pixels] = found.look_ahead
 
 
 def predict(coded: CodedOctree, hits: Hits) -> Prediction:
@@ -64,11 +69,6 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
     layers = DecoderLayers.pack(coded.weights)
     run_parts(_predict, -(-pixels // TILE), rays, CornerCodes.of(coded), nearby, layers, results)
     return prediction
-
-
-def predict_pixels(coded: CodedOctree, hits: Hits, pixels: np.ndarray) -> Prediction:
-    """Decode chosen pixels, given by their indices (N,), alone; as `predict` otherwise."""
-    return predict(coded, hits.part(pixels))
 
 
 @kernel

@@ -7,32 +7,29 @@ The picture is there at any time between two steps, as good as it is by then: a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..octree.octree import Octree
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.progress import Progress, Steps
 from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera, camera_part
 from .pixel_buffers import PixelBuffers
 from .predicted import PREVIEW
-from .refine import priority, refinement_order
+from .ranking import Ranking, rank
 from .registry import STRATEGIES
-from .sample_counts import refined_in_order, runs_of_equal_counts, samples_in_order
-from .staged_looks import TracedLooks
+from .sample_counts import pixels_by_side
+from .staged_pixels import Looks
 from .staged_strategy import StagedStrategy
 from .strategy import Strategy
 from .trace import trace_view
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
-    from ..codes.predict import Prediction
-    from ..tracing.render import Hits
 
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
@@ -59,7 +56,7 @@ class AdaptivePicture:
     colors: (P, 3) float32, linear as the octree's with what is above white, weighed by alpha over black.
     alpha: (P,) float32, share of the rays that met something.
     samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
-    buffers, score: set once every pixel was traced: what strategies look at, and (P,) float32 scores.
+    buffers: set once each pixel was traced, with the `ranking` of the pixels if there is a strategy.
     """
 
     def __init__(
@@ -86,13 +83,7 @@ class AdaptivePicture:
         self.alpha = np.zeros(camera.pixel_count, np.float32)
         self.samples = np.zeros(camera.pixel_count, np.int32)
         self.buffers: PixelBuffers | None = None
-        self.score: np.ndarray | None = None
-        self._order: np.ndarray | None = None
-
-    @property
-    def priority(self) -> np.ndarray | None:
-        """(P,) float32: what pixels are ranked by, their scores times what matters; None before there are scores."""
-        return None if self.buffers is None or self.score is None else priority(self.buffers, self.score)
+        self.ranking: Ranking | None = None
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
         """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
@@ -113,8 +104,8 @@ class AdaptivePicture:
             self._show(row * camera.width_px, band)
             row += rows
         # Of all pixels at once, so as long as that takes: beside the caller that waits.
-        ranked = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
-        self.buffers, self.score, self._order = ranked
+        known = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
+        self.buffers, self.ranking = known
 
     def refine(
         self,
@@ -132,16 +123,11 @@ class AdaptivePicture:
         left alone. Pixels of importance 0 keep their one ray, also where a budget would reach them. Raises SettingError
         for a budget or a mean outside its bounds.
         """
-        buffers, order, ranked_by = self.buffers, self._order, self.priority
-        assert buffers is not None and order is not None and ranked_by is not None
-        if spp is None:
-            counts = refined_in_order(buffers, ranked_by, order, budget, refined)
-        else:
-            counts = samples_in_order(buffers, ranked_by, order, spp)
-        groups = self._chosen(counts, side)
-        yield from in_batches(
-            [(rays, pixels[self.samples[pixels] != rays**2]) for rays, pixels in groups], pace or Pace(), self._take
-        )
+        assert self.ranking is not None
+        samples = self.ranking.refined_samples(refined, budget) if spp is None else self.ranking.samples(spp)
+        groups = pixels_by_side(np.minimum(samples, side**2), self.ranking.order)
+        missing = ((rays, pixels[self.samples[pixels] != rays**2]) for rays, pixels in groups)
+        yield from in_batches(missing, pace or Pace(), self._take)
 
     def sample_evenly(self, side: int, pace: Pace | None = None) -> Steps[None]:
         """Trace side x side rays in all pixels but those of importance 0 and those that have as many already.
@@ -156,43 +142,22 @@ class AdaptivePicture:
 
     def _looks(self) -> list[Strategy]:
         """Strategies whose looks a traced view needs."""
-        if self.strategy is None:
+        first = self.strategy
+        if first is None:
             return []
-        first = self.strategy if self._staged is None else self._staged.first_look()
+        if isinstance(first, StagedStrategy) and self._budget is not None and self.unrefined == PREVIEW:
+            first = first.first_look()
         return [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
 
-    def _chosen(self, counts: np.ndarray, side: int) -> Iterator[tuple[int, np.ndarray]]:
-        """Rays per pixel side, `side` at most, and the pixels that get so many."""
-        order = self._order
-        assert order is not None
-        return ((rays, order[run]) for rays, run in runs_of_equal_counts(np.minimum(counts, side**2)))
-
-    def _ranked(
-        self, bands: list[PixelBuffers]
-    ) -> Steps[tuple[PixelBuffers, np.ndarray | None, np.ndarray | None]]:
-        """Whole view of its bands, the score of its pixels, and their order, these two with a strategy."""
+    def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, Ranking | None]]:
+        """Whole view of its bands, and its ranking by the strategy."""
         yield Progress(0, 1, "Ranking pixels")
         buffers = joined_buffers(bands)
         if self._importance is not None:
             buffers = replace(buffers, importance=(yield from self._importance(buffers)))
         if self.strategy is None:
-            return buffers, None, None
-        score = self._scores(buffers, self.strategy)
-        return buffers, score, refinement_order(buffers, score)
-
-    @property
-    def _staged(self) -> StagedStrategy | None:
-        """Strategy where it ranks in stages, which are of the preview's errors; None where all pixels are looked at."""
-        known = self._budget is not None and self.unrefined == PREVIEW
-        return self.strategy if known and isinstance(self.strategy, StagedStrategy) else None
-
-    def _scores(self, buffers: PixelBuffers, strategy: Strategy) -> np.ndarray:
-        staged = self._staged
-        if staged is None or self._budget is None:
-            return strategy.scores(buffers)
-        lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
-        looks = TracedLooks(self.octree, self.camera, self.coded, lookahead, buffers.prediction)
-        return staged.scores_within(buffers, looks, self._budget)
+            return buffers, None
+        return buffers, rank(self.strategy, buffers, self._budget, Looks(self.octree, self.camera, self.coded))
 
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))
@@ -213,12 +178,13 @@ class AdaptivePicture:
 
 
 def in_batches(
-    groups: Sequence[tuple[int, np.ndarray]], pace: Pace, take: Callable[[np.ndarray, int], None]
+    groups: Iterable[tuple[int, np.ndarray]], pace: Pace, take: Callable[[np.ndarray, int], None]
 ) -> Steps[None]:
     """Refine groups of pixels, each with its rays per pixel side, batch by batch; `take` traces pixels with so many.
 
     Progress counts rays. The pace is asked at each batch.
     """
+    groups = list(groups)
     done, total = 0, sum(side**2 * len(pixels) for side, pixels in groups)
     for side, pixels in groups:
         start = 0
@@ -232,47 +198,22 @@ def in_batches(
 
 def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
     """Join views that lie on top of each other, the lowest first, into one."""
-    if len(bands) == 1:
-        return bands[0]
-    return PixelBuffers(
-        hits=_joined_hits([band.hits for band in bands]),
-        behind=_joined([band.behind for band in bands]),
-        prediction=_joined_predictions([band.prediction for band in bands]),
-        exact=_joined_predictions([band.exact for band in bands]),
-        reference=_joined([band.reference for band in bands]),
-        preview_color=_joined([band.preview_color for band in bands]),
-        reference_color=_joined([band.reference_color for band in bands]),
-        exact_1=_joined_predictions([band.exact_1 for band in bands]),
-        normal=_joined([band.normal for band in bands]),
-        fine=_joined([band.fine for band in bands]),
-        fine_4=_joined([band.fine_4 for band in bands]),
-        fine_rays=_joined([band.fine_rays for band in bands]),
-        child_mask=_joined([band.child_mask for band in bands]),
-        cube_side_world=bands[0].cube_side_world,
-        scene_luminance=bands[0].scene_luminance,
-        behind_color=_joined([band.behind_color for band in bands]),
-        behind_hit=_joined([band.behind_hit for band in bands]),
-        reference_alpha=_joined([band.reference_alpha for band in bands]),
-        unrefined=bands[0].unrefined,
-        estimators=bands[0].estimators,
-    )
+    first = bands[0]
+    height_px, camera_up = sum(band.height for band in bands), first.hits.camera_up
+    joined = _joined_fields(bands)
+    hits = replace(joined["hits"], height_px=height_px, camera_up=camera_up)
+    return PixelBuffers(**joined | {"hits": hits, "estimators": first.estimators})
 
 
-def _joined(arrays: list[np.ndarray | None]) -> np.ndarray | None:
-    there = [array for array in arrays if array is not None]
-    return np.concatenate(there) if there else None
-
-
-def _joined_hits(parts: list[Hits]) -> Hits:
+def _joined(parts: list[Any]) -> Any:
+    """Join a part of all views: arrays end to end, those of dataclasses too; of all else it is the first view's."""
     first = parts[0]
-    names = [name for name in vars(first) if name not in ("width_px", "height_px", "camera_up")]
-    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return replace(first, height_px=sum(part.height_px for part in parts), **arrays)
+    if isinstance(first, np.ndarray):
+        return np.concatenate(parts)
+    if not is_dataclass(first) or isinstance(first, type):
+        return first
+    return replace(first, **_joined_fields(parts))
 
 
-def _joined_predictions(parts: list[Prediction | None]) -> Prediction | None:
-    there = [part for part in parts if part is not None]
-    if not there:
-        return None
-    arrays = {name: np.concatenate([getattr(part, name) for part in there]) for name in vars(there[0])}
-    return replace(there[0], **arrays)
+def _joined_fields(parts: list[Any]) -> dict[str, Any]:
+    return {item.name: _joined([getattr(part, item.name) for part in parts]) for item in fields(parts[0])}

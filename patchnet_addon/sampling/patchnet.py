@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .pixel_buffers import PixelBuffers
-from .strategy import PREDICTION, Strategy
+from .strategy import EXACT, PREDICTION, Strategy
 
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
@@ -27,6 +28,11 @@ def _score(buffers: PixelBuffers) -> np.ndarray:
     return coverage_and_luminance_score(buffers, buffers.prediction)
 
 
+def _exact_score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact is not None
+    return coverage_and_luminance_score(buffers, buffers.exact)
+
+
 STRATEGY = Strategy(
     name="patchnet",
     title="PatchNet (paper)",
@@ -36,4 +42,15 @@ STRATEGY = Strategy(
     quantity="coverage + 5 x luminance",
     maximum=2.0,
     group="network",
+)
+
+# With coverage and luminance rendered from the patch: the limit of any network (methods 9).
+EXACT_ORACLE = replace(
+    STRATEGY,
+    name="patchnet-exact",
+    title="PatchNet (paper), exact oracle",
+    description="The paper's score with the true coverage and luminance of the patch: what a perfect network would do",
+    needs=frozenset({EXACT}),
+    score=_exact_score,
+    group="oracle",
 )

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .predicted import expected_luminance
-from .strategy import BEHIND, PREDICTION, Strategy
+from .strategy import BEHIND, EXACT, PREDICTION, Strategy
 
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
@@ -32,6 +33,11 @@ def _score(buffers: PixelBuffers) -> np.ndarray:
         return remaining_error(buffers)
     assert buffers.prediction is not None  # `needs` says so
     return expected_error(buffers, buffers.prediction)
+
+
+def _exact_score(buffers: PixelBuffers) -> np.ndarray:
+    assert buffers.exact is not None
+    return expected_error(buffers, buffers.exact)
 
 
 def remaining_error(buffers: PixelBuffers) -> np.ndarray:
@@ -73,4 +79,16 @@ STRATEGY = Strategy(
     maximum=0.5,
     group="network",
     extra_rays=1,
+)
+
+# With coverage and luminance rendered from the patch: the limit of any network (methods 9).
+EXACT_ORACLE = replace(
+    STRATEGY,
+    name="patchnet-behind-exact",
+    title="PatchNet Behind, exact oracle",
+    description="The expected error with the true coverage and luminance of the patch: what a perfect network would do",
+    needs=frozenset({EXACT, BEHIND}),
+    score=_exact_score,
+    group="oracle",
+    extra_rays=0,
 )

@@ -25,7 +25,6 @@ class PixelBuffers:
     behind: (P,) float32, L_B, luminance behind the patch (methods 3.12).
     fine: (P,) float32, luminance of the pixel's centre with a footprint finer by the look-ahead (methods 10).
     fine_rays: (P, 4) float32, luminances of 2x2 such rays in the pixel, the lower two first, of each two the left one.
-    fine_4: (P,) float32, their mean.
     prediction: coverage and luminance that the network decodes (methods 4.1b).
     exact: the same two, rendered from the patch itself (methods 9).
     reference: (P,) float32, L32, 32x32 samples (methods 7.5). reference_alpha: (P,) float32, share of them that met
@@ -52,7 +51,6 @@ class PixelBuffers:
     reference_color: np.ndarray | None = None
     importance: np.ndarray | None = None
     fine: np.ndarray | None = None
-    fine_4: np.ndarray | None = None
     fine_rays: np.ndarray | None = None
     exact_1: Prediction | None = None
     normal: np.ndarray | None = None

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..runtime.errors import SettingError
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
-from .refine import priority, refined_mask, refinement_order
-from .sample_counts import refined_in_order, samples_in_order
-from .staged_looks import KnownLooks
+from .refine import priority, refinable, refined_count, refined_mask, refinement_order
+from .sample_counts import LITTLE, refined_counts, sample_counts
+from .staged_pixels import Looks
 from .staged_strategy import StagedStrategy
 from .strategy import Strategy
 
@@ -44,21 +45,45 @@ class Ranking:
     def samples(self, mean: float) -> np.ndarray:
         """(P,) int32: samples of each pixel where `mean`, over the active ones, is spread by priority (methods 7.25b).
 
-        Pixels of importance 0, and those that are not active, have one. Raises SettingError for a mean outside 1 to
-        1024.
+        Pixels of importance 0, and those that are not active, have one. A score of 0 counts as very little: it says
+        that nothing is known to be wrong, as where there is no look-ahead, and such pixels may hold a third of all
+        error. Raises SettingError for a mean outside 1 to 1024.
         """
-        counts = np.ones(len(self.score), np.int32)
-        counts[self.order] = samples_in_order(self.buffers, self.priority, self.order, mean)
-        return counts
+        ranked, matter = self.priority[self.order].astype(np.float64), refinable(self.buffers)
+        ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], LITTLE), 0.0
+        samples = np.ones(len(self.score), np.int32)
+        samples[self.order] = sample_counts(ranked, mean, predicted=self.buffers.shows_predicted)
+        return samples
 
-    def refined_samples(self, mean: float) -> np.ndarray:
+    def refined_samples(self, mean: float, budget: float | None = None) -> np.ndarray:
         """(P,) int32: samples of each pixel where those of `mask` have `mean` on average, by priority (methods 7.25b).
 
-        All others have one. Raises SettingError for a mean outside 16 to 1024.
+        All others have one. budget: another one than the ranking's. Raises SettingError for a budget outside 0 to 1, or
+        a mean outside 16 to 1024.
         """
-        counts = np.ones(len(self.score), np.int32)
-        counts[self.order] = refined_in_order(self.buffers, self.priority, self.order, self.budget, mean)
-        return counts
+        refined = self.order[: refined_count(self.buffers, self.budget if budget is None else budget, len(self.order))]
+        urgent = np.maximum(self.priority[refined].astype(np.float64), LITTLE)
+        samples = np.ones(len(self.score), np.int32)
+        samples[refined] = refined_counts(urgent, mean, predicted=self.buffers.shows_predicted)
+        return samples
+
+    def chosen(self, first: np.ndarray, budget: float) -> np.ndarray:
+        """(P,) bool: pixels that an expensive renderer samples, a budget's share of all P, rounded down.
+
+        first: (P,) bool, pixels that come before all others, those of highest priority first. Pixels that are not
+        active come last; those of importance 0 are chosen only where they are of the first. Raises SettingError for a
+        budget outside 0 to 1.
+        """
+        if not 0.0 <= budget <= 1.0:
+            raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of pixels to render")
+        before = np.flatnonzero(first)
+        before = before[np.argsort(-self.priority[before], kind="stable")]
+        buffers = self.buffers
+        matter = True if buffers.importance is None else buffers.importance > 0
+        after = np.concatenate([self.order[: refinable(buffers)], np.flatnonzero(~buffers.active & matter)])
+        mask = np.zeros(len(first), bool)
+        mask[np.concatenate([before, after[~first[after]]])[: int(budget * len(first) + 1e-9)]] = True
+        return mask
 
     @property
     def mse(self) -> tuple[float, float]:
@@ -67,14 +92,21 @@ class Ranking:
         return float(before), float(after)
 
 
-def rank(strategy: Strategy, buffers: PixelBuffers, budget: float) -> Ranking:
-    """Score and sort the pixels of a view. Raises SettingError for a budget outside 0 to 1, or a view that lacks
-    what the strategy reads."""
-    if isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:  # stages are of the preview's errors
-        strategy.check(buffers)
-        score = strategy.scores_within(buffers, KnownLooks(buffers), budget)
+def rank(strategy: Strategy, buffers: PixelBuffers, budget: float | None, looks: Looks | None = None) -> Ranking:
+    """Score and sort the pixels of a view.
+
+    budget: None refines no share, and all pixels are looked at alike. looks: at chosen pixels, for a view that lacks
+    what a strategy in stages reads of them. Raises SettingError for a budget outside 0 to 1, or a view that lacks what
+    the strategy reads.
+    """
+    # Stages are of the preview's errors.
+    if budget is not None and isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:
+        if looks is None:
+            strategy.check(buffers)
+        score = strategy.scores_within(buffers, budget, looks)
     else:
         score = strategy.scores(buffers)
+    budget = budget or 0.0
     order = refinement_order(buffers, score)
     mask = refined_mask(buffers, order, budget)
     return Ranking(strategy, buffers, budget, score, priority(buffers, score), order, mask)

@@ -15,7 +15,7 @@ from ..tracing.camera import Camera
 from .adaptive import REFINED_SIDE, Pace, in_batches
 from .errors import left_after
 from .ranking import Ranking
-from .sample_counts import COUNTS, runs_of_equal_counts
+from .sample_counts import COUNTS, pixels_by_side
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,47 +37,21 @@ class RefinedPicture:
         return int(np.count_nonzero(self.samples > 1))
 
 
-Begun = Callable[[RefinedPicture], None]
-
-
-def refined_by_share(
+def refined_view(
     octree: Octree,
     camera: Camera,
     ranking: Ranking,
-    mean: float,
+    samples: np.ndarray,
     pace: Pace | None = None,
-    begun: Begun | None = None,
+    begun: Callable[[RefinedPicture], None] | None = None,
 ) -> Steps[RefinedPicture]:
-    """Trace the share of a view's pixels that its ranking's budget refines, with `mean` samples each on average.
+    """Trace `samples` (P,) of the pixels of a ranked view, which fall in its order; pixels of one sample are left.
 
-    begun: is given the picture at first, whose pixels then are refined in place. Raises SettingError for a mean outside
-    16 to 1024.
+    begun: is given the picture at first, whose pixels then are refined in place.
     """
-    return (yield from _traced(octree, camera, ranking, ranking.refined_samples(mean), pace, begun))
-
-
-def refined_by_samples(
-    octree: Octree,
-    camera: Camera,
-    ranking: Ranking,
-    mean: float,
-    pace: Pace | None = None,
-    begun: Begun | None = None,
-) -> Steps[RefinedPicture]:
-    """Trace `mean` samples per active pixel of a ranked view, spread by priority (methods 7.25b).
-
-    begun: as for `refined_by_share`. Raises SettingError for a mean outside 1 to 1024.
-    """
-    return (yield from _traced(octree, camera, ranking, ranking.samples(mean), pace, begun))
-
-
-def _traced(
-    octree: Octree, camera: Camera, ranking: Ranking, samples: np.ndarray, pace: Pace | None, begun: Begun | None
-) -> Steps[RefinedPicture]:
-    """Picture whose pixels have `samples` (P,), which fall in the ranking's order."""
     from ..tracing.supersample import supersample_pixels
 
-    buffers, order = ranking.buffers, ranking.order
+    buffers = ranking.buffers
     luminance, alpha = buffers.shown.copy(), buffers.shown_alpha.copy()
     colors = None if buffers.shown_color is None else buffers.shown_color.copy()
 
@@ -87,12 +61,11 @@ def _traced(
         if colors is not None:
             colors[pixels] = means.colors
 
-    refined = RefinedPicture(luminance, colors, alpha, samples)
+    picture = RefinedPicture(luminance, colors, alpha, samples)
     if begun is not None:
-        begun(refined)
-    groups = [(side, order[run]) for side, run in runs_of_equal_counts(samples[order])]
-    yield from in_batches(groups, pace or Pace(), take)
-    return refined
+        begun(picture)
+    yield from in_batches(pixels_by_side(samples, ranking.order), pace or Pace(), take)
+    return picture
 
 
 def samples_report(ranking: Ranking, refined: RefinedPicture) -> dict[str, Any]:

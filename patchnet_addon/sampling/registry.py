@@ -2,17 +2,7 @@
 """Strategies by name, best first; a new one is one file and one line."""
 
 from ..runtime.errors import SettingError
-from . import (
-    optimal,
-    patchnet,
-    patchnet_behind,
-    patchnet_behind_exact,
-    patchnet_exact,
-    patchnet_plus,
-    patchnet_plus_staged,
-    random,
-    ss_variance,
-)
+from . import optimal, patchnet, patchnet_behind, patchnet_plus, patchnet_plus_staged, random, ss_variance
 from .strategy import Strategy
 
 DEFAULT = "patchnet-plus"
@@ -27,8 +17,8 @@ STRATEGIES: dict[str, Strategy] = {
         patchnet.STRATEGY,
         ss_variance.STRATEGY,
         random.STRATEGY,
-        patchnet_behind_exact.STRATEGY,
-        patchnet_exact.STRATEGY,
+        patchnet_behind.EXACT_ORACLE,
+        patchnet.EXACT_ORACLE,
         optimal.STRATEGY,
     )
 }

@@ -13,8 +13,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..runtime.bounds import REFINED_SAMPLES, SPP
-from .pixel_buffers import PixelBuffers
-from .refine import refinable, refined_count
 
 SIDES = (1, 2, 4, 8, 16, 32)  # samples per pixel side
 COUNTS = np.array(SIDES, np.int32) ** 2
@@ -49,7 +47,7 @@ class _Upgrades:
 _OF_PREVIEW = _Upgrades(COUNTS, [1.0, 0.33, 0.055, 0.004, 0.0005, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
 _OF_PREDICTED = _Upgrades(np.delete(COUNTS, 1), [1.0, 0.2, 0.015, 0.002, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0])
 LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 by choice
-_LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
+LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
 _LARGEST = 1e100  # of priorities, so that their sum is finite
 _ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
 
@@ -89,42 +87,16 @@ def _bought(priorities: np.ndarray, mean: float, upgrades: _Upgrades) -> np.ndar
     return counts
 
 
-def samples_in_order(buffers: PixelBuffers, priorities: np.ndarray, order: np.ndarray, mean: float) -> np.ndarray:
-    """(A,) int32: samples of the active pixels of a view in their `order` (A,), by `priorities` (P,).
+def pixels_by_side(samples: np.ndarray, order: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Samples per pixel side, and those pixels of an `order` (A,) that have so many of the `samples` (P,); not one.
 
-    Pixels of importance 0 have one. A score of 0 counts as very little: it says that nothing is known to be wrong, as
-    where there is no look-ahead, and such pixels may hold a third of all error. Raises SettingError for a mean outside
-    1 to 1024.
+    Samples fall in that order, so the most come first.
     """
-    ranked, matter = priorities[order].astype(np.float64), refinable(buffers)
-    ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], _LITTLE), 0.0
-    return sample_counts(ranked, mean, predicted=buffers.shows_predicted)
-
-
-def refined_in_order(
-    buffers: PixelBuffers, priorities: np.ndarray, order: np.ndarray, budget: float, mean: float
-) -> np.ndarray:
-    """(A,) int32: samples of the active pixels of a view in their `order` (A,) where a share of them is refined.
-
-    budget: that share. mean: samples of each refined pixel, spread over them by `priorities` (P,); the others have one.
-    Raises SettingError for a budget outside 0 to 1, or a mean outside 16 to 1024.
-    """
-    counts = np.ones(len(order), np.int32)
-    refined = refined_count(buffers, budget, len(order))
-    urgent = np.maximum(priorities[order[:refined]].astype(np.float64), _LITTLE)
-    counts[:refined] = refined_counts(urgent, mean, predicted=buffers.shows_predicted)
-    return counts
-
-
-def runs_of_equal_counts(counts: np.ndarray) -> Iterator[tuple[int, slice]]:
-    """Samples per pixel side, and the pixels that have so many, for `counts` (A,) that fall; not those of one sample.
-
-    The most samples come first.
-    """
+    falling = -samples[order]
     for side in SIDES[:0:-1]:
-        first, last = np.searchsorted(-counts, -(side**2), "left"), np.searchsorted(-counts, -(side**2), "right")
+        first, last = np.searchsorted(falling, -(side**2), "left"), np.searchsorted(falling, -(side**2), "right")
         if first < last:
-            yield side, slice(int(first), int(last))
+            yield side, order[first:last]
 
 
 def _upgraded(relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarray:

@@ -1,22 +1,67 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Known parts of a view of which some pixels were looked at more closely, and the estimator's scores of these."""
+"""View of which some pixels were looked at more closely, and the estimator's scores of these."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..octree.octree import Octree
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
+from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
 from .plus.forms import Form
-from .staged_looks import Looks
+from .strategy import BEHIND, CHILD_MASK, FINE_RAYS, NORMAL, PREDICTION
+from .trace import seen_children, seen_normal
 
 if TYPE_CHECKING:
+    from ..codes.coded_octree import CodedOctree
+    from ..tracing.render import Hits
     from .plus.weights import Estimators
 
-_LOOKS = _NORMALS, _BEHIND, _RAYS, _PREDICTION = "normals", "behind", "fine rays", "prediction"
+# What a look finds, as parts of `PixelBuffers`.
+_FOUND = {
+    NORMAL: (NORMAL,),
+    CHILD_MASK: (CHILD_MASK,),
+    BEHIND: (BEHIND, "behind_hit"),
+    FINE_RAYS: (FINE_RAYS,),
+    PREDICTION: (PREDICTION,),
+}
 _MOST = 10  # times fewer pixels than the picture has are scored by themselves, more with the whole picture
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """Closer looks at chosen pixels (N,) of a view by their indices, traced and decoded for them alone.
+
+    coded: codes of the octree, None where nobody asks for a prediction.
+    """
+
+    octree: Octree
+    camera: Camera
+    coded: CodedOctree | None
+
+    def look(self, part: str, hits: Hits, pixels: np.ndarray) -> Sequence[Any]:
+        """Look for a part of `PixelBuffers`, and for what is found with it (`_FOUND`)."""
+        from ..codes.predict import predict  # compiled code, which registration must not load
+        from ..tracing.chosen import behind_of, fine_rays
+        from ..tracing.render import seen_luminance
+
+        if part == NORMAL:
+            return (seen_normal(self.octree, hits.node[pixels]),)
+        if part == CHILD_MASK:
+            return (seen_children(self.octree, hits.node[pixels]),)
+        if part == PREDICTION:
+            assert self.coded is not None  # whoever plans stages asks for codes
+            return (predict(self.coded, hits.part(pixels)),)
+        lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
+        if part == FINE_RAYS:
+            return (fine_rays(self.octree, self.camera, pixels, lookahead=lookahead),)
+        nodes = behind_of(self.octree, self.camera, pixels, lookahead=lookahead)
+        return seen_luminance(self.octree, nodes), nodes >= 0
 
 
 class KnownPixels:
@@ -27,16 +72,19 @@ class KnownPixels:
     pixels that it scores, of which nearly all that matter have been looked at themselves.
     """
 
-    def __init__(self, buffers: PixelBuffers, looks: Looks) -> None:
-        """Begin with a view that has hits and the finer ray in each pixel's center."""
-        self._looks = looks
+    def __init__(self, buffers: PixelBuffers, looks: Looks | None) -> None:
+        """Begin with a view that has hits and the finer ray in each pixel's center.
+
+        What else it has of all pixels is read where another view would be looked at. looks: None if it has everything.
+        """
+        self._buffers, self._looks = buffers, looks
         self._view = PixelBuffers(
             buffers.hits,
             fine=buffers.fine,
             cube_side_world=buffers.cube_side_world,
             scene_luminance=buffers.scene_luminance,
         )
-        self._looked = {look: np.zeros(len(buffers.preview), bool) for look in _LOOKS}
+        self._looked: dict[str, np.ndarray] = {}
 
     def estimate(self, form: Form, pixels: np.ndarray, estimators: Estimators) -> np.ndarray:
         """Expected errors (N,) float32 of the preview in pixels (N,), after a look at what `form` reads there."""
@@ -45,7 +93,8 @@ class KnownPixels:
 
         few = _MOST * len(pixels) < len(self._view.preview)
         around = window_pixels(pixels, self._view.width, self._view.height) if few or form.surface else pixels[:0]
-        view = self._view = self._looked_at(form, pixels, around)
+        self._look_at(form, pixels, around)
+        view = self._view
         if few:
             return estimate_chosen(chosen_windows(view, form, around), estimators, form)
         there = np.zeros((view.height, view.width), bool)
@@ -56,49 +105,51 @@ class KnownPixels:
 
         return estimate(planes_of, there, estimators, form).ravel()[pixels]
 
-    def _looked_at(self, form: Form, pixels: np.ndarray, around: np.ndarray) -> PixelBuffers:
-        """View after a look at pixels (N,), and at normals of those in their windows (9, N)."""
-        view, looks, hits = self._with_stand_ins(form), self._looks, self._view.hits
+    def _look_at(self, form: Form, pixels: np.ndarray, around: np.ndarray) -> None:
+        """Look at pixels (N,), and at normals of those in their windows (9, N)."""
         if form.surface:
-            assert view.normal is not None and view.child_mask is not None
-            there = np.zeros(len(view.normal), bool)
+            there = np.zeros(len(self._view.preview), bool)
             there[around.ravel()] = True
-            new = self._new(_NORMALS, np.flatnonzero(there))
-            view.normal[new] = looks.normals(hits, new)
-            view.child_mask[pixels] = looks.child_masks(hits, pixels)
-        if form.behind and len(new := self._new(_BEHIND, pixels)):
-            assert view.behind is not None and view.behind_hit is not None
-            view.behind[new], view.behind_hit[new] = looks.behind(new)
-        if form.rays == 4 and len(new := self._new(_RAYS, pixels)):
-            assert view.fine_rays is not None
-            view.fine_rays[new] = looks.fine_rays(new)
-        if form.network and len(new := self._new(_PREDICTION, pixels)):
-            assert view.prediction is not None
-            found = looks.prediction(hits, new)
-            view.prediction.coverage[new], view.prediction.luminance[new] = found.coverage, found.luminance
-            view.prediction.look_ahead[new] = found.look_ahead
-        return replace(view) if form.network else view  # a new one has computed nothing of the old prediction yet
+            self._look_for(NORMAL, np.flatnonzero(there))
+            self._look_for(CHILD_MASK, pixels)
+        if form.behind:
+            self._look_for(BEHIND, pixels)
+        if form.rays == 4:
+            self._look_for(FINE_RAYS, pixels)
+        if form.network:
+            self._look_for(PREDICTION, pixels)
+            self._view = replace(self._view)  # a new one has computed nothing of the old prediction yet
 
-    def _new(self, look: str, pixels: np.ndarray) -> np.ndarray:
-        """Pixels of (N,) without such a look, which have one now."""
-        new = pixels[~self._looked[look][pixels]]
-        self._looked[look][new] = True
-        return new
+    def _look_for(self, part: str, pixels: np.ndarray) -> None:
+        """Put a part, and what is found with it, into the view at those of pixels (N,) that have only stand-ins."""
+        if part not in self._looked:
+            self._looked[part] = np.zeros(len(self._view.preview), bool)
+            self._view = replace(self._view, **self._stand_ins(part))
+        new = pixels[~self._looked[part][pixels]]
+        if not len(new):
+            return
+        self._looked[part][new] = True
+        known = [getattr(self._buffers, name) for name in _FOUND[part]]
+        if known[0] is not None:
+            found: Sequence[Any] = [values[new] for values in known]
+        else:
+            assert self._looks is not None
+            found = self._looks.look(part, self._view.hits, new)
+        for name, values in zip(_FOUND[part], found, strict=True):
+            getattr(self._view, name)[new] = values
 
-    def _with_stand_ins(self, form: Form) -> PixelBuffers:
-        """View with all parts that `form` reads."""
-        from ..codes.predict import Prediction  # compiled code, which registration must not load
+    def _stand_ins(self, part: str) -> dict[str, Any]:
+        """Stand-ins of all pixels for a part, and for what is found with it."""
+        from ..codes.predict import Prediction  # compiled code, as above
 
         view, count = self._view, len(self._view.preview)
-        added: dict[str, Any] = {}
-        if form.surface and view.normal is None:
-            added = {"normal": np.zeros((count, 3), np.float32), "child_mask": np.zeros(count, np.uint8)}
-        if form.behind and view.behind is None:
-            added |= {"behind": np.zeros(count, np.float32), "behind_hit": np.zeros(count, bool)}
-        if form.rays == 4 and view.fine_rays is None:
+        if part == NORMAL:
+            return {NORMAL: np.zeros((count, 3), np.float32)}
+        if part == CHILD_MASK:
+            return {CHILD_MASK: np.zeros(count, np.uint8)}
+        if part == BEHIND:
+            return {BEHIND: np.zeros(count, np.float32), "behind_hit": np.zeros(count, bool)}
+        if part == FINE_RAYS:
             assert view.fine is not None
-            added["fine_rays"] = np.repeat(view.fine, 4).reshape(-1, 4)  # they meet what the one in the center has met
-        if form.network and view.prediction is None:
-            whole = np.ones(count, np.float32), view.preview.copy(), np.zeros(count, bool)
-            added["prediction"] = Prediction(*whole)
-        return replace(view, **added) if added else view
+            return {FINE_RAYS: np.repeat(view.fine, 4).reshape(-1, 4)}
+        return {PREDICTION: Prediction(np.ones(count, np.float32), view.preview.copy(), np.zeros(count, bool))}

@@ -17,8 +17,7 @@ import numpy as np
 from .pixel_buffers import PixelBuffers
 from .plus.forms import Form
 from .refine import priority, refined_count
-from .staged_looks import Looks
-from .staged_pixels import KnownPixels
+from .staged_pixels import KnownPixels, Looks
 
 if TYPE_CHECKING:
     from .plus.weights import Estimators
@@ -55,12 +54,15 @@ class Plan:
     around: bool = True
 
 
-def staged_scores(buffers: PixelBuffers, looks: Looks, plan: Plan, budget: float, estimators: Estimators) -> np.ndarray:
+def staged_scores(
+    buffers: PixelBuffers, looks: Looks | None, plan: Plan, budget: float, estimators: Estimators
+) -> np.ndarray:
     """Scores (P,) float32 of the preview's pixels, by which a share `budget` of the active ones is refined.
 
     Pixels that the last stage looked at have the error that they are expected to have. All others have the score of an
     earlier one, and are above or below the cut as that has decided: only the order about the cut decides what a budget
-    leaves. buffers: hits, the first finer ray, and importance. Raises SettingError for a budget outside 0 to 1.
+    leaves. buffers: hits, the first finer ray, importance, and what `KnownPixels` reads. looks: None if that is all.
+    Raises SettingError for a budget outside 0 to 1.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))

@@ -5,21 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.progress import Steps
 from .pixel_buffers import PixelBuffers
-from .staged_looks import Looks, TracedLooks
+from .staged_pixels import Looks
 from .staged_ranking import Plan, staged_scores
 from .strategy import FINE, Strategy
-
-if TYPE_CHECKING:
-    from ..codes.coded_octree import CodedOctree
-    from ..octree.octree import Octree
-    from ..tracing.camera import Camera
 
 SUFFIX = "-staged"  # of names
 
@@ -42,10 +34,11 @@ class StagedStrategy(Strategy):
         """Strategy that needs what the first score within a budget does, the finer ray of every pixel."""
         return replace(self, needs=frozenset({FINE}))
 
-    def scores_within(self, buffers: PixelBuffers, looks: Looks, budget: float) -> np.ndarray:
+    def scores_within(self, buffers: PixelBuffers, budget: float, looks: Looks | None = None) -> np.ndarray:
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
 
-        buffers: as of `first_look`. Raises SettingError for a budget outside 0 to 1.
+        buffers: as of `first_look`; where it knows more of all pixels, nobody looks again. looks: None if it has all
+        that the strategy needs. Raises SettingError for a budget outside 0 to 1.
         """
         from .plus.weights import shipped_estimators
 
@@ -62,23 +55,3 @@ def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrate
         "description": f"{strategy.description}. Within a budget, closer looks at pixels near its cut alone: faster",
     }
     return StagedStrategy(**same | staged, plan=plan)
-
-
-def scores_in_stages(
-    octree: Octree,
-    camera: Camera,
-    strategy: StagedStrategy,
-    budget: float,
-    coded: CodedOctree | None = None,
-) -> Steps[tuple[PixelBuffers, np.ndarray]]:
-    """View as the first stage needs it, and scores (P,) float32 within a budget, traced and decoded stage by stage.
-
-    Raises SettingError for a budget outside 0 to 1.
-    """
-    from .trace import trace_view
-
-    lookahead = DEFAULT_LOOKAHEAD if coded is None else coded.weights.lookahead
-    first = [strategy.first_look()]
-    buffers = yield from trace_view(octree, camera, first, coded=coded, reference=False)
-    looks = TracedLooks(octree, camera, coded, lookahead)
-    return buffers, strategy.scores_within(buffers, looks, budget)

@@ -16,7 +16,6 @@ from .pixel_buffers import PixelBuffers
 PREDICTION = "prediction"
 BEHIND = "behind"
 FINE = "fine"
-FINE_4 = "fine_4"
 FINE_RAYS = "fine_rays"
 EXACT = "exact"
 REFERENCE = "reference"
@@ -34,8 +33,7 @@ class Strategy:
     """Strategy to decide which pixels are refined first.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
-    needs: the parts of a `PixelBuffers` that must be filled in, of PREDICTION, BEHIND, FINE, FINE_4, FINE_RAYS, EXACT,
-    REFERENCE, EXACT_1, NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE.
+    needs: the parts of a `PixelBuffers` that must be filled in, by the names above.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
     group: what it knows of a pixel: the network's prediction, what the centre rays have met (screen-space), the octree

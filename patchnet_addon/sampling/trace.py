@@ -21,7 +21,6 @@ from .strategy import (
     EXACT,
     EXACT_1,
     FINE,
-    FINE_4,
     FINE_RAYS,
     NORMAL,
     PREDICTION,
@@ -31,7 +30,7 @@ from .strategy import (
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
-    from ..tracing.render import Hits, PatchHits
+    from ..tracing.render import PatchHits
 
 
 def trace_view(
@@ -54,7 +53,8 @@ def trace_view(
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
-    from ..tracing.render import fine_rays, hit_colors, node_colors
+    from ..tracing.chosen import fine_rays
+    from ..tracing.render import seen_color
     from ..tracing.supersample import supersample_all
     from .plus.weights import estimators_of
 
@@ -66,7 +66,6 @@ def trace_view(
     patch = _center_rays(octree, camera, needs, lookahead)
     hits, behind_node = patch.hits, patch.behind_node
     colored = octree.chroma is not None
-    rays = fine_rays(octree, camera, lookahead=lookahead) if needs & {FINE_4, FINE_RAYS} else None
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
@@ -77,29 +76,21 @@ def trace_view(
         prediction=prediction,
         exact=exact,
         reference=None if sampled is None else sampled.luminance,
-        preview_color=hit_colors(octree, hits) if colored else None,
+        preview_color=seen_color(octree, hits.node) if colored else None,
         reference_color=sampled.colors if sampled is not None and colored else None,
         reference_alpha=None if sampled is None else sampled.coverage,
         fine=patch.fine,
-        fine_4=_mean_of_four(rays) if rays is not None and FINE_4 in needs else None,
-        fine_rays=rays,
+        fine_rays=fine_rays(octree, camera, lookahead=lookahead) if FINE_RAYS in needs else None,
         exact_1=exact_1,
-        normal=hit_normals(octree, hits) if NORMAL in needs else None,
-        child_mask=hit_child_masks(octree, hits) if CHILD_MASK in needs else None,
+        normal=seen_normal(octree, hits.node) if NORMAL in needs else None,
+        child_mask=seen_children(octree, hits.node) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
         scene_luminance=float(octree.luminance_float(slice(1))[0]),
-        behind_color=node_colors(octree, behind_node) if colored and behind_node is not None else None,
+        behind_color=seen_color(octree, behind_node) if colored and behind_node is not None else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,
     )
-
-
-def _mean_of_four(rays: np.ndarray) -> np.ndarray:
-    """Means (P,) of rays (P, 4); NumPy's own take several times as long over so short an axis."""
-    first, second, third, fourth = rays.T
-    mean: np.ndarray = ((first + second) + (third + fourth)) * np.float32(0.25)
-    return mean
 
 
 def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:
@@ -125,12 +116,7 @@ def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahea
     return patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
 
 
-def hit_normals(octree: Octree, hits: Hits) -> np.ndarray:
-    """Unit normals (P, 3) float32 of the hit voxels; 0 for a miss, and where the normals in a voxel cancel."""
-    return node_normals(octree, hits.node)
-
-
-def node_normals(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+def seen_normal(octree: Octree, nodes: np.ndarray) -> np.ndarray:
     """Unit normals (N, 3) float32 of nodes (N,); 0 where there is none, -1, and where the normals in a voxel cancel."""
     met = nodes >= 0
     mean = np.zeros((len(nodes), 3), np.float32)
@@ -139,11 +125,6 @@ def node_normals(octree: Octree, nodes: np.ndarray) -> np.ndarray:
     return np.divide(mean, length, out=mean, where=length > 0)
 
 
-def hit_child_masks(octree: Octree, hits: Hits) -> np.ndarray:
-    """Child masks (P,) uint8 of the hit voxels, bit x + 2y + 4z; 0 for a leaf and for a miss."""
-    return node_child_masks(octree, hits.node)
-
-
-def node_child_masks(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+def seen_children(octree: Octree, nodes: np.ndarray) -> np.ndarray:
     """Child masks (N,) uint8 of nodes (N,), bit x + 2y + 4z; 0 for a leaf and where there is none, -1."""
     return np.where(nodes >= 0, octree.child_mask[np.maximum(nodes, 0)], np.uint8(0))

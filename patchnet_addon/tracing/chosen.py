@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finer rays of chosen pixels alone, so that looking closer at some costs what these cost (methods 12.5).
+"""Rays of chosen pixels alone, so that looking closer at some costs what these cost (methods 12.5).
 
-They are the rays of `render.py`, which traces those of whole pictures, and meet the same voxels.
+Pixels of a block of the picture share a tile, as in whole pictures: rays from all over it would visit all nodes
+between them. They meet the same voxels as those of whole pictures (`render.py`), bit for bit.
 """
 
 from __future__ import annotations
@@ -15,7 +16,22 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .render import finer_than_pixel, seen_luminance
-from .tile import BEHIND, COARSE, PICTURE, TILE, WANTED, Search, aim_tile, make_levels, make_tile, node_seen, ray_of
+from .tile import (
+    BEHIND,
+    COARSE,
+    PICTURE,
+    PIXEL,
+    TILE,
+    WANTED,
+    XS,
+    YS,
+    Search,
+    aim_tile,
+    make_levels,
+    make_tile,
+    node_seen,
+    ray_of,
+)
 from .tile_walk import trace_tile
 
 
@@ -26,34 +42,30 @@ def behind_of(octree: Octree, camera: Camera, pixels: np.ndarray, *, lookahead: 
     return _traced(octree, unit, pixels, search, 1)[:, 0]
 
 
-def fine_rays_of(
-    octree: Octree,
-    camera: Camera,
-    pixels: np.ndarray,
-    background: float = 0.0,
-    *,
-    lookahead: int = DEFAULT_LOOKAHEAD,
+def fine_rays(
+    octree: Octree, camera: Camera, pixels: np.ndarray | None = None, *, lookahead: int = DEFAULT_LOOKAHEAD
 ) -> np.ndarray:
-    """Luminances (N, 4) float32 of 2x2 finer rays in each of the pixels (N,), as those of `fine_rays`."""
+    """Luminances (N, 4) float32 of 2x2 rays in each of the pixels (N,) with a finer footprint (`finer_than_pixel`).
+
+    The lower two come first, of each two the left one. pixels: None for all of the picture.
+    """
+    if pixels is None:
+        pixels = np.arange(camera.pixel_count)
     unit = camera_in_unit_cube(camera, octree.grid)
     finer = unit.finer(finer_than_pixel(lookahead))
     search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth)
     nodes = _traced(octree, unit, pixels, search, 2)
-    return seen_luminance(octree, nodes.ravel(), background).reshape(nodes.shape)
+    return seen_luminance(octree, nodes.ravel()).reshape(nodes.shape)
 
 
-def _traced(octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int) -> np.ndarray:
-    """Nodes (N, side * side) int64 that the rays of pixels (N,) end with, the lowest row first, -1 for a miss."""
-    pixels = np.asarray(pixels, np.int64)
-    order, starts = _blocks(pixels, unit.width_px, TILE // side)
-    found = np.empty((len(pixels), side * side), np.int64)
-    chosen = pixels[order], order, starts, side
-    run_parts(_trace_blocks, len(starts) - 1, octree.boxed_nodes, unit, search, chosen, found)
-    return found
+def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Order (N,) of pixels (N,) by blocks of the picture whose side x side rays have room in a tile.
 
-
-def _blocks(pixels: np.ndarray, width_px: int, across: int) -> tuple[np.ndarray, np.ndarray]:
-    """Order (N,) of pixels (N,) by blocks of across x across, and where in it each block begins and the last ends."""
+    And where in it each block begins and the last ends (B + 1,); where a pixel has no room, it is a block.
+    """
+    across = TILE // side
+    if across < 2:
+        return np.arange(len(pixels)), np.arange(len(pixels) + 1)
     row, column = np.divmod(pixels, width_px)
     block = row // across * width_px + column // across
     order = np.argsort(block, kind="stable")
@@ -61,40 +73,63 @@ def _blocks(pixels: np.ndarray, width_px: int, across: int) -> tuple[np.ndarray,
     return order, np.concatenate([np.zeros(1, np.int64), ends])
 
 
+def _traced(octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int) -> np.ndarray:
+    """Nodes (N, side * side) int64 that the rays of pixels (N,) end with, the lowest row first, -1 for a miss."""
+    pixels = np.asarray(pixels, np.int64)
+    order, starts = blocks(pixels, unit.width_px, side)
+    found = np.empty((len(pixels), side * side), np.int64)
+    chosen = pixels[order], order, starts, side
+    run_parts(_trace_blocks, len(starts) - 1, octree.boxed_nodes, unit, search, chosen, found)
+    return found
+
+
 @kernel
 def _trace_blocks(first, last, nodes, camera, search, chosen, found):  # type: ignore[no-untyped-def]
-    """Trace blocks of a picture, each as one tile. chosen: of `_traced`."""
+    """Write the nodes that rays of pixels end with, a block in one tile. chosen: of `_traced`."""
     pixels, places, starts, side = chosen
-    scratch = make_tile(), make_levels()
+    tile, levels = make_tile(), make_levels()
     for block in range(first, last):
-        begin, end = starts[block], starts[block + 1]
-        _trace_block(nodes, camera, search, pixels[begin:end], side, scratch)
-        _write_nodes(camera, search.last, scratch[0], pixels[begin:end], places[begin:end], side, found)
+        here = slice(starts[block], starts[block + 1])
+        aim_pixels(camera, tile, pixels[here], (0, 0), side)
+        trace_tile(nodes, search, tile, levels)
+        for index in range(starts[block], starts[block + 1]):
+            top, left = corner_of(camera, pixels[index], side)
+            for j in range(side):
+                for i in range(side):
+                    found[places[index], side * j + i] = node_seen(camera, tile, search.last, ray_of(top + j, left + i))
 
 
 @lean_device
-def _trace_block(nodes, camera, search, pixels, side, scratch):  # type: ignore[no-untyped-def]
-    """Trace the rays of pixels of a block where a picture of side times its resolution has them."""
-    tile, levels = scratch
+def aim_pixels(camera, tile, pixels, corner, side):  # type: ignore[no-untyped-def]
+    """Set the rays of a tile to samples of pixels of a block, of each those from row and column `corner` on that have
+    room.
+    """
     tile.lanes[WANTED, :] = 0
     for pixel in pixels:
-        row, column = pixel // camera.width_px, pixel % camera.width_px
-        for j in range(side):
-            for i in range(side):
-                ray = ray_of((side * row + j) % TILE, (side * column + i) % TILE)
-                tile.numbers[PICTURE, ray] = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
-                tile.numbers[PICTURE + 1, ray] = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
-                tile.lanes[WANTED, ray // LANES] |= np.int64(1) << (ray % LANES)
+        _aim_pixel(camera, tile, pixel, corner, side)
     aim_tile(camera, tile)
-    trace_tile(nodes, search, tile, levels)
 
 
 @lean_device
-def _write_nodes(camera, phase, tile, pixels, places, side, found):  # type: ignore[no-untyped-def]
-    """Write what each ray of a tile has found in a phase to the places of its pixel."""
-    for spot in range(len(pixels)):
-        row, column = pixels[spot] // camera.width_px, pixels[spot] % camera.width_px
-        for j in range(side):
-            for i in range(side):
-                ray = ray_of((side * row + j) % TILE, (side * column + i) % TILE)
-                found[places[spot], side * j + i] = node_seen(camera, tile, phase, ray)
+def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
+    """Row and column in a tile of a pixel's first sample."""
+    within = max(TILE // side, 1) - 1  # pixels along a side of a tile are a power of two
+    row = pixel // camera.width_px
+    return side * (row & within), side * ((pixel - row * camera.width_px) & within)
+
+
+@lean_device
+def _aim_pixel(camera, tile, pixel, corner, side):  # type: ignore[no-untyped-def]
+    """Give rays of a tile the picture coordinates of a pixel's samples from row and column `corner` on."""
+    row = pixel // camera.width_px
+    column = pixel - row * camera.width_px
+    top, left = corner_of(camera, pixel, side)
+    for k in range(min(side, TILE)):
+        tile.numbers[XS, k] = 2.0 * (column + (corner[1] + k + 0.5) / side) / camera.width_px - 1.0
+        tile.numbers[YS, k] = 2.0 * (row + (corner[0] + k + 0.5) / side) / camera.height_px - 1.0
+    for j in range(min(TILE, side - corner[0])):
+        for i in range(min(TILE, side - corner[1])):
+            ray = ray_of(top + j, left + i)
+            tile.numbers[PICTURE, ray], tile.numbers[PICTURE + 1, ray] = tile.numbers[XS, i], tile.numbers[YS, j]
+            tile.numbers[PIXEL, ray] = top * TILE + left
+            tile.lanes[WANTED, ray // LANES] |= np.int64(1) << (ray % LANES)

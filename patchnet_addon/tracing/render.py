@@ -51,7 +51,7 @@ class TracedPixels(NamedTuple):
     t_world: np.ndarray
     z_world: np.ndarray
     ratio: np.ndarray
-    entry: np.ndarray
+    entry_voxel: np.ndarray
     direction: np.ndarray
     fine: np.ndarray
     behind: np.ndarray
@@ -66,7 +66,7 @@ class Hits:
     ratio: (P,) float32 pixel side / voxel side, clamped to [1/2, 1] (methods 7.8).
     entry_voxel: (P, 3) float32 entry point inside the voxel, [0, 1]^3.
     direction: (P, 3) float32, ray direction. camera_up: (3,) float64, the picture's up.
-    luminance: (P,) float32 of the voxel; background for a miss.
+    luminance: (P,) float32 of the voxel; 0 for a miss.
     """
 
     width_px: int
@@ -107,7 +107,7 @@ class PatchHits:
 
     hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
     behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), and behind_node: (P,)
-    int64, that voxel, -1 for none. Luminances are the background where nothing is met; None is not asked for.
+    int64, that voxel, -1 for none. Luminances are 0 where nothing is met; None is not asked for.
     """
 
     hits: Hits
@@ -125,19 +125,12 @@ def finer_than_pixel(lookahead: int) -> float:
     return 2.0 ** (lookahead + 1)
 
 
-def first_hits(octree: Octree, camera: Camera, background: float = 0.0) -> Hits:
+def first_hits(octree: Octree, camera: Camera) -> Hits:
     """Trace a ray through every pixel centre, stopped by the level-of-detail contract."""
-    return _hits(octree, camera, trace_pixels(octree, camera)[0], background)
+    return _hits(octree, camera, trace_pixels(octree, camera)[0])
 
 
-def patch_hits(
-    octree: Octree,
-    camera: Camera,
-    background: float = 0.0,
-    *,
-    lookahead: int = DEFAULT_LOOKAHEAD,
-    behind: bool = True,
-) -> PatchHits:
+def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD, behind: bool = True) -> PatchHits:
     """Trace a ray through every pixel centre, which goes on to the finer voxel and to what shows behind the patch.
 
     The finer footprint is the pixel over `finer_than_pixel`. One walk answers all three. behind: whether rays go on
@@ -149,26 +142,11 @@ def patch_hits(
     )
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
-        _hits(octree, camera, traced, background),
-        seen_luminance(octree, traced.fine, background),
-        seen_luminance(octree, traced.behind, background) if behind else None,
+        _hits(octree, camera, traced),
+        seen_luminance(octree, traced.fine),
+        seen_luminance(octree, traced.behind) if behind else None,
         traced.behind if behind else None,
     )
-
-
-def fine_rays(
-    octree: Octree, camera: Camera, background: float = 0.0, *, lookahead: int = DEFAULT_LOOKAHEAD
-) -> np.ndarray:
-    """Luminances (P, 4) float32 of 2x2 rays in each pixel with a finer footprint, see `finer_than_pixel`.
-
-    The lower two come first, of each two the left one. They are the pixels of a picture of twice the resolution.
-    """
-    height, width = camera.height_px, camera.width_px
-    double = camera.with_size(2 * width, 2 * height)
-    unit = camera_in_unit_cube(double, octree.grid).finer(finer_than_pixel(lookahead) / 2)
-    traced, _ = trace_pixels(octree, double, Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth))
-    quarters = seen_luminance(octree, traced.node, background).reshape(height, 2, width, 2)
-    return quarters.transpose(0, 2, 1, 3).reshape(height * width, 4)
 
 
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
@@ -189,7 +167,7 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
         t_world=np.empty(pixels, np.float32),
         z_world=np.empty(pixels, np.float32),
         ratio=np.empty(pixels, np.float32),
-        entry=np.empty((pixels, 3), np.float32),
+        entry_voxel=np.empty((pixels, 3), np.float32),
         direction=np.empty((pixels, 3), np.float32),
         fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
         behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
@@ -199,36 +177,24 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
     return traced, visits
 
 
-def _hits(octree: Octree, camera: Camera, traced: TracedPixels, background: float) -> Hits:
+def _hits(octree: Octree, camera: Camera, traced: TracedPixels) -> Hits:
     return Hits(
+        **{name: values for name, values in traced._asdict().items() if name in _OF_PIXELS},
         width_px=camera.width_px,
         height_px=camera.height_px,
-        node=traced.node,
-        level=traced.level,
-        cell=traced.cell,
-        t_world=traced.t_world,
-        z_world=traced.z_world,
-        ratio=traced.ratio,
-        entry_voxel=traced.entry,
-        direction=traced.direction,
         camera_up=np.asarray(camera.up, np.float64),
-        luminance=seen_luminance(octree, traced.node, background),
+        luminance=seen_luminance(octree, traced.node),
     )
 
 
-def seen_luminance(octree: Octree, nodes: np.ndarray, background: float) -> np.ndarray:
-    """Luminance (P,) float32 of nodes (P,), the background where there is none."""
-    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(background))
+def seen_luminance(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+    """Luminance (P,) float32 of nodes (P,), 0 where there is none (-1)."""
+    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
 
 
-def hit_colors(octree: Octree, hits: Hits, background: float = 0.0) -> np.ndarray:
-    """Linear colours (P, 3) float32 of what the rays met, with the luminance of `hits`; gray without colour."""
-    return node_colors(octree, hits.node, background)
-
-
-def node_colors(octree: Octree, nodes: np.ndarray, background: float = 0.0) -> np.ndarray:
-    """Linear colours (P, 3) float32 of nodes (P,), the background where there is none (-1); gray without colour."""
-    colors = np.full((len(nodes), 3), background, np.float32)
+def seen_color(octree: Octree, nodes: np.ndarray) -> np.ndarray:
+    """Linear colours (P, 3) float32 of nodes (P,), 0 where there is none (-1); gray without colour."""
+    colors = np.zeros((len(nodes), 3), np.float32)
     met = nodes >= 0
     colors[met] = octree.color_float(nodes[met])
     return colors
@@ -294,7 +260,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
         traced.z_world[pixel] = np.inf
         for axis in range(3):
             traced.cell[pixel, axis] = -1
-            traced.entry[pixel, axis] = 0.0
+            traced.entry_voxel[pixel, axis] = 0.0
         return
     t, cells = tile.numbers[LENGTH + COARSE, ray], tile.numbers[CELLS, ray]
     z = t * tile.numbers[SPEED, ray]
@@ -304,4 +270,4 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
     traced.z_world[pixel] = z * camera.side_world
     for axis in range(3):
         traced.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
-        traced.entry[pixel, axis] = tile.numbers[ENTRY + axis, ray]
+        traced.entry_voxel[pixel, axis] = tile.numbers[ENTRY + axis, ray]

@@ -21,6 +21,7 @@ from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
+from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
@@ -44,18 +45,14 @@ def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object)
 def test_inside_is_a_render_and_outside_are_own_rays(light: bool, color: bool, weights: Path) -> None:
     build(light=light)
     before = scene_snapshot()
-    result = drain(run_job(bpy.context, job(weights, color=color, budget=0.6)))
+    result = drain(run_job(bpy.context, job(weights, color=color)))
     assert_unchanged(before)
     (view,) = result.cycles
     assert view.full is not None
     assert view.composited.shape == ((24, 40, 3) if color else (24, 40))
     cycles, full = (luminance(picture) if color else picture for picture in (view.composited, view.full))
     assert same_mean(cycles[view.mask], full[view.mask])
-    others, refined = outside(view, result), result.views[0].refined
-    few = ~view.mask & (refined.samples.reshape(view.mask.shape) < OWN_SIDE**2)
-    np.testing.assert_array_equal(view.composited[few], others[few])
-    rest = ~view.mask & ~few
-    assert few.any() and rest.any() and (view.composited[rest] != others[rest]).any(), "as the budget refined them"
+    np.testing.assert_array_equal(view.composited[~view.mask], outside(view, result)[~view.mask])
     assert (view.composited[view.mask] != view.preview[view.mask]).any(), "Cycles' pixels are others"
     assert view.composited.max() > 0.2
     check_figures(view)
@@ -64,7 +61,8 @@ def test_inside_is_a_render_and_outside_are_own_rays(light: bool, color: bool, w
 
 def outside(view: CyclesView, result: JobResult) -> np.ndarray:
     """The octree's own rays in all pixels."""
-    own = supersample_pixels(result.coded.octree, view.camera, np.arange(view.mask.size), OWN_SIDE)
+    pixels = np.arange(view.mask.size)
+    own = supersample_pixels(result.coded.octree, view.camera, pixels, OWN_SIDE, finer=EVEN_FOOTPRINT)
     picture = own.luminance if view.composited.ndim == 2 else own.colors
     return np.minimum(picture, 1.0).reshape(view.composited.shape)
 

@@ -69,11 +69,11 @@ def test_a_map_that_comes_later_stands_behind_what_is_traced(slices: int | None)
     for _ in range(10_000 if slices is None else slices):
         if not later.done:
             later.work(0.0)
-    before = later.picture.buffers
+    before = later.picture.ranking
     later.show_world(known)
     while not later.done:
         later.work(0.0)
-    assert before is None or later.picture.buffers is before
+    assert before is None or later.picture.ranking is before
     np.testing.assert_array_equal(later.pixels(), at_once.pixels())
     later.show_world(WORLD)
     later.work(0.0)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.chosen import behind_of, fine_rays_of
-from patchnet.patchnet_addon.tracing.render import fine_rays, patch_hits
+from patchnet.patchnet_addon.tracing.chosen import behind_of, fine_rays
+from patchnet.patchnet_addon.tracing.render import patch_hits
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
+from patchnet.tests.references.single_rays import single_hits
 
 PERSPECTIVE = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(45, 30))
 CAMERAS = {
@@ -36,17 +37,22 @@ def chosen(camera: Camera, share: float) -> np.ndarray:
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_they_meet_the_same_voxels(name, share, lookahead, octree):
-    """Bit for bit: picture coordinates are quotients of the same numbers."""
+    """Bit for bit, as rays of the whole picture, and of one that is twice as large."""
     camera = CAMERAS[name]
     pixels = chosen(camera, share)
     whole = patch_hits(octree, camera, lookahead=lookahead)
     np.testing.assert_array_equal(behind_of(octree, camera, pixels, lookahead=lookahead), whole.behind_node[pixels])
-    rays = fine_rays_of(octree, camera, pixels, lookahead=lookahead)
+    rays = fine_rays(octree, camera, pixels, lookahead=lookahead)
     np.testing.assert_array_equal(rays, fine_rays(octree, camera, lookahead=lookahead)[pixels])
+    double = camera.with_size(2 * camera.width_px, 2 * camera.height_px)
+    nodes, _, _ = single_hits(octree, double, 2.0**lookahead)
+    large = np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
+    quarters = large.reshape(camera.height_px, 2, camera.width_px, 2).transpose(0, 2, 1, 3).reshape(-1, 4)
+    np.testing.assert_array_equal(rays, quarters[pixels])
     assert rays.shape == (len(pixels), 4) and rays.dtype == np.float32
 
 
 def test_something_is_met(octree):
     camera = CAMERAS["perspective"]
     pixels = chosen(camera, 1.0)
-    assert (behind_of(octree, camera, pixels) >= 0).any() and fine_rays_of(octree, camera, pixels).any()
+    assert (behind_of(octree, camera, pixels) >= 0).any() and fine_rays(octree, camera, pixels).any()

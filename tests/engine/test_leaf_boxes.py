@@ -86,7 +86,7 @@ def test_hits_are_those_of_single_rays(seed):
         np.testing.assert_array_equal(hits.node, node, err_msg=camera.name)
         expected = (t * octree.grid.side_world).astype(np.float32)
         np.testing.assert_array_equal(hits.t_world, expected, err_msg=camera.name)
-        found = patch_hits(octree, camera, 0.25)
+        found = patch_hits(octree, camera)
         met = node >= 0
         start = np.where(met, t, 0.0) + 1.5 * 0.5**level
         np.testing.assert_array_equal(found.fine[met], seen(octree, single_hits(octree, camera, 8.0)[0])[met])

@@ -34,7 +34,7 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import fine_rays
+from patchnet.patchnet_addon.tracing.chosen import fine_rays
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.small import estimate_reference
@@ -229,7 +229,7 @@ def test_adaptive_pictures_join_what_estimators_see(coded):
     picture = AdaptivePicture(coded.octree, camera, STRATEGIES["patchnet-plus"], coded)
     drain(picture.trace(Pace(band_pixels=200)))
     whole = drain(trace_view(coded.octree, camera, [STRATEGIES["patchnet-plus"]], coded=coded, reference=False))
-    np.testing.assert_allclose(picture.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(picture.ranking.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
 
 
 def test_estimators_belong_to_weights():

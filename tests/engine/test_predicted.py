@@ -131,7 +131,7 @@ def test_a_picture_in_bands_is_the_picture_at_once(coded: CodedOctree, view: Pix
     drain(picture.trace(Pace(band_pixels=50)))
     np.testing.assert_allclose(picture.colors, view.predicted_color, atol=1e-6)
     np.testing.assert_allclose(picture.alpha, view.shown_alpha, atol=1e-6)
-    np.testing.assert_allclose(picture.score, CHOSEN.scores(view), atol=1e-6)
+    np.testing.assert_allclose(picture.ranking.score, CHOSEN.scores(view), atol=1e-6)
     drain(picture.refine(0.3))
     mask = rank(CHOSEN, view, 0.3).mask
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))

@@ -14,13 +14,13 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import Ranking, rank
-from patchnet.patchnet_addon.sampling.refined_picture import refined_by_samples, refined_by_share, samples_report
+from patchnet.patchnet_addon.sampling.refined_picture import refined_view, samples_report
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.sample_counts import (
     COUNTS,
     SIDES,
+    pixels_by_side,
     refined_counts,
-    runs_of_equal_counts,
     sample_counts,
 )
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -148,10 +148,11 @@ def test_a_mean_outside_its_range(mean: float) -> None:
         sample_counts(np.ones(3), mean)
 
 
-def test_runs() -> None:
-    counts = np.array([1024, 1024, 64, 4, 4, 4, 1, 1], np.int32)
-    assert list(runs_of_equal_counts(counts)) == [(32, slice(0, 2)), (8, slice(2, 3)), (2, slice(3, 6))]
-    assert list(runs_of_equal_counts(np.ones(3, np.int32))) == []
+def test_pixels_by_side() -> None:
+    samples, order = np.array([4, 1, 64, 1024, 4, 1, 1024, 4], np.int32), np.array([6, 3, 2, 4, 0, 7, 1])
+    found = [(side, pixels.tolist()) for side, pixels in pixels_by_side(samples, order)]
+    assert found == [(32, [6, 3]), (8, [2]), (2, [4, 0, 7])]
+    assert list(pixels_by_side(np.ones(8, np.int32), order)) == []
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
@@ -250,16 +251,16 @@ def test_importance_of_zero_keeps_one_ray() -> None:
     picture = AdaptivePicture(random_octree(), camera(), CHOSEN, importance=halves)
     drain(picture.trace())
     drain(picture.refine(0.0, spp=40.0))
-    assert picture.buffers is not None and picture.buffers.importance is not None
-    assert (picture.samples[picture.buffers.importance == 0] == 1).all()
-    assert 30.0 < picture.samples[picture.buffers.active].mean() <= 40.0
+    assert (picture.samples[picture.ranking.buffers.importance == 0] == 1).all()
+    assert 30.0 < picture.samples[picture.ranking.buffers.active].mean() <= 40.0
 
 
 @pytest.mark.parametrize("with_color", [False, True])
 def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
     picture, ranking, buffers = view(with_color)
     drain(picture.refine(0.0, spp=9.0))
-    refined = drain(refined_by_samples(picture.octree, picture.camera, ranking, 9.0, Pace(batch_rays=3000)))
+    pace = Pace(batch_rays=3000)
+    refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(9.0), pace))
     np.testing.assert_array_equal(refined.samples, picture.samples)
     assert refined.refined_count == np.count_nonzero(picture.samples > 1)
     if with_color:
@@ -272,16 +273,16 @@ def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
 
 def test_ends_of_the_range_are_preview_and_reference() -> None:
     picture, ranking, buffers = view()
-    none = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1.0))
+    none = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(1.0)))
     np.testing.assert_array_equal(none.luminance, buffers.preview)
-    every = drain(refined_by_samples(picture.octree, picture.camera, ranking, 1024.0))
+    every = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(1024.0)))
     active = buffers.active
     np.testing.assert_allclose(every.luminance[active], buffers.reference[active], rtol=1e-6)
 
 
 def test_figures_of_a_report() -> None:
     picture, ranking, buffers = view()
-    refined = drain(refined_by_samples(picture.octree, picture.camera, ranking, 9.0))
+    refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(9.0)))
     found = samples_report(ranking, refined)
     active = buffers.active
     assert found["spent"] == pytest.approx(refined.samples[active].mean())
@@ -289,7 +290,8 @@ def test_figures_of_a_report() -> None:
     error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
     assert found["mse"] == pytest.approx(error.mean(), rel=1e-12)
     share = refined.samples[refined.samples > 1].sum() / 1024 / active.sum()
-    by_share = drain(refined_by_share(picture.octree, picture.camera, rank(CHOSEN, buffers, share), 1024.0))
+    shared = rank(CHOSEN, buffers, share)
+    by_share = drain(refined_view(picture.octree, picture.camera, shared, shared.refined_samples(1024.0)))
     error = (by_share.luminance.astype(float) - buffers.reference)[active] ** 2
     assert found["mse_of_share"] == pytest.approx(error.mean(), rel=1e-6)
     blind = rank(CHOSEN, replace(buffers, reference=None), 0.3)
@@ -335,11 +337,11 @@ def test_refined_pixels_have_16_to_256_samples_and_1024_by_choice() -> None:
 def test_a_share_is_refined_alike_by_jobs_and_renders() -> None:
     picture, ranking, buffers = view()
     drain(picture.refine(0.3, refined=64.0))
-    refined = drain(refined_by_share(picture.octree, picture.camera, ranking, 64.0))
+    refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(64.0)))
     np.testing.assert_array_equal(refined.samples, picture.samples)
     np.testing.assert_array_equal(refined.luminance, picture.colors[:, 0])
     np.testing.assert_array_equal(refined.samples > 1, ranking.mask)
-    every = drain(refined_by_share(picture.octree, picture.camera, ranking, 1024.0))
+    every = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(1024.0)))
     np.testing.assert_array_equal(every.luminance, np.where(ranking.mask, buffers.reference, buffers.preview))
 
 
@@ -349,5 +351,5 @@ def test_less_error_is_left_than_by_a_share_of_as_many_rays(seed: int, mean: flo
     octree, eye = random_octree(seed, depth=7, count=4000), camera(46, 34)
     buffers = drain(trace_view(octree, eye, [CHOSEN]))
     ranking = rank(CHOSEN, buffers, 0.3)
-    found = samples_report(ranking, drain(refined_by_samples(octree, eye, ranking, mean)))
+    found = samples_report(ranking, drain(refined_view(octree, eye, ranking, ranking.samples(mean))))
     assert found["mse"] < 0.8 * found["mse_of_share"]

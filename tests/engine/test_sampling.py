@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strategies, budgets and errors against their definitions (methods 3, 5, 7.23-7.25)."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -66,9 +67,10 @@ def random_buffers(seed: int = 0, height: int = 17, width: int = 23) -> PixelBuf
 
 
 def test_every_strategy_is_registered_under_its_name() -> None:
-    files = [path for path in Path(sampling.__file__).parent.glob("*.py") if "\nSTRATEGY = " in path.read_text()]
+    texts = [path.read_text() for path in Path(sampling.__file__).parent.glob("*.py")]
+    found = re.findall("^(?:STRATEGY|EXACT_ORACLE) = ", "\n".join(texts), re.MULTILINE)
     plus = 3  # of one file
-    assert DEFAULT in STRATEGIES and len(STRATEGIES) - plus == len(files) > 5
+    assert DEFAULT in STRATEGIES and len(STRATEGIES) - plus == len(found) > 5
     assert all(name == value.name and value.maximum > 0 for name, value in STRATEGIES.items())
     with pytest.raises(SettingError, match="ss-variance"):
         strategy("best")
@@ -211,3 +213,26 @@ def test_empty_frame_has_no_error() -> None:
     buffers = PixelBuffers(hits=hits, reference=np.zeros(16, np.float32))
     assert mse_at(buffers, np.zeros(16), [0.0, 0.5]).tolist() == [0.0, 0.0]
     assert buffers.lookahead_share is None
+
+
+def test_an_expensive_renderer_takes_the_worst_pixels_after_those_that_come_first() -> None:
+    buffers = random_buffers()
+    importance = np.where(np.arange(len(buffers.preview)) % 5 == 0, 0.0, 1.0).astype(np.float32)
+    ranking = rank(strategy("ss-variance"), replace(buffers, importance=importance), 0.3)
+    nobody, first = np.zeros(len(importance), bool), np.zeros(len(importance), bool)
+    active = buffers.active & (importance > 0.0)
+    for budget in (0.0, 0.1, 0.37):
+        chosen = ranking.chosen(nobody, budget)
+        assert chosen.sum() == int(budget * len(importance)) and (chosen <= active).all()
+        assert not chosen.any() or ranking.priority[chosen].min() >= ranking.priority[active & ~chosen].max()
+    first[~buffers.active | (importance == 0.0)] = True
+    few = ranking.chosen(first, 0.02)
+    assert (few <= first).all() and few.sum() == int(0.02 * len(importance))
+    assert ranking.chosen(first, 1.0).all()
+    np.testing.assert_array_equal(ranking.chosen(nobody, 1.0), importance > 0.0)
+
+
+def test_an_expensive_renderer_with_a_budget_outside_its_range() -> None:
+    buffers = random_buffers()
+    with pytest.raises(SettingError, match="share of pixels"):
+        rank(strategy("random"), buffers, 0.3).chosen(~buffers.active, 1.1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import predict, predict_pixels
+from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -21,10 +21,8 @@ from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.staged_looks import KnownLooks, TracedLooks
-from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels
+from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels, Looks
 from patchnet.patchnet_addon.sampling.staged_ranking import Plan, Stage, first_scores, staged_scores
-from patchnet.patchnet_addon.sampling.staged_strategy import scores_in_stages
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -51,29 +49,25 @@ def estimators():
     return Estimators.random(seed=5)
 
 
-class Counting:
-    """Looks that count how many pixels each kind was asked for."""
+@pytest.fixture(scope="module")
+def looks(coded):
+    return Looks(coded.octree, CAMERA, coded)
 
-    def __init__(self, looks):
-        self._looks, self.counts = looks, {}
 
-    def __getattr__(self, name):
-        def look(*arguments):
-            self.counts[name] = self.counts.get(name, 0) + len(arguments[-1])
-            return getattr(self._looks, name)(*arguments)
-
-        return look
+@pytest.fixture(scope="module")
+def first(coded):
+    """What is traced of the whole picture before the stages."""
+    wanted = EVALUATED["patchnet-plus-staged"].first_look()
+    return drain(trace_view(coded.octree, CAMERA, [wanted], coded=coded, reference=False))
 
 
 @pytest.mark.parametrize("name", sorted(STAGED))
 @pytest.mark.parametrize("budget", BUDGETS)
-def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
+def test_what_is_traced_is_what_is_known(name, budget, first, looks, buffers):
     strategy = EVALUATED[name]
-    first, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, budget, coded))
-    assert first.behind is None and first.prediction is None  # of the whole picture
-    assert first.fine is not None and first.fine_rays is None
-    expected = strategy.scores_within(buffers, KnownLooks(buffers), budget)
-    np.testing.assert_array_equal(scores, expected)
+    assert first.behind is None and first.prediction is None and first.fine_rays is None
+    scores = rank(strategy, first, budget, looks).score
+    np.testing.assert_array_equal(scores, rank(strategy, buffers, budget).score)
     assert scores.dtype == np.float32
 
 
@@ -82,10 +76,10 @@ def test_what_is_traced_is_what_is_known(name, budget, coded, buffers):
 def test_the_last_stage_decides_who_is_refined(budget, around, buffers, estimators):
     """A plain copy of the rule: those that are sure, then the best of those that the last stage has looked at."""
     stages = Stage(FORMS["fine-1"], 0.3, 2.0), Stage(FORMS["plus-4"], 0.6, 1.3)
-    scores = staged_scores(buffers, KnownLooks(buffers), Plan(stages, around), budget, estimators)
+    scores = staged_scores(buffers, None, Plan(stages, around), budget, estimators)
     active = np.flatnonzero(buffers.active)
     count = round(budget * len(active))
-    looks = KnownPixels(buffers, KnownLooks(buffers))
+    known = KnownPixels(buffers, None)
     value, pool, sure = first_scores(buffers, around=around), active, []
     for stage in stages:
         falling = pool[np.argsort(-value[pool], kind="stable")]
@@ -93,7 +87,7 @@ def test_the_last_stage_decides_who_is_refined(budget, around, buffers, estimato
         high = max(math.ceil(stage.reached * count) - len(sure), 0)
         sure, pool = [*sure, *falling[:low]], np.sort(falling[low:high])
         if len(pool):
-            value[pool] = looks.estimate(stage.form, pool, estimators)
+            value[pool] = known.estimate(stage.form, pool, estimators)
     expected = np.zeros(len(scores), bool)
     expected[[*sure, *pool[np.argsort(-value[pool], kind="stable")][: count - len(sure)]]] = True
     refined = refined_mask(buffers, refinement_order(buffers, scores), budget)
@@ -101,21 +95,27 @@ def test_the_last_stage_decides_who_is_refined(budget, around, buffers, estimato
     assert (refined == expected).mean() > 0.995  # but for equal scores
 
 
-def test_only_some_pixels_are_looked_at_closely(buffers):
-    looks = Counting(KnownLooks(buffers))
-    EVALUATED["patchnet-plus-staged"].scores_within(buffers, looks, 0.1)
-    assert looks.counts.keys() == {"fine_rays"}  # the network takes part near the whole budget alone
-    assert 0 < looks.counts["fine_rays"] < 1.5 * 0.1 * buffers.active.sum()
-    few = Counting(KnownLooks(buffers))
-    EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.1)
-    assert not few.counts  # the finer ray is of all pixels
-    EVALUATED["patchnet-plus-1-staged"].scores_within(buffers, few, 0.3)
-    assert few.counts.keys() == {"normals", "child_masks", "behind", "prediction"}
+def test_only_some_pixels_are_looked_at_closely(first, looks, monkeypatch):
+    counts = {}
+
+    def counted(self, part, hits, pixels):
+        counts[part] = counts.get(part, 0) + len(pixels)
+        return look(self, part, hits, pixels)
+
+    look = Looks.look
+    monkeypatch.setattr(Looks, "look", counted)
+    rank(EVALUATED["patchnet-plus-staged"], first, 0.1, looks)
+    assert counts.keys() == {"fine_rays"}  # the network takes part near the whole budget alone
+    assert 0 < counts.pop("fine_rays") < 1.5 * 0.1 * first.active.sum()
+    rank(EVALUATED["patchnet-plus-1-staged"], first, 0.1, looks)
+    assert not counts  # the finer ray is of all pixels
+    rank(EVALUATED["patchnet-plus-1-staged"], first, 0.3, looks)
+    assert counts.keys() == {"normal", "child_mask", "behind", "prediction"}
 
 
 def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, estimators):
     everything = Plan((Stage(FORMS["plus-4"], 0.0, math.inf),))
-    scores = staged_scores(buffers, KnownLooks(buffers), everything, 0.2, estimators)
+    scores = staged_scores(buffers, None, everything, 0.2, estimators)
     whole = estimated_error(buffers, estimators, FORMS["plus-4"])
     inside = buffers.picture(buffers.active)[1:-1, 1:-1]  # stand-ins are beside active pixels alone
     np.testing.assert_allclose(
@@ -133,7 +133,7 @@ def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
 
 def test_chosen_pixels_are_decoded_as_all_are(coded, buffers):
     pixels = np.flatnonzero(buffers.active)[::5]
-    part, whole = predict_pixels(coded, buffers.hits, pixels), predict(coded, buffers.hits).part(pixels)
+    part, whole = predict(coded, buffers.hits.part(pixels)), predict(coded, buffers.hits)[pixels]
     for name in ("coverage", "luminance", "look_ahead"):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
 
@@ -142,7 +142,7 @@ def test_importance_decides_too(buffers, estimators):
     importance = np.ones(len(buffers.preview), np.float32)
     importance[: len(importance) // 2] = 0.0
     seen = replace(buffers, importance=importance)
-    scores = staged_scores(seen, KnownLooks(seen), Plan((Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
+    scores = staged_scores(seen, None, Plan((Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
     refined = refined_mask(seen, refinement_order(seen, scores), 0.2)
     assert refined.any() and not refined[importance == 0].any()
 
@@ -159,27 +159,25 @@ def test_estimators_of_other_weights_are_warned_of():
 
 def test_budgets_outside_their_bounds_are_refused(buffers):
     with pytest.raises(SettingError, match="outside 0 to 1"):
-        EVALUATED["patchnet-plus-staged"].scores_within(buffers, KnownLooks(buffers), 1.5)
+        rank(EVALUATED["patchnet-plus-staged"], buffers, 1.5)
 
 
-def test_looks_at_nothing(coded, buffers):
-    looks = TracedLooks(coded.octree, CAMERA, coded, 2)
-    nothing = np.empty(0, np.int64)
-    assert looks.fine_rays(nothing).shape == (0, 4) and looks.behind(nothing)[0].shape == (0,)
-    assert looks.prediction(buffers.hits, nothing).coverage.shape == (0,)
+@pytest.mark.parametrize("part, shape", [("fine_rays", (0, 4)), ("behind", (0,)), ("normal", (0, 3))])
+def test_looks_at_nothing(part, shape, looks, buffers):
+    assert looks.look(part, buffers.hits, np.empty(0, np.int64))[0].shape == shape
 
 
 @pytest.mark.parametrize("with_codes", [False, True])
-def test_pictures_with_a_budget_rank_in_stages(with_codes, coded):
+def test_pictures_with_a_budget_rank_in_stages(with_codes, coded, first, looks):
     """In bands, with the network's prediction of all pixels that a pass shows, or without."""
     strategy = EVALUATED["patchnet-plus-1-staged"]
     picture = AdaptivePicture(coded.octree, CAMERA, strategy, coded if with_codes else None, budget=0.1)
     drain(picture.trace(Pace(band_pixels=200)))
-    _, scores = drain(scores_in_stages(coded.octree, CAMERA, strategy, 0.1, coded))
-    assert (np.abs(picture.score - scores) > 1e-5).mean() < 0.02  # rays of bands are rounded otherwise
-    assert (picture.buffers.prediction is not None) == with_codes and picture.buffers.behind is None
+    scores = rank(strategy, first, 0.1, looks).score
+    assert (np.abs(picture.ranking.score - scores) > 1e-5).mean() < 0.02  # rays of bands are rounded otherwise
+    assert (picture.ranking.buffers.prediction is not None) == with_codes and picture.ranking.buffers.behind is None
     drain(picture.refine(0.1))
-    assert (picture.samples > 1).sum() == round(0.1 * picture.buffers.active.sum())
+    assert (picture.samples > 1).sum() == round(0.1 * picture.ranking.buffers.active.sum())
 
 
 @pytest.mark.parametrize("settings", [{"budget": None}, {"budget": 0.3, "unrefined": "predicted"}, {"budget": 0.9}])
@@ -188,5 +186,5 @@ def test_without_a_budget_and_near_all_pixels_are_looked_at_alike(settings, code
     drain(picture.trace())
     whole = AdaptivePicture(coded.octree, CAMERA, STRATEGIES["patchnet-plus"], coded, **settings | {"budget": None})
     drain(whole.trace())
-    active = picture.buffers.active
-    np.testing.assert_allclose(picture.score[active], whole.score[active], rtol=1e-4)
+    active = picture.ranking.buffers.active
+    np.testing.assert_allclose(picture.ranking.score[active], whole.ranking.score[active], rtol=1e-4)

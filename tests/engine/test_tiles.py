@@ -73,7 +73,7 @@ def test_hits_in_random_octrees(seed):
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_one_walk_has_the_answers_of_three(shells, lookahead):
     for camera in cameras(shells):
-        found = patch_hits(shells, camera, 0.25, lookahead=lookahead)
+        found = patch_hits(shells, camera, lookahead=lookahead)
         node, level, t = single_hits(shells, camera)
         np.testing.assert_array_equal(found.hits.node, node, err_msg=camera.name)
         finer = 2.0 ** (lookahead + 1)
@@ -83,14 +83,14 @@ def test_one_walk_has_the_answers_of_three(shells, lookahead):
         start = np.where(met, t, 0.0) + 1.5 * 0.5**level
         beyond, _, _ = single_hits(shells, camera, finer, start)
         np.testing.assert_array_equal(found.behind[met], seen(shells, beyond)[met], err_msg=camera.name)
-        assert (found.fine[~met] == np.float32(0.25)).all() and (found.behind[~met] == np.float32(0.25)).all()
-        ended = patch_hits(shells, camera, 0.25, lookahead=lookahead, behind=False)
+        assert not found.fine[~met].any() and not found.behind[~met].any()
+        ended = patch_hits(shells, camera, lookahead=lookahead, behind=False)
         np.testing.assert_array_equal(ended.fine, found.fine, err_msg=camera.name)
         assert ended.behind is None and np.array_equal(ended.hits.node, found.hits.node)
 
 
 def seen(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.25))
+    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 8, 9, 16, 32])

@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, hit_colors, patch_hits, ray_up
+from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, ray_up, seen_color
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 from patchnet.tests.references.first_hits import (
     first_hits_reference,
@@ -123,9 +123,8 @@ def test_contract_holds_at_every_hit(octree):
 
 def test_supersampling_equals_mean_of_reference_rays(octree):
     camera = cameras()[0].with_size(6, 5)
-    n = 4
-    picture = drain(supersample(octree, camera, n, background=0.25))
-    expected, _ = supersampled_reference(octree, camera, n, background=0.25)
+    picture = drain(supersample(octree, camera, 4))
+    expected, _ = supersampled_reference(octree, camera, 4)
     np.testing.assert_allclose(picture, expected, atol=1e-6)
 
 
@@ -138,10 +137,10 @@ def test_colour_of_pictures(octree):
     np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3)[1], atol=1e-5)
     np.testing.assert_allclose(colors @ (0.2126, 0.7152, 0.0722), luminance, atol=1e-6)
     hits = first_hits(colored, camera)
-    seen = hit_colors(colored, hits)
+    seen = seen_color(colored, hits.node)
     np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
     np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
-    gray = hit_colors(octree, hits)
+    gray = seen_color(octree, hits.node)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
 
 

@@ -67,7 +67,7 @@ def preview():
     viewport = viewports[-1]
     first, engines = viewport._preview, len(viewports)
     seen["coarse at first"] = bool((first.picture.samples == 0).any())
-    yield from clicks.wait_for(lambda: first.picture.buffers is not None, "every pixel is traced")
+    yield from clicks.wait_for(lambda: first.picture.ranking is not None, "every pixel is traced")
     yield from sky(viewport)  # looks at it make Blender begin new engines
     seen["begun anew"] = len(viewports) - engines + (viewport._preview is not first)
     yield from clicks.screenshot(OUT / "engine-traced.png")
@@ -150,7 +150,7 @@ def settle_masked(viewport, name: str):
         lambda: viewport._preview not in (None, before) and viewport._preview.done, f"a preview with mask {name}"
     )
     picture = viewport._preview.picture
-    frame = picture.buffers
+    frame = picture.ranking.buffers
     columns = np.flatnonzero(picture.samples > 1) % frame.width
     seen[f"mask {name}"] = {
         "columns": [float(columns.min() / frame.width), float(columns.max() / frame.width)],

@@ -68,9 +68,7 @@ def first_hits_reference(
     return np.where(seen, best_node, -1), np.where(seen, best_t, np.inf)
 
 
-def supersampled_reference(
-    octree: Octree, camera: Camera, side: int, background: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def supersampled_reference(octree: Octree, camera: Camera, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Reference of `supersample_all`: mean luminance (P,) and colours (P, 3) of side x side rays."""
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
@@ -79,8 +77,8 @@ def supersampled_reference(
         y = 2 * (row + (j + 0.5) / side) / camera.height_px - 1
         node, _ = first_hits_reference(octree, camera, x, y, 1 / side)
         hit, met = node >= 0, np.maximum(node, 0)
-        luminance += np.where(hit, octree.luminance_float(met), background)
-        colors += np.where(hit[:, None], octree.color_float(met), background)
+        luminance += np.where(hit, octree.luminance_float(met), 0.0)
+        colors += np.where(hit[:, None], octree.color_float(met), 0.0)
     return luminance / side**2, colors / side**2
 
 

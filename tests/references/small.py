@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from patchnet.patchnet_addon.octree.leaf_boxes import _MARGIN, STEPS
 from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import Form
 from patchnet.patchnet_addon.sampling.plus.weights import Estimators
-from patchnet.patchnet_addon.sampling.windows import windows
 from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
 
 
@@ -37,11 +37,8 @@ def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -
 
 def window_variance_reference(picture: np.ndarray) -> np.ndarray:
     """Reference of `window_variance` in NumPy."""
-    values, inside = windows(picture.astype(np.float64))
-    count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
-    mean = values.sum(axis=-1) / count
-    deviation = np.where(inside, values - mean[..., None], 0.0)
-    result: np.ndarray = (deviation**2).sum(axis=-1) / count
+    padded = np.pad(picture.astype(np.float64), 1, constant_values=np.nan)
+    result: np.ndarray = np.nanvar(sliding_window_view(padded, (3, 3)), axis=(2, 3))
     return result
 
 

@@ -147,4 +147,4 @@ def test_scores_of_a_traced_view(name, traced):
 def test_bands_of_rows_make_the_whole_view(name, octree, camera, traced):
     picture = AdaptivePicture(octree, camera, EVALUATED[name])
     drain(picture.trace(Pace(band_pixels=29 * 4)))
-    np.testing.assert_array_equal(picture.score, EVALUATED[name].scores(traced))
+    np.testing.assert_array_equal(picture.ranking.score, EVALUATED[name].scores(traced))

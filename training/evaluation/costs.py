@@ -25,7 +25,8 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.predicted import PREDICTED
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.staged_strategy import StagedStrategy, scores_in_stages
+from ...patchnet_addon.sampling.staged_pixels import Looks
+from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES
@@ -108,9 +109,7 @@ def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
     return [PREDICTED, *(f"{PREDICTED}-{network.name}" for network in networks)]
 
 
-def _runs(
-    codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]
-) -> dict[str, Callable[[], object]]:
+def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]) -> dict[str, Callable[[], object]]:
     """What is measured of a frame: strategies, at each budget those in stages; pictures; samples of the reference.
 
     Names of strategies have no spaces.
@@ -137,8 +136,9 @@ def _rank(coded: CodedOctree, camera: Camera, strategy: Strategy) -> None:
 
 
 def _rank_staged(coded: CodedOctree, camera: Camera, strategy: StagedStrategy, budget: float) -> None:
-    buffers, scores = drain(scores_in_stages(coded.octree, camera, strategy, budget, coded))
-    refinement_order(buffers, scores)
+    first = [strategy.first_look()]
+    buffers = drain(trace_view(coded.octree, camera, first, coded=coded, reference=False))
+    refinement_order(buffers, strategy.scores_within(buffers, budget, Looks(coded.octree, camera, coded)))
 
 
 def _supersample(octree: Octree, camera: Camera, side: int) -> None:

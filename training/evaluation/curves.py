@@ -13,7 +13,6 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.sampling import errors, optimal, random
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.staged_looks import KnownLooks
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
 from ..strategies.registry import STAGED
@@ -103,11 +102,10 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
 
     Each budget has stages of its own. The view must have all that they look at, and they read it from there.
     """
-    looks = KnownLooks(buffers)
     for row, strategy in enumerate(strategies.values()):
         if isinstance(strategy, StagedStrategy):
             for index, budget in enumerate(BUDGETS.tolist()):
-                order = refinement_order(buffers, strategy.scores_within(buffers, looks, budget))
+                order = refinement_order(buffers, strategy.scores_within(buffers, budget))
                 measured.left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]
 
 

@@ -18,7 +18,7 @@ from ...patchnet_addon.image.comparison import clamped, flip
 from ...patchnet_addon.image.tone import srgb_encode
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from ...patchnet_addon.sampling.refine import refined_count, refined_picture
+from ...patchnet_addon.sampling.refine import refined_mask, refined_picture
 from .lpips import LpipsWeights, lpips
 
 QUALITY_STRATEGIES = (
@@ -62,9 +62,7 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
     """
     pictures = []
     for budget in budgets:
-        mask = np.zeros(len(buffers.preview), bool)
-        mask[order[: refined_count(buffers, budget, len(order))]] = True
-        pictures.append(buffers.picture(refined_picture(buffers, mask)))
+        pictures.append(buffers.picture(refined_picture(buffers, refined_mask(buffers, order, budget))))
     return np.array(pictures, np.float32).reshape(len(budgets), buffers.height, buffers.width)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Distribution p of luminance, or of another weight, over the pixels of 3x3 windows (methods 2)."""
+"""Windows of 3x3 around every pixel, and the distribution p of luminance, or of another weight, in them (methods 2)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
-from ...patchnet_addon.sampling.windows import windows
 
 EPSILON = 1e-6  # a window whose luminances sum to less is black
+
+
+def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values (H, W, 9) of the windows of `picture` (H, W), and which of them lie in the picture (H, W, 9) bool.
+
+    Values outside the picture are 0. The window is in row-major order, the pixel itself at index 4.
+    """
+    padded = np.pad(picture, 1), np.pad(np.ones(picture.shape, bool), 1)
+    values, inside = (sliding_window_view(plane, (3, 3)).reshape(*picture.shape, 9) for plane in padded)
+    return values, inside
 
 
 @dataclass(frozen=True, eq=False)

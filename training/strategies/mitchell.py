@@ -5,8 +5,7 @@ import numpy as np
 
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
-from ...patchnet_addon.sampling.windows import windows
-from .distribution import EPSILON
+from .distribution import EPSILON, windows
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
