@@ -21,8 +21,8 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
-from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import simple
 from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
 from patchnet.training.strategies.registry import EVALUATED
 

@@ -8,20 +8,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from patchnet.tests.blender.light_scene import (
-    assert_agrees,
-    compare,
-    grey,
-    lamp,
-    material,
-    mixed,
-    pane,
-    shader,
-    shown,
-    simple,
-    slab,
-    world,
-)  # fmt: skip
+from patchnet.tests.blender.light_scene import assert_agrees, compare
+from patchnet.tests.blender.objects import lamp, pane, slab
+from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 

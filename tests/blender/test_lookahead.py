@@ -52,7 +52,9 @@ def test_depth_follows_the_weights(weights: Path, near: Path) -> None:
 
 def test_leaves_follow_the_weights(weights: Path, near: Path) -> None:
     build()
-    size = (480, 320)  # for leaves below the level of blocks
+    size = (120, 80)
+    bpy.data.cameras["Eye"].lens = 200.0  # for leaves below the level of blocks
+    bpy.context.view_layer.update()
     camera = tracing_camera(bpy.context.scene.camera, bpy.context.scene, size)
     octrees = []
     for path, lookahead in ((weights, 2), (near, 1)):
