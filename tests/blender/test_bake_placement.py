@@ -82,7 +82,7 @@ def test_catchers_and_holdouts_shadow(flag: str) -> None:
     slab()
     setattr(pane("Roof", grey(0.3)), flag, True)
     sun().rotation_euler.y = 0.3
-    assert_agrees(compare(256), contrast=SHADOW)
+    assert_agrees(compare(), contrast=SHADOW)
 
 
 @pytest.mark.parametrize("kind", ["holdout", "indirect_only"])
@@ -203,7 +203,7 @@ def test_scattering_volumes() -> None:
     box.location.z = 0.5
     lamp("SPOT", 60.0, (0.5, 0.0, 1.5), spot_size=1.5, shadow_soft_size=0.05).rotation_euler.y = 0.4
     bpy.context.scene.cycles.volume_bounces = 1
-    assert_agrees(compare(512), contrast=0.3)
+    assert_agrees(compare(), contrast=0.3)
 
 
 def test_fog_of_the_world() -> None:
@@ -215,4 +215,4 @@ def test_fog_of_the_world() -> None:
     tree.links.new(shader(tree, "VolumeScatter", Density=0.3), output.inputs["Volume"])
     lamp("POINT", 30.0, (0.0, 0.0, 1.0), shadow_soft_size=0.05)
     bpy.context.scene.cycles.volume_bounces = 1
-    assert_agrees(compare(512), contrast=0.3)
+    assert_agrees(compare(256), contrast=0.3)

@@ -22,7 +22,10 @@ LENS_MM = 480.0  # a long lens, so that few pixels need leaves on levels 8 to 10
 
 @pytest.fixture(autouse=True)
 def scene(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """The small scene with a narrow slab, so that it has few voxels on level 8, through a long lens."""
     scene.camera.data.lens = LENS_MM
+    bpy.data.objects["Slab"].scale = (0.25, 1.0, 0.25)
+    bpy.context.view_layer.update()
     return scene
 
 
@@ -30,7 +33,7 @@ def move_camera(scene: bpy.types.Scene) -> None:
     """A track of three frames, the last one from nearer."""
     eye = scene.camera
     scene.frame_start, scene.frame_end, scene.frame_step = 3, 5, 1
-    for frame, place, turn in [(3, (0.3, -5.0, 0.4), (1.5, 0.0, 0.05)), (5, (-0.9, -2.5, 0.2), (1.5, 0.0, -0.2))]:
+    for frame, place, turn in [(3, (0.3, -5.0, 0.4), (1.5, 0.0, 0.05)), (5, (-0.9, -2.5, 0.2), (1.5, 0.0, -0.33))]:
         eye.location, eye.rotation_euler = place, turn
         eye.keyframe_insert("location", frame=frame)
         eye.keyframe_insert("rotation_euler", frame=frame)

@@ -182,7 +182,7 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_glossy_room(bpy.context.scene)
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=7, size=(40, 40), samples=16)
+    job = JobSettings.of(depth=7, size=(40, 40), samples=8)
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
     assert check.report["light"]["gloss"] == "auto" and check.report["cameras"][0]["psnr_db"] >= 22.0
     off = drain(build_lit_octree(bpy.context, job.changed(gloss="off"), StageClock())).octree

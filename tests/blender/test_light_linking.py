@@ -110,6 +110,6 @@ def test_material_of_the_view_layer() -> None:
     pane("Roof", grey(0.9))
     lamp("SUN", 3.0, angle=0.1)
     bpy.context.view_layer.material_override = grey(0.3)
-    found = compare(256)
+    found = compare()
     assert_agrees(found)
     assert found.bright == pytest.approx(3.0 * 0.3 / np.pi, rel=0.05)

@@ -28,7 +28,7 @@ RATIO = 0.04
 
 
 def settings(**job: object) -> CheckSettings:
-    values = {"depth": 7, "size": (48, 48), "samples": 32, "cameras": ("Front",)} | job
+    values = {"depth": 7, "size": (48, 48), "samples": 8, "cameras": ("Front",)} | job
     return CheckSettings(JobSettings.of(**values), render_samples=256, rays=8)
 
 
