@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fixtures of the tests in Blender. They end their process like the command does: see `patchnet.__main__.leave`."""
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -11,8 +12,10 @@ import pytest
 
 import patchnet
 from patchnet.__main__ import leave
+from patchnet.operators.cycles.bake import baker
+from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
-from patchnet.tests.blender.job_scene import build, random_weights, saved
+from patchnet.tests.blender.job_scene import build, moving_slab, random_weights
 
 _status = pytest.StashKey[int]()
 os.environ["PATCHNET_KEEP"] = "0"  # a test finds no octree of another one; test_octree_cache.py asks for some
@@ -28,6 +31,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Leave without unloading Blender, which may hang; pytest has printed its closing line by now."""
     if "bpy" in sys.modules and _status in config.stash:
         leave(config.stash[_status])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def libraries_are_no_garbage() -> None:
+    """Every job ends with a collection of garbage, which does not look through what lives on from before a file."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +64,28 @@ def scene(registered: None, weights: Path) -> bpy.types.Scene:
 
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Path:
-    """The small scene, open, as a .blend file."""
-    build()
-    return saved(tmp_path / "small.blend")
+    """The small scene, open, as a .blend file; its slab moves at its frames 1 to 3."""
+    return moving_slab(tmp_path)
 
 
 @pytest.fixture
 def empty_scene() -> None:
     """A file with nothing in it, open."""
     bpy.ops.wm.read_homefile(use_empty=True)
+
+
+@pytest.fixture
+def bakes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what Blender's bake is called for while a test runs."""
+    seen: list[str] = []
+    run = baker.bake_now
+
+    def count(context: bpy.types.Context, target: BakeTarget) -> None:
+        seen.append(target.item.name)
+        run(context, target)
+
+    monkeypatch.setattr(baker, "bake_now", count)
+    return seen
 
 
 @pytest.fixture

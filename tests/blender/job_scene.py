@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A small scene that exercises the whole job in a second or two: laths before a slab, a lamp, a camera."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
+import numpy as np
 
+from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
+from patchnet.patchnet_addon.runtime.progress import drain
 
 SMALL = {"depth": 7, "size": (24, 16)}
 # A stand-in for the program Blender, where it is a Python module.
@@ -59,6 +66,35 @@ def build(light: bool = True, camera: bool = True) -> None:
     bpy.context.view_layer.update()
 
 
+def moving_slab(folder: Path) -> Path:
+    """The small scene, whose slab moves at its frames 1 to 3, as a .blend file."""
+    build()
+    scene, slab = bpy.context.scene, bpy.data.objects["Slab"]
+    for frame, y in ((1, 0.0), (3, -0.8)):
+        slab.location.y = y
+        slab.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 3
+    return saved(folder / "small.blend")
+
+
+def stand_in_for_blender(folder: Path) -> Path:
+    """A program that has Blender's command `patchnet`, which Blender as a Python module lacks."""
+    program = folder / "blender"
+    program.write_text(SHIM.format(python=sys.executable))
+    program.chmod(0o755)
+    return program
+
+
+def read_until(process: subprocess.Popen[bytes], text: bytes) -> None:
+    """Read what a process says on stderr, until it has said a text."""
+    said = b""
+    assert process.stderr is not None
+    while text not in said:
+        more = process.stderr.read(1)
+        assert more, said.decode()
+        said += more
+
+
 def principled(name: str) -> bpy.types.Node:
     """The shader of a material."""
     return bpy.data.materials[name].node_tree.nodes["Principled BSDF"]
@@ -75,6 +111,41 @@ def random_weights(folder: Path, lookahead: int = 2) -> Path:
     path = folder / "random.safetensors"
     save_weights(Weights.random(3, bias=0.1, lookahead=lookahead), path)
     return path
+
+
+def pixels_of(image: bpy.types.Image) -> np.ndarray:
+    """Values (H, W, channels) of an image, row 0 at the bottom."""
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], image.channels)
+
+
+def pixels_in(path: Path) -> np.ndarray:
+    """Values of a picture's file."""
+    image = bpy.data.images.load(str(path))
+    found = pixels_of(image)
+    bpy.data.images.remove(image)
+    return found
+
+
+def render_by_cycles(path: Path, size: tuple[int, int], samples: int) -> np.ndarray:
+    """Cycles' own picture (H, W, 4) of the open scene, linear, over nothing; its file is an EXR."""
+    scene, render = bpy.context.scene, bpy.context.scene.render
+    render.engine, render.filepath, render.film_transparent = "CYCLES", str(path), True
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = samples, False, "BOX"
+    bpy.ops.render.render(write_still=True)
+    return pixels_in(path)
+
+
+def view_of(scene: bpy.types.Scene, wanted: ViewSettings, *, color: bool = False) -> View:
+    """The active camera's view of the small scene's own colours, compared with the reference; it is not kept."""
+    scene.patchnet.color = color
+    bpy.ops.patchnet.voxelize(depth=6)
+    bpy.ops.patchnet.precompute_codes()
+    camera = tracing_camera(scene.camera, scene, wanted.size)
+    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True))
 
 
 def drop_result_images() -> None:

@@ -26,8 +26,6 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 PIXELS = 16  # of the picture's side
 FINER = 8  # texels a pixel's side: a texel shows one point at its edges, a pixel its mean
 REGIONS = 8  # of the side that are compared
-SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-CUBE_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +117,16 @@ def luminance_at_points(source: SceneMesh, atlas: Atlas) -> np.ndarray:
             first, second, third = batch.corners_world[triangle, :, :2]
             part = np.linalg.solve(np.stack([second - first, third - first], axis=1), (points - first).T).T
             inside = (part >= -1e-9).all(axis=1) & (part.sum(axis=1) <= 1.0 + 1e-9)
-            count = int(inside.sum())
-            fragments = Fragments(
-                np.zeros(count, np.uint64), np.full(count, triangle, np.int32), part[inside].astype(np.float32),
-                np.full(count, 1e-4),
-            )  # fmt: skip
-            result[0, inside], result[1, inside] = shade(batch, fragments)[0], 1.0
+            result[0, inside], result[1, inside] = shade(batch, at_points(triangle, part[inside]))[0], 1.0
     return result.reshape(2, side, side)
+
+
+def at_points(triangle: int, points: np.ndarray) -> Fragments:
+    """Fragments at points (N, 2) of a triangle, in units of its sides."""
+    count = len(points)
+    return Fragments(
+        np.zeros(count, np.uint64), np.full(count, triangle, np.int32), points.astype(np.float32), np.full(count, 1e-4)
+    )
 
 
 def regions(pixels: np.ndarray) -> np.ndarray:
@@ -133,103 +134,3 @@ def regions(pixels: np.ndarray) -> np.ndarray:
     side = pixels.shape[-1] // REGIONS
     premultiplied, alpha = pixels.reshape(2, REGIONS, side, REGIONS, side).mean(axis=(2, 4))
     return np.where(alpha > 0.05, premultiplied / np.maximum(alpha, 0.05), 0.0)
-
-
-def material(name: str = "Grey") -> tuple[bpy.types.Material, bpy.types.NodeTree]:
-    """A material without nodes but its output, and its nodes."""
-    result = bpy.data.materials.new(name)
-    if result.node_tree is None:
-        result.use_nodes = True
-    result.node_tree.nodes.clear()
-    result.node_tree.nodes.new("ShaderNodeOutputMaterial")
-    return result, result.node_tree
-
-
-def shader(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.NodeSocket:
-    """The output of a new shader node, e.g. "BsdfDiffuse"; inputs are values by name, spaces written as _."""
-    node = tree.nodes.new(f"ShaderNode{kind}")
-    for name, value in inputs.items():
-        node.inputs[name.replace("_", " ")].default_value = value
-    return node.outputs[0]
-
-
-def shown(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> None:
-    """Lead a shader to the material's output."""
-    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
-    tree.links.new(socket, output.inputs["Surface"])
-
-
-def mixed(
-    tree: bpy.types.NodeTree, first: bpy.types.NodeSocket, second: bpy.types.NodeSocket, factor: float
-) -> bpy.types.NodeSocket:
-    """A mix shader."""
-    node = tree.nodes.new("ShaderNodeMixShader")
-    node.inputs[0].default_value = factor
-    tree.links.new(first, node.inputs[1])
-    tree.links.new(second, node.inputs[2])
-    return node.outputs[0]
-
-
-def simple(kind: str = "BsdfDiffuse", name: str = "Grey", **inputs: object) -> bpy.types.Material:
-    """A material of one shader."""
-    result, tree = material(name)
-    shown(tree, shader(tree, kind, **inputs))
-    return result
-
-
-def grey(value: float = 0.5) -> bpy.types.Material:
-    """A diffuse material."""
-    return simple(Color=(value, value, value, 1.0))
-
-
-def link(item: bpy.types.Object, location: Sequence[float] = (0.0, 0.0, 0.0)) -> bpy.types.Object:
-    """Put a new object into the scene."""
-    item.location = location
-    bpy.context.scene.collection.objects.link(item)
-    return item
-
-
-def mesh(name: str, vertices: list, faces: list, paint: bpy.types.Material | None = None) -> bpy.types.Object:
-    """A new mesh object, in no scene yet."""
-    data = bpy.data.meshes.new(name)
-    data.from_pydata(vertices, [], faces)
-    if paint:
-        data.materials.append(paint)
-    return bpy.data.objects.new(name, data)
-
-
-def slab(name: str = "Floor", paint: bpy.types.Material | None = None, low: Sequence[float] = (-1, -1),
-         high: Sequence[float] = (1, 1)) -> bpy.types.Object:  # fmt: skip
-    """A closed box whose top lies at z = 0: it has no back side that light from below could reach."""
-    vertices = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (-0.2, 0.0)]
-    return link(mesh(name, vertices, CUBE_FACES, paint or grey()))
-
-
-def pane(name: str, paint: bpy.types.Material, z: float = 0.5, scale: Sequence[float] = (1, 1, 1)) -> bpy.types.Object:
-    """A square above the surface, which reaches to x = 0 only: half of the surface is in its shadow."""
-    item = link(mesh(name, SQUARE, [(0, 1, 2, 3)], paint), (1.0, 0.0, z))
-    item.scale = scale
-    return item
-
-
-def lamp(kind: str, energy: float, location: Sequence[float] = (0, 0, 1), **settings: object) -> bpy.types.Object:
-    """A lamp that shines downwards."""
-    light = bpy.data.lights.new(kind.title(), kind)
-    light.energy = energy
-    for name, value in settings.items():
-        setattr(light, name, value)
-    return link(bpy.data.objects.new(light.name, light), location)
-
-
-def world() -> bpy.types.NodeTree:
-    """A new world's nodes: a background that leads to the output."""
-    result = bpy.data.worlds.new("World")
-    if result.node_tree is None:
-        result.use_nodes = True
-    tree = result.node_tree
-    tree.nodes.clear()
-    background = tree.nodes.new("ShaderNodeBackground")
-    tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])
-    result.cycles.sampling_method, result.cycles.sample_map_resolution = "MANUAL", 256  # the usual map takes a second
-    bpy.context.scene.world = result
-    return tree

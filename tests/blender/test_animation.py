@@ -17,6 +17,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.job_scene import box, drop_result_images, random_weights
+from patchnet.tests.blender.objects import geometry_nodes
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 QUICK = {"light": "two-lights", "size": (16, 16), "depth": 5}
@@ -117,21 +118,15 @@ def test_deformation_instances_and_visibility(tmp_path: Path, weights: Path, sce
 
 def scattered(item: bpy.types.Object) -> None:
     """A second instance of `item` from frame 4 on, by geometry nodes."""
-    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    given, made, line, place = (
-        tree.nodes.new(kind)
-        for kind in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeMeshLine", "GeometryNodeInstanceOnPoints")
-    )
+    tree, given, made = geometry_nodes(item)
+    line, place = tree.nodes.new("GeometryNodeMeshLine"), tree.nodes.new("GeometryNodeInstanceOnPoints")
     line.inputs["Offset"].default_value = (0.0, 0.4, 0.0)
     for frame, count in ((1, 1), (3, 1), (4, 2)):
         line.inputs["Count"].default_value = count
         line.inputs["Count"].keyframe_insert("default_value", frame=frame)
     tree.links.new(line.outputs[0], place.inputs["Points"])
-    tree.links.new(given.outputs[0], place.inputs["Instance"])
-    tree.links.new(place.outputs[0], made.inputs[0])
-    item.modifiers.new("Scatter", "NODES").node_group = tree
+    tree.links.new(given, place.inputs["Instance"])
+    tree.links.new(place.outputs[0], made)
 
 
 def test_finished_frames_are_skipped(tmp_path: Path, weights: Path) -> None:

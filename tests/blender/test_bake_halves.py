@@ -12,8 +12,9 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import SQUARE, link, material, mesh, shader
+from patchnet.tests.blender.objects import SQUARE, link, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import material, shader
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 STEP = 0.125  # a texel of the bake, in units of the square, of which it is a half

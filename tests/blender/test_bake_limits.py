@@ -9,7 +9,9 @@ from patchnet.operators.cycles.bake import bake_luminance, baker
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import assert_agrees, compare, grey, lamp, material, shader, shown, simple, slab
+from patchnet.tests.blender.light_scene import assert_agrees, compare
+from patchnet.tests.blender.objects import lamp, slab
+from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -94,7 +96,7 @@ def test_kinds_of_rays(output: str) -> None:
     shown(tree, both.outputs[0])
     slab(paint=surface)
     lamp("POINT", 5.0, shadow_soft_size=0.1)
-    found = compare(1024)
+    found = compare()
     assert_agrees(found)
     assert np.ptp(found.rendered) > 0.05
 
@@ -115,22 +117,16 @@ def test_bumps() -> None:
     assert_agrees(compare(), contrast=0.1)
 
 
-def test_a_page_in_many_calls_has_the_same_light(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_in_many_calls_has_the_same_light(monkeypatch: pytest.MonkeyPatch, bakes: list[str]) -> None:
     for number in range(6):
         slab(f"Slab {number}", grey(), low=(-1.0 + 0.3 * number, -1.0))
     lamp("POINT", 50.0)
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light, calls, run = LightSettings(samples=4), [], baker.bake_now
-
-    def counted(*arguments: object) -> None:
-        calls.append(arguments)
-        run(*arguments)
-
-    monkeypatch.setattr(baker, "bake_now", counted)
+    light = LightSettings(samples=4)
     whole = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
-    once = len(calls)
+    once = len(bakes)
     monkeypatch.setattr(baker, "most_paths", lambda _count: 1024)
     parts = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
     assert whole.any() and np.array_equal(parts, whole)
-    assert len(calls) - once > 3 * once
+    assert len(bakes) - once > 3 * once

@@ -2,7 +2,6 @@
 """Joined triangles show what their materials ask of each object: coordinates, random numbers, colours, back sides."""
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -16,20 +15,10 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Fragments
-from patchnet.tests.blender.light_scene import (
-    SQUARE,
-    assert_agrees,
-    compare,
-    link,
-    material,
-    mesh,
-    picture,
-    shader,
-    shown,
-    slab,
-)  # fmt: skip
+from patchnet.tests.blender.light_scene import assert_agrees, at_points, compare, picture
+from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import material, shader, shown
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -66,15 +55,14 @@ def baked(texel_world: float = 0.05) -> tuple[SceneMesh, Atlas]:
     return source, drain(bake_luminance(bpy.context, source, texel_world, LightSettings(samples=16, color=False)))
 
 
-def at_points(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarray]:
+def light_inside(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarray]:
     """World points (N, 3) inside triangles and the luminance there."""
     shade = atlas_shade(atlas, source)
     points, values = [], []
     local = np.array([(0.3, 0.3), (0.2, 0.5), (0.5, 0.2), (0.4, 0.4)], np.float32)
     for batch in source.batches():
         for triangle in range(len(batch)):
-            fragments = Fragments(np.zeros(4, np.uint64), np.full(4, triangle, np.int32), local, np.full(4, 1e-4))
-            values.append(shade(batch, fragments)[0])
+            values.append(shade(batch, at_points(triangle, local))[0])
             corners = batch.corners_world[triangle]
             points.append(corners[0] + local @ (corners[1:] - corners[0]))
     return np.concatenate(points), np.concatenate(values)
@@ -99,7 +87,7 @@ def test_coordinates_of_each_object(kind: str, in_group: bool) -> None:
     source, atlas = baked()
     assert_unchanged(before)
     assert atlas.warnings == ()
-    points, values = at_points(source, atlas)
+    points, values = light_inside(source, atlas)
     for item, part in zip((first, second), np.split(np.arange(len(points)), 2), strict=True):
         inverse = np.array(item.matrix_world.inverted())
         local = points[part] @ inverse[:3, :3].T + inverse[:3, 3]
@@ -139,7 +127,7 @@ def test_object_info_is_what_cycles_says(output: str) -> None:
     item.location, item.color, item.pass_index = (0.3, 0.7, 0.2), (0.1, 0.6, 0.9, 0.4), 3
     item.data.materials[0].pass_index = 7
     source, atlas = baked()
-    points, values = at_points(source, atlas)
+    points, values = light_inside(source, atlas)
     expected = own_bake(item)
     texel = ((points[:, :2] - np.array(item.location)[:2] + 1) / 2 * 64).astype(int)
     np.testing.assert_allclose(values, expected[texel[:, 1], texel[:, 0]], rtol=0.03, atol=0.01)
@@ -196,7 +184,7 @@ def assert_as_cycles(items: list[bpy.types.Object], tolerance: float = 0.02) -> 
     """Baked together, objects show what Cycles bakes of each alone."""
     bpy.context.view_layer.update()
     source, atlas = baked(0.03)
-    points, values = at_points(source, atlas)
+    points, values = light_inside(source, atlas)
     owners = np.split(np.arange(len(points)), len(items))
     for item, mine in zip(items, owners, strict=True):
         expected = own_bake(item)
@@ -288,11 +276,7 @@ OWNERS = {
 def test_properties_of_objects_and_of_what_instances_them(kind: str) -> None:
     """Against Cycles' render of instances, whose own bake Blender does not offer."""
     item = slab("Plate", glowing(read_by("Attribute", attribute_name="paint", attribute_type=kind)))
-    group = bpy.data.collections.new("Plates")
-    bpy.context.scene.collection.objects.unlink(item)
-    group.objects.link(item)
-    empty = link(bpy.data.objects.new("Empty", None))
-    empty.instance_type, empty.instance_collection = "COLLECTION", group
+    collection_instance(moved_to(bpy.data.collections.new("Plates"), item), "Empty")
     for name, values in OWNERS[kind].items():
         for key, value in values.items():
             bpy.data.objects[name][key] = value
@@ -305,20 +289,16 @@ def test_attributes_of_instances() -> None:
     item = slab("Plate", glowing(tint), (-0.5, -0.5), (0.5, 0.5))
     item.hide_render = True
     host = link(mesh("Host", [(x, y, 0.0) for x in (-0.5, 0.5) for y in (-0.5, 0.5)], []))
-    tree = host.modifiers.new("Scatter", "NODES").node_group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    nodes = [tree.nodes.new(kind) for kind in (
-        "NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeStoreNamedAttribute", "NodeGroupOutput"
-    )]  # fmt: skip
-    for one, other in pairwise(nodes):
-        tree.links.new(one.outputs[0], other.inputs[0])
+    tree, given, made = geometry_nodes(host)
+    place, store = tree.nodes.new("GeometryNodeInstanceOnPoints"), tree.nodes.new("GeometryNodeStoreNamedAttribute")
+    for start, end in ((given, place.inputs[0]), (place.outputs[0], store.inputs[0]), (store.outputs[0], made)):
+        tree.links.new(start, end)
     plate, random = tree.nodes.new("GeometryNodeObjectInfo"), tree.nodes.new("FunctionNodeRandomValue")
     plate.inputs["Object"].default_value, plate.inputs["As Instance"].default_value = item, True
-    tree.links.new(plate.outputs["Geometry"], nodes[1].inputs["Instance"])
-    random.data_type, nodes[2].data_type, nodes[2].domain = "FLOAT_VECTOR", "FLOAT_COLOR", "INSTANCE"
-    nodes[2].inputs["Name"].default_value = "tint"
-    tree.links.new(random.outputs[0], next(s for s in nodes[2].inputs if s.name == "Value" and s.enabled))
+    tree.links.new(plate.outputs["Geometry"], place.inputs["Instance"])
+    random.data_type, store.data_type, store.domain = "FLOAT_VECTOR", "FLOAT_COLOR", "INSTANCE"
+    store.inputs["Name"].default_value = "tint"
+    tree.links.new(random.outputs[0], next(s for s in store.inputs if s.name == "Value" and s.enabled))
     found = compare(16, ["Host"])
     assert_agrees(found, contrast=0.1)
     assert found.warnings == ()
@@ -370,7 +350,7 @@ def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
     bpy.context.object.data.materials.append(glowing(read_by("LayerWeight", "Facing")))
     bpy.ops.object.shade_smooth()
     source, atlas = baked(0.2)
-    _, values = at_points(source, atlas)
+    _, values = light_inside(source, atlas)
     light, alpha = picture(16, 1, height=1.5)
     assert values.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
     assert np.ptp(values) < 0.01 * values.mean() and len(atlas.warnings) == 1

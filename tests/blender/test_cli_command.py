@@ -18,7 +18,7 @@ from patchnet.commands import blender_command
 from patchnet.commands.blender_command import execute
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime import log
-from patchnet.tests.blender.job_scene import QUICK, build, saved
+from patchnet.tests.blender.job_scene import QUICK
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("text_log")
@@ -33,14 +33,6 @@ print("registered")
 """
 
 
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    """The small scene as a .blend file, which is open; it has frames 1 to 3."""
-    build()
-    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
-    return saved(tmp_path / "small.blend")
-
-
 def json_lines(text: str) -> list[dict]:
     """Our lines of stderr; Blender's own are no objects."""
     return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
@@ -51,7 +43,11 @@ def test_run_of_the_open_file(scene_file: Path, weights: Path, capsys: pytest.Ca
     assert execute(["run", "--out=//out", "--weights", str(weights), *QUICK]) == 0
     report = json.loads((scene_file.parent / "out" / "report.json").read_text())
     assert report["octree"]["depth"] == 5 and report["light"]["file"] == "small.blend"
-    assert "Results are in" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "Results are in" in said.out
+    lines = said.err.splitlines()
+    assert {"Reading the scene", "Encoding"} <= set(lines) and len(lines) == len(set(lines)), "plain lines: no terminal"
+    assert "\r" not in said.err
     assert_unchanged(before)
 
 
@@ -60,7 +56,7 @@ def test_changes_after_opening_count(scene_file: Path, tmp_path: Path) -> None:
     assert execute(words) == 0
     path = tmp_path / "frames" / "frame-0002" / "octree.safetensors"
     first = load_octree(path).grid
-    bpy.data.objects["Slab"].location.y += 3.0  # as a script before --command may do
+    bpy.data.objects["Lath 0"].location.y += 3.0  # as a script before --command may do
     bpy.context.view_layer.update()
     assert execute(words) == 0
     assert load_octree(path).grid != first
@@ -170,15 +166,6 @@ def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert "usage: blender --command patchnet" in said and " lab " not in said
     assert execute(["run", "--help"]) == 0
     assert "--log-format" in capsys.readouterr().out
-
-
-def test_plain_lines_where_stderr_is_no_terminal(
-    scene_file: Path, weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert execute(["run", "--out", str(tmp_path / "out"), "--weights", str(weights), *QUICK]) == 0
-    text = capsys.readouterr().err
-    said = text.splitlines()
-    assert "Reading the scene" in said and "Encoding" in said and len(said) == len(set(said)) and "\r" not in text
 
 
 def test_registered_twice_and_forgotten_at_the_end() -> None:

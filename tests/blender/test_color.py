@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
 
-import json
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
@@ -17,13 +15,14 @@ from patchnet.operators.session import results
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
-from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
+from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.tests.blender.job_scene import box, random_weights
+from patchnet.tests.blender.job_scene import box, render_by_cycles
+from patchnet.tests.blender.objects import lamp, look_from
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -44,13 +43,8 @@ def scene() -> bpy.types.Scene:
         if name == "stripes":
             stripe(wall, shader)
     box("floor", (-1.5, -1.5, -0.1), (1.5, 0.1, 0.0), 0.8)
-    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
-    lamp.data.energy, lamp.rotation_euler = 3.0, (0.9, 0.0, 0.1)
-    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
-    eye.location, eye.rotation_euler = (0.0, -4.0, 1.2), (1.35, 0.0, 0.0)
-    for item in (lamp, eye):
-        scene.collection.objects.link(item)
-    scene.camera = eye
+    lamp("SUN", 3.0).rotation_euler = (0.9, 0.0, 0.1)
+    look_from((0.0, -4.0, 1.2), (0.0, 0.0, 0.3))
     bpy.context.view_layer.update()
     return scene
 
@@ -75,22 +69,6 @@ def stripe(wall: bpy.types.Object, shader: bpy.types.Node) -> None:
 def octree_of(settings: JobSettings, depth: int = 7) -> Octree:
     made = drain(build_lit_octree(bpy.context, settings.changed(depth=depth), StageClock()))
     return made.octree
-
-
-def cycles_picture(path: Path) -> np.ndarray:
-    """Cycles' own picture (H, W, 3), linear."""
-    scene = bpy.context.scene
-    render = scene.render
-    render.engine, render.filepath, render.film_transparent = "CYCLES", str(path), True
-    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
-    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = 256, False, "BOX"
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return pixels.reshape(SIZE[1], SIZE[0], 4)[..., :3]
 
 
 def regions() -> dict[str, np.ndarray]:
@@ -133,7 +111,7 @@ def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
     )
     buffers = drain(trace_view(octree, camera, [STRATEGIES["optimal"]]))
     assert buffers.preview_color is not None and buffers.reference_color is not None
-    cycles = cycles_picture(tmp_path / "cycles.exr") * octree.exposure
+    cycles = render_by_cycles(tmp_path / "cycles.exr", SIZE, 256)[..., :3] * octree.exposure
     for colors in (buffers.preview_color, buffers.reference_color):
         picture = buffers.picture(colors)
         for name, chosen in regions().items():
@@ -187,19 +165,3 @@ def test_operators(scene: bpy.types.Scene) -> None:
     assert results.voxels_of(scene).octree.chroma is not None
     bpy.ops.patchnet.bake_light(light="two-lights", color=False)
     assert results.voxels_of(scene).octree.chroma is None
-
-
-def test_run_command_without_colour(tmp_path: Path) -> None:
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "walls.blend"))
-    arguments = ["run", str(tmp_path / "walls.blend"), "--light", "two-lights", "--depth", "6", "--size", "24", "16"]
-    arguments += ["--weights", str(random_weights(tmp_path)), "--out", str(tmp_path / "out")]
-    assert commands.main([*arguments, "--reference", "--no-color"]) == 0
-    octree = load_octree(tmp_path / "out" / "octree.safetensors")
-    assert octree.chroma is None
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["light"]["color"] is False and report["octree"]["bytes"] == octree.nbytes
-    for name in ("preview", "refined", "reference"):
-        image = bpy.data.images.load(str(tmp_path / "out" / "Eye" / f"{name}.png"))
-        pixels = np.array(image.pixels[:]).reshape(-1, 4)[:, :3]
-        assert np.ptp(pixels, axis=1).max() <= 0.2, name
-        bpy.data.images.remove(image)

@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.operators.cycles import pixel_renders as renders
 from patchnet.operators.cycles import render_call
 from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, CyclesView, refine_view, wanted_pixels, wanted_surface
@@ -19,14 +18,14 @@ from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
-from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled, saved
+from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -355,29 +354,3 @@ def test_light_that_is_not_cycles_is_refused(weights: Path) -> None:
     bpy.ops.patchnet.run_all(depth=5, light="two-lights", size=(16, 16), weights=str(weights))
     with pytest.raises(RuntimeError, match="bake the light with Cycles"):
         bpy.ops.patchnet.refine_with_cycles()
-    with pytest.raises(SettingError, match="two-lights"):
-        job(weights, light="two-lights")
-
-
-def test_the_command_writes_pictures_and_figures(
-    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    build()
-    scene, out = saved(tmp_path / "small.blend"), tmp_path / "out"
-    arguments = ["--depth", "7", "--samples", "1", "--size", "40", "24", "--weights", str(weights)]
-    cycles = ["--cycles-budget", "0.4", "--cycles-samples", "2", "--cycles-compare"]
-    assert commands.main(["run", str(scene), "--out", str(out), *arguments, *cycles]) == 0
-    printed = capsys.readouterr().out
-    assert "Cycles on" in printed and "full Cycles render" in printed
-    report = json.loads((out / "report.json").read_text())["frames"][0]["cycles"]
-    assert report["samples"] == 2 and report["reference_samples"] == 8
-    names = {path.name for path in (out / "Eye").iterdir()}
-    assert {"cycles.png", "cycles_mask.png", "cycles_full.png", "cycles_error.png", "cycles_compare.png"} <= names
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"budget": 1.5}, {"samples": 0}, {"light": "glossy"}], ids=str
-)
-def test_settings_outside_their_range_are_refused(wrong: dict) -> None:
-    with pytest.raises(SettingError):
-        CyclesSettings(**wrong)

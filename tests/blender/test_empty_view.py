@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cameras that see nothing, and black pictures: operators, command and render engine say why."""
 
-import json
 import logging
 from collections.abc import Callable
 from pathlib import Path
@@ -18,8 +17,9 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
-from patchnet.tests.blender.job_scene import QUICK, build, principled, saved
-from patchnet.tests.blender.light_scene import SQUARE, grey, lamp, link, material, mesh, shader, shown, simple
+from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
+from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
+from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
 
@@ -51,15 +51,6 @@ def test_operators_say_why_nothing_is_seen(scene: bpy.types.Scene, heard: pytest
     bpy.data.objects["Eye"].rotation_euler = (1.5, 0.0, 0.05)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert not said(heard)
-
-
-def test_command_says_and_reports_it(weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    build()
-    turn_away()
-    path, out = saved(tmp_path / "away.blend"), tmp_path / "out"
-    assert commands.main(["run", str(path), *QUICK, "--weights", str(weights), "--out", str(out)]) == 0
-    assert f"Note: {BEHIND}" in capsys.readouterr().err
-    assert BEHIND in json.loads((out / "report.json").read_text())["warnings"]
 
 
 def test_render_engine_says_it(
@@ -100,8 +91,7 @@ def plate(make: Callable[[], bpy.types.Material], below: bool) -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     link(mesh("Plate", SQUARE, [(0, 1, 2, 3)], make()))
     lamp("SUN", 3.0).rotation_euler.x = np.pi if below else 0.0
-    eye = link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")), (0.0, 0.0, 1.0))
-    bpy.context.scene.camera = eye
+    look_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     bpy.context.view_layer.update()
 
 
@@ -143,7 +133,7 @@ def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
-def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
+def test_clipping_is_that_of_cycles(kind: str, weights: Path, tmp_path: Path) -> None:
     """The slab stands behind the laths: each is gone where Cycles' own render has it gone, to a voxel's accuracy."""
     build()
     eye = bpy.data.objects["Eye"]
@@ -160,25 +150,10 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path) -> None:
             "slab": (True, False), "laths": (False, True), "both": (True, True)
         }[seen]  # fmt: skip
         assert not result.warnings
-        cycles = alpha_of_cycles((24, 16))
+        cycles = render_by_cycles(tmp_path / "cycles.exr", (24, 16), 4)[..., 3]
         if seen == "slab":
             assert (hits.hit.reshape(16, 24) == (cycles > 0.5)).mean() > 0.95
         assert (cycles.mean() > 0.25) == (seen != "laths")  # which are thin
-
-
-def alpha_of_cycles(size: tuple[int, int]) -> np.ndarray:
-    """(H, W) what Cycles covers of the picture, row 0 at the bottom."""
-    scene = bpy.context.scene
-    scene.render.engine, scene.cycles.samples, scene.render.film_transparent = "CYCLES", 4, True
-    scene.render.resolution_x, scene.render.resolution_y = size
-    scene.render.image_settings.file_format = "PNG"
-    path = Path(bpy.app.tempdir) / "cycles.png"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path), check_existing=False)
-    values = np.array(image.pixels[:], np.float32).reshape(size[1], size[0], 4)[..., 3]
-    bpy.data.images.remove(image)
-    return values
 
 
 def test_octree_that_is_fitted_to_nothing_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

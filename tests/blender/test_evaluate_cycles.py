@@ -21,8 +21,9 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.shading import DIRECTION
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
-from patchnet.tests.blender.light_scene import simple
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import simple
+from patchnet.training.evaluation import poses
 from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
 from patchnet.training.strategies.registry import EVALUATED
 
@@ -74,8 +75,11 @@ def view(size: int = 48) -> Camera:
     return Camera.look_at(np.array([1.4, -3.2, 2.4]), np.array([0.9, 0.9, 0.4]), size_px=(size, size))
 
 
-def test_curves_against_cycles(scenes: dict[str, Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_curves_against_cycles(
+    scenes: dict[str, Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("matplotlib")
+    monkeypatch.setattr(poses, "_POSITIONS", 30)  # that a track chooses from
     out, scenes = tmp_path / "out", {name: scenes[name] for name in ("bars", "bars-cut")}
     given = [word for scene in scenes.values() for word in ("--octree", f"{scene.name}={octree_file(scene, tmp_path)}")]
     words = ["lab", "evaluate-cycles", "--scenes", ",".join(scenes), *given, *WORDS]

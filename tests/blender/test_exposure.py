@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exposure, chosen or given: by the panel's settings, the operators and the commands, and kept in the file."""
 
-from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.tests.blender.job_scene import build
 
@@ -44,25 +41,3 @@ def test_operators() -> None:
     bpy.ops.patchnet.voxelize(depth=5)
     again = results.voxels_of(scene).octree
     assert again.exposure == unlit.exposure and "exposure" not in again.provenance, "a colour is not exposed"
-
-
-def test_octree_command(scene_file: Path, tmp_path: Path) -> None:
-    made = {}
-    for name, more in {"automatic": [], "given": ["--exposure", "0.125"]}.items():
-        path = tmp_path / f"{name}.safetensors"
-        arguments = ["octree", str(scene_file), "--depth", "5", "--light", "two-lights", "--out", str(path)]
-        assert commands.main([*arguments, *more]) == 0
-        made[name] = load_octree(path)
-        assert made[name].provenance["exposure"] == name
-    assert made["given"].exposure == 0.125
-    assert_scaled(made["given"], made["automatic"])
-
-
-@pytest.mark.parametrize("value", ["0", "nan"])
-def test_impossible_exposures(
-    value: str, scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", str(scene_file), "--depth", "5", f"--exposure={value}", "--out", str(tmp_path / "out")]
-    assert commands.main(arguments) == 2
-    assert "is outside" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

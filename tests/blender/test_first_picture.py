@@ -15,7 +15,7 @@ from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import SMALL, build
+from patchnet.tests.blender.job_scene import SMALL, build, pixels_of
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 
@@ -78,8 +78,7 @@ def test_the_image_of_a_job_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> Non
                     page = seen.page()
                     assert tuple(image.size) == page.shape[1::-1] and image.is_runtime_data
                     assert not image.is_dirty  # nobody who saves meanwhile is asked about it
-                    pixels = np.array(image.pixels[:]).reshape(*page.shape[:2], 4)
-                    np.testing.assert_allclose(pixels[..., :3], page, atol=0.51 / 255)
+                    np.testing.assert_allclose(pixels_of(image)[..., :3], page, atol=0.51 / 255)
                 if error is not None:
                     raise error
         except RuntimeError:

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Flamenco job type: Node compiles it as a Manager does, and its commands make the frames of a scene.
-
-Blender as a Python module has no command line; a script of one line calls what `--command patchnet` calls.
-"""
+"""The Flamenco job type: Node compiles it as a Manager does, and its commands make the frames of a scene."""
 
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +12,7 @@ import bpy
 import pytest
 
 from patchnet.patchnet_addon.runtime.frames import parse_frames
-from patchnet.tests.blender.job_scene import SHIM, build, saved
+from patchnet.tests.blender.job_scene import moving_slab, stand_in_for_blender
 
 NODE = shutil.which("node") or shutil.which("nodejs")
 pytestmark = pytest.mark.skipif(NODE is None, reason="there is no Node here: apt-get install nodejs")
@@ -84,24 +80,15 @@ def run_tasks(tasks: list[dict[str, Any]], blender: Path) -> list[str]:
 @pytest.fixture
 def blender(tmp_path: Path) -> Path:
     """Stand-in for the program Blender."""
-    program = tmp_path / "blender"
-    program.write_text(SHIM.format(python=sys.executable))
-    program.chmod(0o755)
-    return program
+    return stand_in_for_blender(tmp_path)
 
 
 @pytest.fixture
 def small(tmp_path: Path) -> dict[str, Any]:
     """Settings for the small scene, whose slab moves."""
-    build()
-    slab = bpy.data.objects["Slab"]
-    for frame in (1, 3):
-        slab.location.y = 0.1 * frame
-        slab.keyframe_insert("location", frame=frame)
-    scene = saved(tmp_path / "small.blend")
     return {
-        "blendfile": str(scene), "output_root": str(tmp_path / "out"), "frames": "1, 3", "depth": "5",
-        "light": "two-lights", "width": 16, "height": 16, "exposure_frame": 3,
+        "blendfile": str(moving_slab(tmp_path)), "output_root": str(tmp_path / "out"), "frames": "1, 3", "depth": "5",
+        "light": "two-lights", "width": 16, "height": 16, "exposure_frame": 3, "chunk_size": 2,
     }  # fmt: skip
 
 
@@ -146,7 +133,7 @@ def test_job_without_a_folder_is_refused() -> None:
 
 def test_job_makes_the_frames(small: dict[str, Any], blender: Path, tmp_path: Path) -> None:
     done = run_tasks(tasks_of(filled(**small)), blender)
-    assert done == ["exposure", "frames-1", "frames-3", "report"]
+    assert done == ["exposure", "frames-1,3", "report"]
     out = tmp_path / "out" / "walk"
     assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
     report = json.loads((out / "report.json").read_text())

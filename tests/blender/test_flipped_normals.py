@@ -17,16 +17,16 @@ from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
-from patchnet.tests.blender import light_scene
-from patchnet.tests.blender.light_scene import CUBE_FACES, link, mesh, simple
+from patchnet.tests.blender import objects, shaders
+from patchnet.tests.blender.objects import CUBE_FACES, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import simple
 
 Place = tuple[float, float, float]
 INWARD = [tuple(reversed(face)) for face in CUBE_FACES]
@@ -36,9 +36,7 @@ FROM_BEHIND = "seen from behind"
 def start(world: float = 0.05) -> None:
     """Nothing but a gray world, as strong as Blender's own."""
     bpy.ops.wm.read_homefile(use_empty=True)
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("World")
-    start_nodes(scene.world).nodes["Background"].inputs["Color"].default_value = (world, world, world, 1.0)
+    shaders.world().nodes["Background"].inputs["Color"].default_value = (world, world, world, 1.0)
 
 
 def add(name: str, corners: list[Place], faces: list[tuple[int, ...]]) -> bpy.types.Object:
@@ -56,15 +54,12 @@ def square(name: str, half: float, z: float, down: bool = False) -> None:
 
 
 def lamp(kind: str, place: Place, energy: float) -> None:
-    light_scene.lamp(kind, energy, place).name = "Lamp"
+    objects.lamp(kind, energy, place).name = "Lamp"
 
 
 def camera(place: Place, target: Place) -> None:
-    data = bpy.data.cameras.new("Camera")
+    data = look_from(place, target, "Camera").data
     data.lens, data.clip_start = 20.0, 0.01
-    item = bpy.data.objects.new("Camera", data)
-    item.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
-    bpy.context.scene.camera = link(item, place)
 
 
 def room(inward: bool, *, closed: bool, lit: bool = True, world: float = 0.05) -> None:
@@ -237,21 +232,14 @@ def test_what_light_cannot_decide_is_named(build: Callable[[], None], named: str
 @pytest.mark.parametrize(
     "build",
     [
-        lambda: room(True, closed=False),
-        lambda: room(True, closed=True),
         lambda: room(True, closed=False, world=1.0),
         lambda: room(True, closed=True, lit=False),
         lambda: room(False, closed=False, lit=False),
-        lambda: sheet(False),
         lambda: curtain(True, from_room=True),
         lambda: lampshade(0.3),
-        lambda: box(False),
     ],
-    ids=[
-        "room", "closed room", "room in a bright world", "cellar", "flipped cellar", "sheet", "curtain", "lampshade",
-        "box",
-    ],
-)  # fmt: skip
+    ids=["room in a bright world", "cellar", "flipped cellar", "curtain", "lampshade"],
+)
 def test_what_is_right_or_dark_on_both_sides_stays_and_is_not_named(build: Callable[[], None]) -> None:
     build()
     result = run()

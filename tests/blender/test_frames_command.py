@@ -9,24 +9,11 @@ import sys
 import time
 from pathlib import Path
 
-import bpy
 import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.blender.job_scene import QUICK, build, saved
-
-
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    """The small scene as a .blend file; its slab moves at frames 1 to 3."""
-    build()
-    slab = bpy.data.objects["Slab"]
-    for frame, y in ((1, 0.0), (3, -0.8)):
-        slab.location.y = y
-        slab.keyframe_insert("location", frame=frame)
-    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
-    return saved(tmp_path / "small.blend")
+from patchnet.tests.blender.job_scene import QUICK, build, read_until, saved
 
 
 def times(out: Path) -> list[int]:
@@ -103,29 +90,32 @@ def test_bad_frames_end_with_one_sentence(
     assert lines[-1].startswith("patchnet: error: ") and said in lines[-1] and not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_killed_command_goes_on(how: signal.Signals, scene_file: Path, tmp_path: Path, weights: Path) -> None:
+def stopped(command: list[str], how: signal.Signals, at: bytes) -> int:
+    """Start a command, send it a signal when it has said `at`; its exit code."""
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    read_until(process, at)
+    time.sleep(0.02)
+    process.send_signal(how)
+    process.communicate()
+    return process.returncode
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_interrupted_and_killed_command_goes_on(scene_file: Path, tmp_path: Path, weights: Path) -> None:
+    """Stopped once a frame is voxelized, by when its temporary folder is signed."""
     whole, out = tmp_path / "whole", tmp_path / "out"
     words = ["run", str(scene_file), "--weights", str(weights), "--frames", "1-3", *QUICK]
     assert commands.main([*words, "--out", str(whole)]) == 0
     command = [sys.executable, "-m", "patchnet", *words, "--out", str(out)]
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background is deaf to it
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, env={**os.environ, "PYTHONUNBUFFERED": "1"})
-    signal.signal(signal.SIGINT, before)
-    said = b""
-    while b"Frame 2, 2 of 3: Voxelizing" not in said:  # by then the frame's temporary folder is signed
-        assert process.stderr is not None
-        more = process.stderr.read(1)
-        assert more, said.decode()
-        said += more
-    time.sleep(0.02)
-    process.send_signal(how)
-    process.communicate()
-    assert process.returncode == (-signal.SIGKILL if how == signal.SIGKILL else 130)
-    assert len(times(out)) < 3 and not json.loads((out / "report.json").read_text())["complete"]
+    for how, code, at in (
+        (signal.SIGINT, 130, b"Frame 2, 2 of 3: Voxelizing"),
+        (signal.SIGKILL, -signal.SIGKILL, b"Frame 3, 3 of 3: Voxelizing"),
+    ):
+        assert stopped(command, how, at) == code
+        assert len(times(out)) < 3 and not json.loads((out / "report.json").read_text())["complete"]
     first = times(out)[0]
     again = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "Frame 1 is there: skipped" in again.stdout and "2 frames made, 1 was there" in again.stdout
+    assert "Frame 1 is there: skipped" in again.stdout and "1 frame made, 2 were there" in again.stdout
     assert times(out)[0] == first
     assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0002", "frame-0003", "report.json"]
     for frame in (1, 2, 3):

@@ -15,10 +15,10 @@ from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
 from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
 from patchnet.operators.demo_scene import build_glossy_room
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.gloss import read_gloss
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene_access.blender_version import start_nodes
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
@@ -28,9 +28,13 @@ from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import CUBE_FACES, SQUARE, link, material, mesh, shader, shown, simple
-from patchnet.tests.blender.light_scene import mixed as blended
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
+from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.tests.blender.job_scene import saved
+from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import material, shader, shown, simple, world
+from patchnet.tests.blender.shaders import mixed as blended
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 SKY = np.array([0.2, 0.4, 0.8])
@@ -50,10 +54,7 @@ def mixed(name: str, share: float, **first: object) -> bpy.types.Material:
 
 def sky() -> None:
     """The same light from everywhere, so that a perfect mirror shows it whatever looks at it."""
-    scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("Sky")
-    background = start_nodes(scene.world).nodes["Background"]
-    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*SKY, 1.0), 1.0
+    world().nodes["Background"].inputs["Color"].default_value = (*SKY, 1.0)
 
 
 def baked(light: LightSettings) -> tuple[dict[str, float], Atlas]:
@@ -181,26 +182,21 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_glossy_room(bpy.context.scene)
     bpy.context.view_layer.update()
-    checks = {}
-    for gloss in ("auto", "off"):
-        values = {"depth": 7, "size": (40, 40), "samples": 16, "gloss": gloss}
-        job = JobSettings.of(**values)
-        checks[gloss] = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
-        assert checks[gloss].report["light"]["gloss"] == gloss
-    assert checks["auto"].report["cameras"][0]["psnr_db"] >= 22.0
-    ratio = checks["auto"].octree.exposure / checks["off"].octree.exposure
-    without = np.clip(checks["off"].cameras[0].octree * ratio, 0.0, 1.0)
-    assert picture_psnr(without, checks["auto"].cameras[0].cycles) < 18.5
+    job = JobSettings.of(depth=7, size=(40, 40), samples=8)
+    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
+    assert check.report["light"]["gloss"] == "auto" and check.report["cameras"][0]["psnr_db"] >= 22.0
+    off = drain(build_lit_octree(bpy.context, job.changed(gloss="off"), StageClock())).octree
+    assert off.provenance["gloss"] == "off"
+    seen = check.cameras[0]
+    without = drain(supersample(off, seen.camera, 8)).reshape(seen.cycles.shape) * check.octree.exposure / off.exposure
+    assert picture_psnr(np.clip(without, 0.0, 1.0), seen.cycles) < 18.5
 
 
 def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path) -> None:
     """Its file is looked at from anywhere, so automatic gloss is seen from above; what is wanted is done."""
     plates()
-    eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
-    bpy.context.scene.collection.objects.link(eye)
-    bpy.context.scene.camera = eye
-    scene = tmp_path / "plates.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    look_from((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    scene = saved(tmp_path / "plates.blend")
     for gloss, noise, said in (("auto", [], "above the surface"), ("camera", ["--no-denoise"], "active camera sees")):
         out = tmp_path / f"{gloss}.safetensors"
         words = ["octree", str(scene), "--depth", "4", "--samples", "2", "--gloss", gloss, *noise, "--out", str(out)]

@@ -6,14 +6,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.cycles.bake import baker
 from patchnet.operators.render_engine import render_frame
-from patchnet.operators.session import octree_cache, results
-from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.session import octree_cache
 from patchnet.operators.session.staleness import look_again
 from patchnet.operators.state.block_hashes import GLOSS_MOVED, place_of_gloss
 from patchnet.operators.ui.tab import stale_text
-from patchnet.tests.blender.job_scene import principled, saved
+from patchnet.tests.blender.job_scene import principled, result, saved
 
 pytestmark = pytest.mark.usefixtures("scene")
 QUICK = {"light": "cycles", "samples": 1, "depth": 5, "size": (16, 12)}
@@ -28,17 +26,9 @@ def run(**values: object) -> None:
     assert bpy.ops.patchnet.run_all(**{**QUICK, **values}) == {"FINISHED"}
 
 
-def result() -> SceneResult:
-    return results.voxels_of(bpy.context.scene)
-
-
 def shift(x: float = 0.5) -> None:
     bpy.data.objects["Eye"].location.x += x
     bpy.context.view_layer.update()
-
-
-def refuse(*_: object) -> None:
-    raise AssertionError("baked again")
 
 
 def test_a_camera_that_moves_makes_gloss_stale_until_it_is_baked_again() -> None:
@@ -120,13 +110,15 @@ def test_cameras_on_a_carriage() -> None:
     assert len({alone, carried, place_of_gloss(scene)}) == 3
 
 
-def test_the_engine_shows_the_gloss_that_is_there_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_engine_shows_the_gloss_that_is_there_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, bakes: list[str]
+) -> None:
     """A bake for each place of the camera would be a bake for each frame."""
     metal()
     run()
     said: list[str] = []
     monkeypatch.setattr(render_frame, "warn", lambda _, text: said.append(text))
-    monkeypatch.setattr(baker, "bake_now", refuse)
+    bakes.clear()
     scene = bpy.context.scene
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     bpy.ops.render.render()
@@ -135,20 +127,21 @@ def test_the_engine_shows_the_gloss_that_is_there_and_says_so(monkeypatch: pytes
     octree = result().octree
     bpy.ops.render.render()
     assert any("where it stood during the bake" in text for text in said)
-    assert result().octree is octree and result().stale == {"light"}
+    assert result().octree is octree and result().stale == {"light"} and not bakes
 
 
-def test_an_animation_has_one_gloss_in_all_frames(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_animation_has_one_gloss_in_all_frames(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bakes: list[str]
+) -> None:
     """Automatic sees it from above there, also in the frame that a still with its camera's gloss was made of.
 
     But where the camera has no keys: then all frames have the gloss that it sees, and what was baked.
     """
     metal()
     run()
-    still, said, bakes = result(), [], []
+    still, said = result(), []
+    bakes.clear()
     monkeypatch.setattr(render_frame, "warn", lambda _, text: said.append(text))
-    bake = baker.bake_now
-    monkeypatch.setattr(baker, "bake_now", lambda *values, **more: bakes.append(1) or bake(*values, **more))
     scene = bpy.context.scene
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     scene.frame_start, scene.frame_end = scene.frame_current, scene.frame_current + 1

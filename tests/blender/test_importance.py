@@ -19,7 +19,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
-from patchnet.tests.blender.job_scene import SMALL
+from patchnet.tests.blender.job_scene import SMALL, pixels_of, saved
 
 pytestmark = pytest.mark.usefixtures("scene")
 
@@ -43,9 +43,8 @@ def painted(name: str = "Mask", size: tuple[int, int] = (WIDTH, HEIGHT)) -> bpy.
     return image
 
 
-@pytest.mark.parametrize("scale", [1, 4])
-def test_image(weights: Path, scale: int) -> None:
-    painted(size=(WIDTH * scale, HEIGHT * scale))
+def test_image(weights: Path) -> None:
+    painted(size=(4 * WIDTH, 4 * HEIGHT))
     plain, masked = look(weights, None), look(weights, Importance(image="Mask"))
     left = np.arange(WIDTH) < WIDTH // 2
     assert plain.priority[:, ~left].max() > 0
@@ -127,10 +126,7 @@ def test_operators_use_the_setting() -> None:
     painted()
     settings.importance_image = "Mask"
     assert bpy.ops.patchnet.run_all(light="two-lights", **SMALL) == {"FINISHED"}
-    image = bpy.data.images[image_name("Eye", "priority")]
-    values = np.empty(WIDTH * HEIGHT * 4, np.float32)
-    image.pixels.foreach_get(values)
-    shown = values.reshape(HEIGHT, WIDTH, 4)[..., 0]
+    shown = pixels_of(bpy.data.images[image_name("Eye", "priority")])[..., 0]
     assert shown[:, : WIDTH // 2].any() and not shown[:, WIDTH // 2 + 1 :].any()
 
 
@@ -146,11 +142,11 @@ def test_strokes_count_for_frames(tmp_path: Path) -> None:
 
 
 def test_command_line(weights: Path, tmp_path: Path) -> None:
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    scene = saved(tmp_path / "scene.blend")
     mask = np.zeros((HEIGHT, WIDTH), np.float32)
     mask[:, : WIDTH // 2] = 1.0
     save_png(tmp_path / "mask.png", mask)
-    arguments = ["run", str(tmp_path / "scene.blend"), "--light", "two-lights", "--weights", str(weights)]
+    arguments = ["run", str(scene), "--light", "two-lights", "--weights", str(weights)]
     arguments += ["--depth", "7", "--size", str(WIDTH), str(HEIGHT), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--mask", str(tmp_path / "mask.png")]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())

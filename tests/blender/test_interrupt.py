@@ -5,7 +5,6 @@ import importlib
 import json
 import os
 import re
-import secrets
 import shlex
 import signal
 import subprocess
@@ -22,10 +21,9 @@ from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import QUICK, build, random_weights, saved
+from patchnet.tests.blender.job_scene import QUICK, build, random_weights, read_until, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
@@ -34,33 +32,19 @@ pytestmark = pytest.mark.usefixtures("ctrl_c")
 PATIENCE_S = 15.0
 
 
-def environment(cache: Path) -> dict[str, str]:
-    """Pages in a folder of their own, kernels as they are compiled already."""
-    kernels = user_cache_folder() / "kernels"
-    kernels.mkdir(parents=True, exist_ok=True)
-    cache.mkdir()
-    (cache / "kernels").symlink_to(kernels)
-    return {**os.environ, "PATCHNET_CACHE": str(cache), "PYTHONUNBUFFERED": "1"}
+@pytest.fixture
+def variables(cache: Path, temporary: Path) -> dict[str, str]:
+    """Environment of a process with caches and temporary files of its own."""
+    return {**os.environ, "PATCHNET_CACHE": str(cache), "PYTHONUNBUFFERED": "1", "TMPDIR": str(temporary)}
 
 
-def read_until(process: subprocess.Popen[bytes], text: bytes) -> None:
-    said = b""
-    assert process.stderr is not None
-    while text not in said:
-        more = process.stderr.read(1)
-        assert more, said.decode()
-        said += more
-
-
-def start(command: str, folder: Path, *, temporary: Path) -> subprocess.Popen[bytes]:
+def start(command: str, folder: Path, variables: dict[str, str]) -> subprocess.Popen[bytes]:
     """A command whose bake would take days, at work in Cycles."""
     (folder / "work").mkdir(exist_ok=True)
     scene = saved(folder / "work" / "small.blend")
     words = [command, str(scene), "--depth", "6", "--samples", "65536", "--out", str(folder / "work" / "out")]
     if command == "run":
         words += ["--size", "16", "16", "--weights", str(random_weights(folder))]
-    cache = folder / f"cache-{secrets.token_hex(4)}"
-    variables = {**environment(cache), "TMPDIR": str(temporary)}
     process = subprocess.Popen([sys.executable, "-m", "patchnet", *words], env=variables, stderr=subprocess.PIPE)
     read_until(process, b"Baking light")
     time.sleep(1.0)  # now Cycles is at work
@@ -76,12 +60,12 @@ def temporary(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("command", "number"), [("run", signal.SIGINT), ("run", signal.SIGTERM), ("octree", signal.SIGINT)]
-)
-def test_bake_is_interrupted(command: str, number: signal.Signals, tmp_path: Path, temporary: Path) -> None:
+@pytest.mark.parametrize(("command", "number"), [("run", signal.SIGTERM), ("octree", signal.SIGINT)])
+def test_bake_is_interrupted(
+    command: str, number: signal.Signals, tmp_path: Path, temporary: Path, variables: dict[str, str]
+) -> None:
     build()
-    process = start(command, tmp_path, temporary=temporary)
+    process = start(command, tmp_path, variables)
     try:
         assert list(temporary.glob("blender_*"))
         process.send_signal(number)
@@ -92,13 +76,15 @@ def test_bake_is_interrupted(command: str, number: signal.Signals, tmp_path: Pat
         process.kill()
     assert b"interrupted" in said and b"Traceback" not in said
     assert [path.name for path in (tmp_path / "work").iterdir()] == ["small.blend"]
-    assert list(tmp_path.glob("cache-*/**/*.tmp")) == [] and list(temporary.iterdir()) == []
+    assert list(tmp_path.glob("cache/**/*.tmp")) == [] and list(temporary.iterdir()) == []
 
 
-def test_what_a_killed_command_left_goes_with_the_next(tmp_path: Path, temporary: Path, weights: Path) -> None:
+def test_what_a_killed_command_left_goes_with_the_next(
+    tmp_path: Path, variables: dict[str, str], weights: Path
+) -> None:
     """That of a living one stays: tests/engine/test_owned_folder.py."""
     build()
-    process = start("run", tmp_path, temporary=temporary)
+    process = start("run", tmp_path, variables)
     process.kill()
     process.communicate()
     work = tmp_path / "work"
@@ -130,13 +116,13 @@ print("it went on")
         ("bpy.ops.patchnet.bake_light(light='cycles', samples=65536)", "Bake Light was stopped|goes on where it was"),
     ],
 )
-def test_sigterm_ends_a_script_of_operators(call: str, said: str, tmp_path: Path, temporary: Path) -> None:
+def test_sigterm_ends_a_script_of_operators(
+    call: str, said: str, tmp_path: Path, temporary: Path, variables: dict[str, str]
+) -> None:
     build()
     scene = saved(tmp_path / "small.blend")
-    done = subprocess.run(
-        [sys.executable, "-c", BATCH.replace("CALL", call), str(scene)],
-        env={**environment(tmp_path / "cache"), "TMPDIR": str(temporary)}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    words = [sys.executable, "-c", BATCH.replace("CALL", call), str(scene)]
+    done = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
     assert done.returncode == 143 and "it went on" not in done.stdout, done.stdout + done.stderr
     assert re.search(said, done.stderr) and "Traceback" not in done.stderr
     assert list(temporary.iterdir()) == []

@@ -8,20 +8,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from patchnet.tests.blender.light_scene import (
-    assert_agrees,
-    compare,
-    grey,
-    lamp,
-    material,
-    mixed,
-    pane,
-    shader,
-    shown,
-    simple,
-    slab,
-    world,
-)  # fmt: skip
+from patchnet.tests.blender.light_scene import assert_agrees, compare
+from patchnet.tests.blender.objects import lamp, pane, slab
+from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -156,7 +145,7 @@ def test_a_lamp_in_a_translucent_body() -> None:
     """Light from behind the surface, which the surface itself must not keep off."""
     slab(paint=transparent_pane("translucent")).data.transform(Matrix.Diagonal((1, 1, 4, 1)))
     lamp("POINT", 5.0, (-0.5, 0.0, -0.5), shadow_soft_size=0.1)
-    assert_agrees(compare(256), contrast=0.5)
+    assert_agrees(compare(), contrast=0.5)
 
 
 def test_translucent_leaves() -> None:
@@ -174,7 +163,7 @@ def test_translucent_leaves() -> None:
     for z in (0.5, -0.5):
         pane("Roof", grey(0.0), z)
         lamp("SUN", 2.0, angle=0.1).rotation_euler.x = np.pi * (z < 0.0)
-    assert_agrees(compare(512, ("Leaf",)), contrast=0.8)
+    assert_agrees(compare(names=("Leaf",)), contrast=0.8)
 
 
 @pytest.mark.parametrize(

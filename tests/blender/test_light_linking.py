@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.tests.blender.light_scene import assert_agrees, compare, grey, lamp, link, pane, simple, slab
+from patchnet.tests.blender.light_scene import assert_agrees, compare, select
+from patchnet.tests.blender.objects import collection_instance, lamp, moved_to, pane, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import grey, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -32,9 +34,7 @@ def receivers(items: Sequence[bpy.types.Object], state: str = "INCLUDE") -> bpy.
 
 def assert_halves(lit: int) -> None:
     """Bake is render, half `lit` much brighter than the other, and the scene as before."""
-    bpy.context.view_layer.update()
-    for item in bpy.context.view_layer.objects:
-        item.select_set(item.name in BOTH)
+    select(BOTH)
     before = scene_snapshot()
     found = compare(names=BOTH)
     assert_unchanged(before)
@@ -86,13 +86,9 @@ def test_lamp_from_another_file(tmp_path: Path) -> None:
 def test_instances_are_receivers_as_their_instancer() -> None:
     """Two instances of one slab: the sun shines on the second only."""
     item = slab("Tile", low=(-0.5, -1.0), high=(0.5, 1.0))
-    tiles = bpy.data.collections.new("Tiles")
-    bpy.context.scene.collection.objects.unlink(item)
-    tiles.objects.link(item)
+    tiles = moved_to(bpy.data.collections.new("Tiles"), item)
     lamp("POINT", 3.0, (0.0, 0.0, 0.8), shadow_soft_size=0.2)
-    places = [link(bpy.data.objects.new(name, None), (x, 0.0, 0.0)) for name, x in zip(BOTH, (-0.5, 0.5), strict=True)]
-    for place in places:
-        place.instance_type, place.instance_collection = "COLLECTION", tiles
+    places = [collection_instance(tiles, name, (x, 0.0, 0.0)) for name, x in zip(BOTH, (-0.5, 0.5), strict=True)]
     lamp("SUN", 3.0, angle=0.0).light_linking.receiver_collection = receivers(places[1:])
     assert_halves(1)
 
@@ -114,6 +110,6 @@ def test_material_of_the_view_layer() -> None:
     pane("Roof", grey(0.9))
     lamp("SUN", 3.0, angle=0.1)
     bpy.context.view_layer.material_override = grey(0.3)
-    found = compare(256)
+    found = compare()
     assert_agrees(found)
     assert found.bright == pytest.approx(3.0 * 0.3 / np.pi, rel=0.05)

@@ -52,7 +52,10 @@ def test_depth_follows_the_weights(weights: Path, near: Path) -> None:
 
 def test_leaves_follow_the_weights(weights: Path, near: Path) -> None:
     build()
-    size = (480, 320)  # for leaves below the level of blocks
+    size = (120, 80)
+    bpy.data.cameras["Eye"].lens = 200.0  # for leaves below the level of blocks, of which a narrow slab has few
+    bpy.data.objects["Slab"].scale = (0.25, 1.0, 0.25)
+    bpy.context.view_layer.update()
     camera = tracing_camera(bpy.context.scene.camera, bpy.context.scene, size)
     octrees = []
     for path, lookahead in ((weights, 2), (near, 1)):

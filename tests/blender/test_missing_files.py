@@ -7,12 +7,17 @@ import bpy
 import pytest
 
 from patchnet.operators.scene.read import read_scene
+from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.job_scene import build, saved
 
 
+def source() -> SceneMesh:
+    return read_scene(bpy.context.evaluated_depsgraph_get())
+
+
 def warnings() -> str:
-    return "\n".join(read_scene(bpy.context.evaluated_depsgraph_get()).warnings)
+    return "\n".join(source().warnings)
 
 
 def with_texture(path: str, source: str = "FILE") -> bpy.types.Material:
@@ -58,9 +63,9 @@ def test_of_a_sequence_the_present_frame_counts(tmp_path: Path) -> None:
     material = with_texture(str(tmp_path / "flow_001.png"), "SEQUENCE")
     user = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE").image_user
     user.frame_duration, user.frame_start = 20, 1
-    (tmp_path / "flow_007.png").touch()
+    bpy.data.images.new("made", 4, 4).save(filepath=str(tmp_path / "flow_007.png"))
     bpy.context.scene.frame_set(7)
-    assert "Images are missing" not in warnings()
+    assert warnings() == "" and "image 'picture', whose frames are not read" in source().color_warnings[0]
     bpy.context.scene.frame_set(8)
     assert str(tmp_path / "flow_008.png") in warnings()
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cache import cache_size, clear_cache
-from patchnet.operators.cycles.bake import baker
 from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.tests.blender.job_scene import SMALL, build, saved
@@ -35,11 +34,7 @@ def reopen(path: Path) -> SceneResult | None:
     return octree_cache.result_or_kept(bpy.context.scene)
 
 
-def refuse(*_: object) -> None:
-    raise AssertionError("baked again")
-
-
-def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_result_is_there_when_the_file_is_opened_again(file: Path, bakes: list[str]) -> None:
     before = results.voxels_of(bpy.context.scene)
     after = reopen(file)
     assert after is not None and after.octree is not before.octree and after.stale == set()
@@ -47,26 +42,25 @@ def test_result_is_there_when_the_file_is_opened_again(file: Path, monkeypatch: 
     np.testing.assert_array_equal(after.coded.codes, before.coded.codes)
     assert (after.light, after.scope, after.encoder) == (before.light, before.scope, before.encoder)
     assert after.made_with == before.made_with
-    monkeypatch.setattr(baker, "bake_now", refuse)
     assert bpy.ops.patchnet.render_preview(size=(24, 16)) == {"FINISHED"}
     assert len([image for image in bpy.data.images if "patchnet_result" in image]) == 11
     scene = bpy.context.scene
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     bpy.ops.render.render()
-    assert results.voxels_of(scene).octree is after.octree
+    assert results.voxels_of(scene).octree is after.octree and not bakes
 
 
-def test_preview_selection_finds_what_fitted_the_scene_before(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_preview_selection_finds_what_fitted_the_scene_before(file: Path, bakes: list[str]) -> None:
     before, lamp = results.voxels_of(bpy.context.scene), bpy.data.lights["Lamp"]
     energy, lamp.energy = lamp.energy, 9.0
     assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
     assert not np.array_equal(results.voxels_of(bpy.context.scene).octree.luminance, before.octree.luminance)
     lamp.energy = energy
-    monkeypatch.setattr(baker, "bake_now", refuse)
+    bakes.clear()
     assert bpy.ops.patchnet.run_all(**CYCLES) == {"FINISHED"}
     after = results.voxels_of(bpy.context.scene)
     np.testing.assert_array_equal(after.octree.luminance, before.octree.luminance)
-    assert after.stale == set()
+    assert after.stale == set() and not bakes
 
 
 def test_what_no_file_saves_does_not_matter(file: Path, cache: Path) -> None:
@@ -132,9 +126,7 @@ patchnet.unregister()
     assert (tmp_path / "picture.png").exists() and "baked again" not in done.stderr, done.stderr
 
 
-def test_a_frame_of_an_animation_finds_what_was_baked_for_it(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_frame_of_an_animation_finds_what_was_baked_for_it(file: Path, tmp_path: Path, bakes: list[str]) -> None:
     """Also where the file was saved at another frame."""
     scene, lath = bpy.context.scene, bpy.data.objects["Lath 2"]
     for frame in (1, 9):
@@ -146,8 +138,8 @@ def test_a_frame_of_an_animation_finds_what_was_baked_for_it(
     assert bpy.ops.patchnet.run_all(size=(24, 16)) == {"FINISHED"}
     scene.frame_set(1)
     bpy.ops.wm.open_mainfile(filepath=str(saved(file)))
-    scene, bake, bakes = bpy.context.scene, baker.bake_now, []
-    monkeypatch.setattr(baker, "bake_now", lambda *values, **more: bakes.append(1) or bake(*values, **more))
+    scene = bpy.context.scene
+    bakes.clear()
     scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
     scene.render.filepath = str(tmp_path / "picture")
     for frame in (5, 6):

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Open Job Description template: it is valid, and its tasks make the frames of a scene.
-
-Blender as a Python module has no command line; a script of one line calls what `--command patchnet` calls.
-"""
+"""The Open Job Description template: it is valid, and its tasks make the frames of a scene."""
 
 import json
 import os
@@ -10,10 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import bpy
 import pytest
 
-from patchnet.tests.blender.job_scene import SHIM, build, saved
+from patchnet.tests.blender.job_scene import moving_slab, stand_in_for_blender
 
 pytest.importorskip("openjd.cli", reason="openjd-cli is not installed")
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,19 +19,10 @@ OPENJD = [sys.executable, "-m", "openjd"]
 
 @pytest.fixture
 def job(tmp_path: Path) -> list[str]:
-    """Words of `openjd run` for the small scene at frames 1 to 3; the slab moves, the lamp goes down."""
-    build()
-    slab = bpy.data.objects["Slab"]
-    for frame in (1, 3):
-        slab.location.y = 0.1 * frame
-        slab.keyframe_insert("location", frame=frame)
-    scene = saved(tmp_path / "small.blend")
-    program = tmp_path / "blender"
-    program.write_text(SHIM.format(python=sys.executable))
-    program.chmod(0o755)
+    """Words of `openjd run` for the small scene at frames 1 to 3; the slab moves."""
     values = {
-        "SceneFile": scene, "OutputFolder": tmp_path / "out", "Frames": "1-3:2", "Depth": "5",
-        "Light": "two-lights", "Width": "16", "Height": "16", "BlenderCommand": program,
+        "SceneFile": moving_slab(tmp_path), "OutputFolder": tmp_path / "out", "Frames": "1-3:2", "Depth": "5",
+        "Light": "two-lights", "Width": "16", "Height": "16", "BlenderCommand": stand_in_for_blender(tmp_path),
     }  # fmt: skip
     return ["run", str(TEMPLATE), *[word for name, value in values.items() for word in ("-p", f"{name}={value}")]]
 

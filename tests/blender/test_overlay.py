@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.job_scene import build, pixels_of, view_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -34,11 +34,7 @@ def made() -> tuple[View, ViewSettings]:
     """A view of the small scene; nothing of it is kept yet."""
     build()
     wanted = ViewSettings(size=SIZE, budget=0.4, refined_samples=1024.0)
-    scene = bpy.context.scene
-    bpy.ops.patchnet.voxelize(depth=6)
-    bpy.ops.patchnet.precompute_codes()
-    camera = tracing_camera(scene.camera, scene, SIZE)
-    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True)), wanted
+    return view_of(bpy.context.scene, wanted), wanted
 
 
 def window_matrix(camera: bpy.types.Object, size: tuple[int, int]) -> np.ndarray:
@@ -167,9 +163,7 @@ def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> N
     for name in RAW:
         image = bpy.data.images[image_name("Eye", name)]
         assert image.is_float and image.colorspace_settings.name == "Non-Color" and tuple(image.size) == SIZE
-        values = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
-        image.pixels.foreach_get(values)
-        np.testing.assert_array_equal(values.reshape(SIZE[1], SIZE[0], 4)[..., 0], shown.values[name])
+        np.testing.assert_array_equal(pixels_of(image)[..., 0], shown.values[name])
     unknown = {name: values for name, values in shown.values.items() if name != "coverage"}
     with quiet():  # as in operators: removing an image makes Blender report every lamp
         show_images(result, dataclasses.replace(shown, values=unknown))

@@ -108,12 +108,13 @@ def test_defaults_are_the_same() -> None:
     assert given.changed(size=scene.view.size, out=None, network_device="AUTO") == scene
 
 
-def test_arguments_that_only_the_panel_had() -> None:
+def test_settings_that_arguments_give() -> None:
     def given(*words: str) -> object:
         return job_settings(parser().parse_args(["scene.blend", *words]), Path("out"))
 
     assert given("--bake-device", "gpu").compute.device == "GPU" and given().compute.device == "AUTO"
     assert given("--no-color").light.color is False and given("--color").light.color is given().light.color is True
+    assert given("--depth", "fit").surface.fit and given("--depth", "7").surface.depth == 7
     assert given("--mask-image", "Mask").view.importance.image == "Mask"
     assert given("--mask-group", "Head").view.importance.vertex_group == "Head"
     with pytest.raises(SettingError, match="Importance needs one source"):

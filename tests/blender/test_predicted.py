@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.pipeline.views import View, view
+from patchnet.operators.pipeline.views import View
 from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
-from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.session.shown_view import comparison_of, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
@@ -24,8 +23,8 @@ from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, rendered
-from patchnet.tests.blender.job_scene import QUICK, SMALL
+from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, camera, kept, rendered
+from patchnet.tests.blender.job_scene import QUICK, SMALL, pixels_in, view_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -35,13 +34,7 @@ CHOSEN = STRATEGIES[DEFAULT]
 
 def seen(scene: bpy.types.Scene, *, color: bool = False, **wanted: object) -> View:
     """A view of the small scene."""
-    scene.patchnet.color = color
-    bpy.ops.patchnet.voxelize(depth=6)
-    bpy.ops.patchnet.precompute_codes()
-    camera = tracing_camera(scene.camera, scene, SIZE)
-    settings = ViewSettings(size=SIZE, refined_samples=1024.0, **wanted)
-    steps = view(results.codes_of(scene), camera, settings, "VISIBLE", compare=True)
-    return drain(steps)
+    return view_of(scene, ViewSettings(size=SIZE, refined_samples=1024.0, **wanted), color=color)
 
 
 @pytest.mark.parametrize("color", [False, True])
@@ -113,19 +106,14 @@ def test_it_stands_beside_pixels_by_cycles(
     (frame,) = json.loads((out / "report.json").read_text())["frames"]
     found = frame["cycles"]
     assert found["unrefined"] == "predicted" and found["mse"]["predicted"] != found["mse"]["preview"]
-    assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in capsys.readouterr().out
-    shown, beside = (image_of(out / "Eye" / f"{name}.png") for name in ("predicted", "cycles"))
-    outside = image_of(out / "Eye" / "cycles_mask.png") == 0
+    assert found["samples"] == 2 and found["reference_samples"] == 8
+    printed = capsys.readouterr().out
+    assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in printed
+    assert "Cycles on" in printed and "full Cycles render" in printed
+    shown, beside = (pixels_in(out / "Eye" / f"{name}.png")[..., :3] for name in ("predicted", "cycles"))
+    outside = pixels_in(out / "Eye" / "cycles_mask.png")[..., :3] == 0
     assert 0 < outside.mean() < 1
     np.testing.assert_array_equal(shown[outside], beside[outside])
-
-
-def image_of(path: Path) -> np.ndarray:
-    """Values of a picture's file."""
-    image = bpy.data.images.load(str(path))
-    values = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
-    image.pixels.foreach_get(values)
-    return values.reshape(-1, image.channels)[:, :3]
 
 
 def test_frames_have_it_too(scene_file: Path, tmp_path: Path, weights: Path) -> None:
@@ -150,10 +138,8 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     scene = build_for_engine(weights, tmp_path)
     scene.patchnet.unrefined, scene.render.film_transparent = "predicted", transparent
     found = rendered(scene)
-    result = results.result_of(scene)
-    assert result is not None and result.coded is not None
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
-    buffers = drain(trace_view(result.octree, camera, [CHOSEN], coded=result.coded, unrefined="predicted"))
+    result = kept(scene)
+    buffers = drain(trace_view(result.octree, camera(), [CHOSEN], coded=result.coded, unrefined="predicted"))
     ranking = rank(CHOSEN, buffers, scene.patchnet.budget)
     np.testing.assert_allclose(found["Priority"][..., 0], buffers.picture(ranking.priority), atol=1e-6)
     left = ~ranking.mask

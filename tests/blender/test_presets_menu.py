@@ -21,9 +21,12 @@ def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
     assert set(shipped()) == {"Draft", "Standard", "Large_Pictures"}
     settings = scene.patchnet
     defaults = {name: value_of(settings, name) for name in presets_menu._VALUES}
+    assert {"budget", "spp"} <= set(defaults)
     for name, path in shipped().items():
+        settings.spp = 9.0
         assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
         assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
+        assert settings.spp == 0.0, "each says which budget"
     bpy.ops.patchnet.apply_preset(filepath=str(shipped()["Large_Pictures"]))
     assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
     with pytest.raises(RuntimeError, match="no preset"):

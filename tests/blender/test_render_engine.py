@@ -13,9 +13,7 @@ from patchnet.operators.render_engine import frame_octree, panels
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import NO_DEPTH, PASSES
 from patchnet.operators.render_engine.render_frame import pull
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.session import results
-from patchnet.operators.session.scene_result import SceneResult
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.eta import FramesEta
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
@@ -24,26 +22,23 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
-from patchnet.tests.blender.engine_scene import HEIGHT, WIDTH, WORLD, build_for_engine, passes_in, rendered
+from patchnet.tests.blender.engine_scene import (
+    HEIGHT,
+    WIDTH,
+    WORLD,
+    build_for_engine,
+    camera,
+    kept,
+    passes_in,
+    rendered,
+)
 from patchnet.tests.blender.job_scene import box, principled
 
 
 @pytest.fixture(autouse=True)
 def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
     return build_for_engine(weights, tmp_path)
-
-
-def kept(scene: bpy.types.Scene) -> SceneResult:
-    result = results.result_of(scene)
-    assert result is not None and result.coded is not None
-    return result
-
-
-def camera() -> Camera:
-    """The scene's camera."""
-    return choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
 
 
 def expected(scene: bpy.types.Scene) -> PixelBuffers:

@@ -16,6 +16,7 @@ from patchnet.operators.session import results
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.tests.blender.engine_scene import build_for_engine
 from patchnet.tests.blender.job_scene import box, build
+from patchnet.tests.blender.objects import collection_instance, geometry_nodes, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 BOUNDS = np.array([[-1.0, -1, -1], [1, 1, 1]])
@@ -42,21 +43,7 @@ def read() -> dict[str, int]:
 
 def collection(name: str, *objects: bpy.types.Object) -> bpy.types.Collection:
     """A collection of its own with objects that are in no other."""
-    made = bpy.data.collections.new(name)
-    for item in objects:
-        for other in item.users_collection:
-            other.objects.unlink(item)
-        made.objects.link(item)
-    return made
-
-
-def instanced(made: bpy.types.Collection) -> bpy.types.Object:
-    """An empty that instances a collection."""
-    empty = bpy.data.objects.new("Instance", None)
-    empty.instance_type, empty.instance_collection = "COLLECTION", made
-    bpy.context.scene.collection.objects.link(empty)
-    bpy.context.view_layer.update()
-    return empty
+    return moved_to(bpy.data.collections.new(name), *objects)
 
 
 def test_a_mist_box_is_no_wall() -> None:
@@ -78,7 +65,7 @@ def test_what_instances_leave_out(small: bpy.types.Scene) -> None:
     helpers = collection("Helpers", proxy)
     helpers.hide_render = True
     made.children.link(helpers)
-    instanced(made)
+    collection_instance(made)
     assert {"Seen", "Un", "Catch", "Proxy"} & read().keys() == {"Seen"}
     assert not helpers.hide_viewport
     helpers.hide_render = False
@@ -109,10 +96,7 @@ def test_particles_of_a_render(small: bpy.types.Scene) -> None:
 
 
 def test_geometry_nodes_that_ask_for_the_viewport_are_named() -> None:
-    group = bpy.data.node_groups.new("Two Faces", "GeometryNodeTree")
-    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    group.nodes.new("GeometryNodeIsViewport")
-    bpy.data.objects["Lath 0"].modifiers.new("Nodes", "NODES").node_group = group
+    geometry_nodes(bpy.data.objects["Lath 0"], "Two Faces")[0].nodes.new("GeometryNodeIsViewport")
     bpy.context.view_layer.update()
     (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
     assert warning.startswith("Geometry nodes 'Two Faces' ask Is Viewport")
@@ -167,25 +151,6 @@ def test_a_linked_scene_is_refused_with_a_sentence(small: bpy.types.Scene, tmp_p
     with pytest.raises(RuntimeError, match=r"Scene 'Shot' is linked from .*shot\.blend.*open that file"):
         bpy.ops.patchnet.run_all(depth=4, samples=1, scope="VISIBLE")
     assert not any(item.name.startswith("PatchNet") for item in bpy.data.objects)
-
-
-def test_a_sequence_that_is_there_is_not_missed(small: bpy.types.Scene, tmp_path: Path) -> None:
-    picture = bpy.data.images.new("Frame", 4, 4)
-    for number in range(1, 4):
-        picture.save(filepath=str(tmp_path / f"leaf_{number:03d}.png"))
-    material = bpy.data.objects["Slab"].material_slots[0].material
-    node = material.node_tree.nodes.new("ShaderNodeTexImage")
-    node.image = bpy.data.images.load(str(tmp_path / "leaf_001.png"))
-    node.image.source = "SEQUENCE"
-    node.image_user.frame_duration, node.image_user.frame_start = 3, 1
-    principled = material.node_tree.nodes["Principled BSDF"]
-    material.node_tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
-    small.frame_set(2)
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    assert source.warnings == [] and "image 'leaf_001.png', whose frames are not read" in source.color_warnings[0]
-    (tmp_path / "leaf_002.png").unlink()
-    (missing,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
-    assert missing.startswith("Images are missing") and "leaf_002.png" in missing
 
 
 def test_each_view_layer_renders_its_own_objects(weights: Path, tmp_path: Path) -> None:

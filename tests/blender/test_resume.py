@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cycles.bake import KeptPages, bake_luminance
-from patchnet.operators.cycles.bake import baker as baking
 from patchnet.operators.cycles.bake.bake import bake_key
-from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.scene.fingerprint import SceneFingerprint
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
@@ -22,6 +20,7 @@ from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import build, principled
+from patchnet.tests.blender.objects import geometry_nodes
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 LABEL = "Baking light"
@@ -31,20 +30,6 @@ LABEL = "Baking light"
 def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATCHNET_PAGE_SIDE", "16")
     build()
-
-
-@pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of what Blender's bake was called for."""
-    seen: list[str] = []
-    run = baking.bake_now
-
-    def count(context: bpy.types.Context, target: BakeTarget) -> None:
-        seen.append(target.item.name)
-        run(context, target)
-
-    monkeypatch.setattr(baking, "bake_now", count)
-    return seen
 
 
 def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
@@ -67,7 +52,7 @@ def folders(root: Path) -> list[Path]:
     return sorted(root.iterdir()) if root.exists() else []
 
 
-def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> None:
+def test_resumed_bake_has_the_same_bits(tmp_path: Path, bakes: list[str]) -> None:
     slab = bpy.data.objects["Slab"].copy()  # one more, for more pages
     slab.location.x += 5.0
     bpy.context.scene.collection.objects.link(slab)
@@ -75,7 +60,7 @@ def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> Non
     before = scene_snapshot()
     whole, _ = bake(None)
     assert whole is not None
-    count, all_calls = whole.charts.page_count, len(calls)
+    count, all_calls = whole.charts.page_count, len(bakes)
     assert count >= 5
     with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
         bake(kept, stop_at=3)
@@ -83,14 +68,14 @@ def test_resumed_bake_has_the_same_bits(tmp_path: Path, calls: list[str]) -> Non
     assert_unchanged(before)
     (folder,) = folders(tmp_path)
     assert len(list(folder.iterdir())) == 3
-    calls.clear()
+    bakes.clear()
     with BakePageCache(tmp_path) as kept:
         resumed, reports = bake(kept)
         assert len(list(folder.iterdir())) == count
     assert resumed is not None
     np.testing.assert_array_equal(resumed.texels, whole.texels)
     assert resumed.warnings == whole.warnings
-    assert 0 < len(calls) < all_calls
+    assert 0 < len(bakes) < all_calls
     assert f"Resuming: 3 of {count} pages are there" in [report.label for report in reports]
     assert min(report.done for report in reports if report.label == LABEL) == 3
     assert folders(tmp_path) == [], "nobody needs them any more"
@@ -233,18 +218,8 @@ def test_key_stays_with_what_is_not_seen(tmp_path: Path) -> None:
     assert key() == before
 
 
-def passing_nodes() -> bpy.types.NodeTree:
-    """Geometry nodes that pass their geometry on, with a number as another input."""
-    tree = bpy.data.node_groups.new("Pass", "GeometryNodeTree")
-    for name, kind in (("Geometry", "NodeSocketGeometry"), ("Number", "NodeSocketFloat")):
-        tree.interface.new_socket(name, in_out="INPUT", socket_type=kind)
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
-    return tree
-
-
 def give_number(item: bpy.types.Object, value: float) -> None:
-    """Set the number that the nodes of `passing_nodes` are given."""
+    """Set the number that the nodes of `bevelled` are given."""
     modifier = item.modifiers["Nodes"]
     name = modifier.node_group.interface.items_tree["Number"].identifier
     if hasattr(modifier, "properties"):
@@ -263,7 +238,9 @@ def bevelled(count: int = 1) -> list[bpy.types.Object]:
     first.modifiers.new("Bevel", "BEVEL").width = 0.02
     first.modifiers["Bevel"].segments = 3
     first.modifiers.new("Array", "ARRAY").count = 3
-    first.modifiers.new("Nodes", "NODES").node_group = passing_nodes()
+    tree, given, made = geometry_nodes(first)
+    tree.interface.new_socket("Number", in_out="INPUT", socket_type="NodeSocketFloat")
+    tree.links.new(given, made)
     copies = [first.copy() for _ in range(count - 1)]
     for item in copies:
         bpy.context.scene.collection.objects.link(item)

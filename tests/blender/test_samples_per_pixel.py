@@ -7,17 +7,13 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
-from patchnet.operators.scene.cameras import choose_cameras, tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.ui import presets_menu
 from patchnet.operators.ui.main import PATCHNET_PT_statistics
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.ranking import rank
@@ -25,26 +21,17 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.drawn import drawn
-from patchnet.tests.blender.engine_scene import build_for_engine, rendered
-from patchnet.tests.blender.job_scene import SMALL
+from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, rendered
+from patchnet.tests.blender.job_scene import SMALL, view_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 SIZE = (48, 32)
 
 
-def seen(scene: bpy.types.Scene, wanted: ViewSettings, *, color: bool = False) -> View:
-    """A view of the small scene."""
-    scene.patchnet.color = color
-    bpy.ops.patchnet.voxelize(depth=6)
-    bpy.ops.patchnet.precompute_codes()
-    camera = tracing_camera(scene.camera, scene, SIZE)
-    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True))
-
-
 @pytest.mark.parametrize("color", [False, True])
 def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bool) -> None:
-    found = seen(scene, ViewSettings(size=SIZE, spp=6.0), color=color)
+    found = view_of(scene, ViewSettings(size=SIZE, spp=6.0), color=color)
     buffers, refined, report = found.buffers, found.refined, found.report["refined"]
     active = buffers.active
     assert report["spp"] == 6.0 and 5.9 < report["spent"] <= 6.0
@@ -61,7 +48,7 @@ def test_a_job_traces_the_samples_that_it_says(scene: bpy.types.Scene, color: bo
     error = (refined.luminance.astype(float) - buffers.reference)[active] ** 2
     assert found.errors == (found.report["mse_unrefined"], report["mse"])
     assert report["mse"] == pytest.approx(error.mean()) and report["mse"] < found.report["mse_unrefined"]
-    other = seen(scene, ViewSettings(size=SIZE, refined_samples=1024.0), color=color)
+    other = view_of(scene, ViewSettings(size=SIZE, refined_samples=1024.0), color=color)
     assert "spp" not in other.report["refined"] and other.report["mse"] == found.report["mse"], (
         "strategies compare by their share"
     )
@@ -104,18 +91,6 @@ def test_settings_and_what_is_wrong_with_them(scene: bpy.types.Scene) -> None:
     scene.patchnet.spp = 0.5
     with pytest.raises(RuntimeError, match=r"Samples per pixel 0.5 is outside 1 to 1024: give the mean"):
         bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
-    with pytest.raises(SettingError, match="Samples per pixel"):
-        ViewSettings(spp=1025.0)
-
-
-def test_every_preset_says_which_budget(scene: bpy.types.Scene) -> None:
-    (folder,) = [path for path in map(Path, bpy.utils.preset_paths("patchnet")) if "operators" in path.parts]
-    presets = sorted(folder.glob("*.py"))
-    assert len(presets) == 3 and {"budget", "spp"} <= set(presets_menu._VALUES)
-    for path in presets:
-        scene.patchnet.spp = 9.0
-        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
-        assert scene.patchnet.spp == 0.0
 
 
 @pytest.mark.parametrize("mean", [6.0, 1024.0])
@@ -123,11 +98,8 @@ def test_render_and_its_sample_count(weights: Path, tmp_path: Path, mean: float)
     scene = build_for_engine(weights, tmp_path)
     scene.patchnet.spp = mean
     found = rendered(scene)
-    result = results.result_of(scene)
-    assert result is not None and result.coded is not None
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
     chosen = [STRATEGIES[scene.patchnet.strategy], STRATEGIES["patchnet"]]
-    buffers = drain(trace_view(result.octree, camera, chosen, coded=result.coded))
+    buffers = drain(trace_view(kept(scene).octree, camera(), chosen, coded=kept(scene).coded))
     samples = rank(chosen[0], buffers, 0.3).samples(mean)
     np.testing.assert_array_equal(found["Sample Count"][..., 0], buffers.picture(samples))
     assert samples[buffers.active].mean() <= mean

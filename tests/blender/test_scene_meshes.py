@@ -10,26 +10,15 @@ from patchnet.operators.scene import scene_mesh
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
-from patchnet.tests.blender.light_scene import CUBE_FACES
+from patchnet.tests.blender.objects import CUBE_FACES, collection_instance, link, mesh, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
 
-def link(item: bpy.types.Object) -> bpy.types.Object:
-    bpy.context.scene.collection.objects.link(item)
-    return item
-
-
-def mesh_object(name: str, vertices: list, faces: list) -> bpy.types.Object:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices, [], faces)
-    return link(bpy.data.objects.new(name, mesh))
-
-
 def cube(name: str = "Cube") -> bpy.types.Object:
     vertices = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
-    return mesh_object(name, vertices, CUBE_FACES)
+    return link(mesh(name, vertices, CUBE_FACES))
 
 
 def read(scope: str = "VISIBLE") -> SceneMesh:
@@ -105,15 +94,9 @@ def test_curve_text_surface_and_metaball() -> None:
 
 
 def test_collection_instances_belong_to_their_instancer() -> None:
-    item = cube()
-    group = bpy.data.collections.new("Group")
-    bpy.context.scene.collection.objects.unlink(item)
-    group.objects.link(item)
+    group = moved_to(bpy.data.collections.new("Group"), cube())
     for number in range(3):
-        empty = link(bpy.data.objects.new(f"Empty {number}", None))
-        empty.instance_type, empty.instance_collection = "COLLECTION", group
-        empty.location = (3 * number, 0, 0)
-        empty.select_set(number == 1)
+        collection_instance(group, f"Empty {number}", (3 * number, 0, 0)).select_set(number == 1)
     source = read()
     assert (source.triangle_count, len(source.parts)) == (36, 1)
     selected = read("SELECTED")
@@ -127,10 +110,7 @@ def test_scope_follows_visibility() -> None:
     unrendered.hide_render = True
     invisible.visible_camera = False
     for name, item in (("Excluded", excluded), ("Disabled", disabled)):
-        group = bpy.data.collections.new(name)
-        bpy.context.scene.collection.children.link(group)
-        bpy.context.scene.collection.objects.unlink(item)
-        group.objects.link(item)
+        bpy.context.scene.collection.children.link(moved_to(bpy.data.collections.new(name), item))
     bpy.data.collections["Disabled"].hide_render = True
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
     assert {name for part in read().parts for name in part.objects} == {"A"}
@@ -140,9 +120,8 @@ def test_scope_follows_visibility() -> None:
 
 
 def test_material_slots_and_uvs() -> None:
-    item = mesh_object(
-        "Quads", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)], [(0, 1, 2, 3), (1, 4, 5, 2)]
-    )
+    places = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
+    item = link(mesh("Quads", places, [(0, 1, 2, 3), (1, 4, 5, 2)]))
     materials = [bpy.data.materials.new(name) for name in ("One", "Two")]
     for material in materials:
         item.data.materials.append(material)
@@ -219,6 +198,6 @@ def test_bad_input() -> None:
     with pytest.raises(GeometryError, match="'Broken' has no area"):
         read()
     item.hide_render = True
-    mesh_object("Points", [(0, 0, 0), (1, 0, 0)], [])
+    link(mesh("Points", [(0, 0, 0), (1, 0, 0)], []))
     with pytest.raises(EmptySelectionError):
         read()

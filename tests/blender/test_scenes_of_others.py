@@ -6,12 +6,12 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
 
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import link, material, shader, shown, simple, world
+from patchnet.tests.blender.objects import lamp, look_from
+from patchnet.tests.blender.shaders import material, shader, shown, simple, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -25,13 +25,9 @@ def around(
     if ground:
         bpy.ops.mesh.primitive_plane_add(size=12.0)
         bpy.context.object.data.materials.append(simple(name="Ground", Color=(0.6, 0.6, 0.6, 1)))
-    light = bpy.data.lights.new("Sun", "SUN")
-    light.energy = 3.0
-    link(bpy.data.objects.new("Sun", light)).rotation_euler = (0.7, 0.2, 0.5)
+    lamp("SUN", 3.0).rotation_euler = (0.7, 0.2, 0.5)
     world().nodes["Background"].inputs[0].default_value = (0.3, 0.36, 0.48, 1)
-    eye = link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")), place)
-    eye.rotation_euler = (Vector(target) - eye.location).to_track_quat("-Z", "Y").to_euler()
-    bpy.context.scene.camera = eye
+    look_from(place, target)
 
 
 def cube(paint: bpy.types.Material, x: float, y: float = 0.0) -> bpy.types.Object:

@@ -86,10 +86,18 @@ def test_flat_names_are_sorted_into_groups() -> None:
     [
         (SurfaceSettings, {"depth": 5, "voxel_size_world": 0.1}, "Depth and voxel size are both given"),
         (SurfaceSettings, {"depth": 99}, "Depth 99 is outside"),
+        (SurfaceSettings, {"fit": True, "depth": 7}, "no one depth or voxel size: choose one"),
+        (SurfaceSettings, {"fit": True, "voxel_size_world": 0.1}, "no one depth or voxel size: choose one"),
+        (SurfaceSettings, {"track": True}, "can follow a track"),
         (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
         (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
+        (LightSettings, {"gloss": "sideways"}, "auto, off, above, camera"),
+        (CyclesSettings, {"budget": 1.5}, "is outside"),
+        (CyclesSettings, {"samples": 0}, "is outside"),
+        (CyclesSettings, {"light": "glossy"}, "not 'glossy': choose one"),
         (ViewSettings, {"strategy": "guess"}, "guess"),
         (ViewSettings, {"size": (4, -1)}, "-1 is outside"),
+        (ViewSettings, {"spp": 1025.0}, "Samples per pixel 1025.0 is outside"),
         (ViewSettings, {"unrefined": "guessed"}, "choose one of preview, predicted"),
         (ViewSettings, {"colormap": "gray"}, "There is no color map 'gray'"),
         (

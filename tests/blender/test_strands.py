@@ -2,12 +2,10 @@
 """Hair, points and emitters are voxelized and lit as Cycles renders them; what has no surface is named."""
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
 
 from patchnet.operators.scene import strands
 from patchnet.operators.scene.read import read_scene
@@ -17,8 +15,9 @@ from patchnet.operators.state.scene_state import SURFACE, scene_state
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import grey, lamp, link, slab, world
+from patchnet.tests.blender.objects import collection_instance, geometry_nodes, lamp, link, look_from, moved_to, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import grey, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 LEAST_PSNR_DB, RATIO = 24.0, 0.06
@@ -34,11 +33,9 @@ def figures() -> dict:
     slab(low=(-1.5, -1.5), high=(1.5, 1.5))
     lamp("SUN", 3.0).rotation_euler = (0.7, 0.2, 0.5)
     world()
-    camera = link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")), (1.6, -3.0, 2.6))
-    camera.rotation_euler = (Vector((0, 0, 0.3)) - camera.location).to_track_quat("-Z", "Y").to_euler()
-    bpy.context.scene.camera = camera
+    look_from((1.6, -3.0, 2.6), (0, 0, 0.3))
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=8, size=(48, 48), samples=8, cameras=("Eye",))
+    job = JobSettings.of(depth=8, size=(48, 48), samples=2, cameras=("Eye",))
     before = scene_snapshot()
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
     assert_unchanged(before)
@@ -67,20 +64,18 @@ def curves(count: int = 40, radius: float | None = 0.05) -> bpy.types.Object:
 
 def node_points(radius: float = 0.1) -> bpy.types.Object:
     """A box whose geometry nodes make points of it."""
-    tree = bpy.data.node_groups.new("Points", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 0.0, 0.7))
+    item = bpy.context.object
+    item.name = "Cloud"
+    tree, given, made = geometry_nodes(item)
     points, paint = tree.nodes.new("GeometryNodeDistributePointsOnFaces"), tree.nodes.new("GeometryNodeSetMaterial")
     size = tree.nodes.new("GeometryNodeSetPointRadius")
     points.inputs["Density"].default_value, size.inputs["Radius"].default_value = 20.0, radius
     paint.inputs["Material"].default_value = grey(0.7)
-    chain = [tree.nodes.new("NodeGroupInput"), points, size, paint, tree.nodes.new("NodeGroupOutput")]
-    for node, after in pairwise(chain):
-        tree.links.new(node.outputs[0], after.inputs[0])
-    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 0.0, 0.7))
-    item = bpy.context.object
-    item.name = "Cloud"
-    item.modifiers.new("Points", "NODES").node_group = tree
+    for node in (points, size, paint):
+        tree.links.new(given, node.inputs[0])
+        given = node.outputs[0]
+    tree.links.new(given, made)
     return item
 
 
@@ -149,15 +144,12 @@ def test_an_instancer_is_what_renders_show(kind: str, shown: bool) -> None:
     if kind == "VERTS":
         child.parent, parent.instance_type = parent, "VERTS"
     else:
-        tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-        for way in ("INPUT", "OUTPUT"):
-            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        tree, given, made = geometry_nodes(parent)
         both, info = tree.nodes.new("GeometryNodeJoinGeometry"), tree.nodes.new("GeometryNodeObjectInfo")
         info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = child, True
-        for socket in (tree.nodes.new("NodeGroupInput").outputs[0], info.outputs["Geometry"]):
+        for socket in (given, info.outputs["Geometry"]):
             tree.links.new(socket, both.inputs[0])
-        tree.links.new(both.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
-        parent.modifiers.new("Scatter", "NODES").node_group = tree
+        tree.links.new(both.outputs[0], made)
     parent.show_instancer_for_render, parent.show_instancer_for_viewport = shown, not shown
     names = [name for part in read().parts for name in part.objects]
     assert ("Parent" in names) == shown and names.count("Child") == (8 if kind == "VERTS" else 2)
@@ -165,12 +157,9 @@ def test_an_instancer_is_what_renders_show(kind: str, shown: bool) -> None:
 
 def test_an_instancer_within_a_collection_is_what_renders_show() -> None:
     ball = hair_ball()
-    group = bpy.data.collections.new("Group")
-    bpy.context.scene.collection.objects.unlink(ball)
-    group.objects.link(ball)
+    group = moved_to(bpy.data.collections.new("Group"), ball)
     for number in range(2):
-        empty = link(bpy.data.objects.new(f"Empty {number}", None), (3.0 * number, 0.0, 0.0))
-        empty.instance_type, empty.instance_collection = "COLLECTION", group
+        collection_instance(group, f"Empty {number}", (3.0 * number, 0.0, 0.0))
     assert sum(len(part.objects) for part in read().parts) == 4
     alone = hair_ball()
     alone.matrix_world = ball.matrix_world

@@ -75,9 +75,8 @@ def test_the_comparison_notices_each_change(tmp_path: Path) -> None:
             bpy.app.handlers.load_post.remove(print)
 
 
-@pytest.mark.parametrize("mode", ["OBJECT", "WEIGHT_PAINT"])
-def test_operators_that_do_their_work(mode: str, weights: Path, tmp_path: Path) -> None:
-    build_full(tmp_path, mode)
+def test_operators_that_do_their_work(weights: Path, tmp_path: Path) -> None:
+    build_full(tmp_path, "WEIGHT_PAINT")
     bpy.context.scene.patchnet.weights = str(weights)
     before = scene_snapshot()
     for name, settings in (

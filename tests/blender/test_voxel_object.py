@@ -11,7 +11,7 @@ import pytest
 from patchnet.operators.session import results
 from patchnet.operators.voxel_object import NAME
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud, voxel_counts
-from patchnet.tests.blender.job_scene import build
+from patchnet.tests.blender.job_scene import build, render_by_cycles
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 
@@ -114,17 +114,7 @@ def picture(path: Path) -> np.ndarray:
     scene, item = bpy.context.scene, shown()
     for other in scene.objects:
         other.hide_render = other.type == "MESH" and other != item
-    render = scene.render
-    render.engine, render.film_transparent, render.filepath = "CYCLES", True, str(path)
-    render.resolution_x, render.resolution_y, render.resolution_percentage = 32, 24, 100
-    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.pixel_filter_type = 1, False, "BOX"
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(32 * 24 * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return pixels.reshape(24, 32, 4)
+    return render_by_cycles(path, (32, 24), 1)
 
 
 @pytest.mark.parametrize("display", ["CUBES", "POINTS"])
@@ -216,24 +206,6 @@ def test_shown_voxels_are_no_light_of_a_dark_scene() -> None:
     bpy.ops.patchnet.show_voxels()
     shown().hide_render = False
     assert not has_light(bpy.context.evaluated_depsgraph_get())
-
-
-def test_undo(scene: bpy.types.Scene) -> None:
-    bpy.ops.ed.undo_push(message="before")
-    names = sorted(item.name for item in scene.objects)
-    bpy.ops.patchnet.show_voxels(level=3)
-    bpy.ops.ed.undo_push(message="shown")
-    bpy.ops.ed.undo()
-    scene = bpy.context.scene
-    assert sorted(item.name for item in scene.objects) == names
-    assert results.voxels_of(scene).stale == set()
-    bpy.ops.ed.redo()
-    result = results.voxels_of(bpy.context.scene)
-    assert len(shown().data.vertices) == voxel_counts(result.octree)[3]
-    assert result.stale == set()
-    bpy.data.objects["Slab"].location.x += 1.0
-    bpy.context.view_layer.update()
-    assert result.stale == {"surface"}
 
 
 def test_refusals_change_nothing(scene: bpy.types.Scene) -> None:

@@ -15,7 +15,6 @@ from patchnet.operators.cycles.daylight import SKY_COLOR, SKY_STRENGTH
 from patchnet.operators.cycles.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
 from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
-from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session import world_maps
 from patchnet.operators.session.scene_session import KeyedMap, session_of
@@ -26,7 +25,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+from patchnet.tests.blender.engine_scene import build_for_engine, camera, rendered
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.worlds import (
     SIZE,
@@ -202,8 +201,7 @@ def test_the_engine_renders_the_world_and_follows_film(registered: None, weights
     over_nothing = rendered(scene)["Combined"]
     alpha = over_nothing[..., 3].reshape(-1, 1)
     assert (found[..., 3] == 1.0).all() and (alpha == 0.0).mean() > 0.1
-    camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))[0]
-    expected = over_nothing[..., :3].reshape(-1, 3) + (1.0 - alpha) * shown_by_cycles(camera)
+    expected = over_nothing[..., :3].reshape(-1, 3) + (1.0 - alpha) * shown_by_cycles(camera())
     assert picture_psnr(found[..., :3].reshape(-1, 3), expected) > 55.0
 
 

@@ -14,6 +14,7 @@ from patchnet.operators.session.shown_view import REFINED, view_to_show
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.comparison import picture_psnr
 from patchnet.patchnet_addon.image.tone import srgb_encode
+from patchnet.tests.blender.job_scene import pixels_in, pixels_of
 from patchnet.tests.blender.worlds import SIZE, gradient, nodes_of_world, run, shown_by_cycles
 
 
@@ -27,7 +28,7 @@ def test_pictures_say_which_view_transform_they_have(scene: bpy.types.Scene, wei
         made = run(weights=weights, exposure=1.0)
         save_view(made.views[0], tmp_path / name)
         row, column = np.argwhere(made.views[0].buffers.picture(~made.views[0].buffers.hit))[0]
-        saved[name] = read_png(tmp_path / name / "preview.png")[row, column, :3]
+        saved[name] = pixels_in(tmp_path / name / "preview.png")[row, column, :3]
         assert made.report["view_transform"] == "Standard"
         assert unlike_view(scene) == ("" if name == "Standard" else f"Pictures are Standard, F12 is {name}")
         blenders = saved_by_blender(scene, (0.18, 0.5, 0.9), tmp_path / f"{name}.png")
@@ -45,15 +46,7 @@ def saved_by_blender(scene: bpy.types.Scene, light: tuple[float, float, float], 
         scene.render.image_settings.media_type = "IMAGE"
     scene.render.image_settings.file_format = "PNG"
     image.save_render(str(path), scene=scene)
-    return read_png(path)[0, 0, :3]
-
-
-def read_png(path: Path) -> np.ndarray:
-    """(H, W, 4) encoded colours of a file."""
-    image = bpy.data.images.load(str(path))
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(image.size[1], image.size[0], 4)
+    return pixels_in(path)[0, 0, :3]
 
 
 def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Scene, weights: Path) -> None:
@@ -100,9 +93,7 @@ def test_transparent_pictures_have_alpha_in_files(scene: bpy.types.Scene, weight
     folder = tmp_path / "out" / json.loads((tmp_path / "out" / "report.json").read_text())["frames"][0]["folder"]
     image = bpy.data.images.load(str(folder / "refined.png"))
     assert image.depth == 32
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    found = pixels.reshape(-1, 4)
+    found = pixels_of(image).reshape(-1, 4)
     np.testing.assert_allclose(found[:, 3], view.refined.alpha, atol=0.5 / 255 + 1e-6)
     solid = view.refined.alpha == 1.0
     np.testing.assert_allclose(found[solid, :3], srgb_encode(view.refined.colors)[solid], atol=0.5 / 255 + 1e-6)
