@@ -68,7 +68,8 @@ def supersample_pixels(
     """Pixels (N,) of `camera`, by their indices row * width + column, with side x side rays each.
 
     Each ray has the footprint pixel / side; with `finer`, pixel / finer. Luminance is as `supersample` computes it;
-    colours, which are gray without colour, have what is above white too. Raises SettingError for sample counts outside 1 to 32.
+    colours, which are gray without colour, have what is above white too. Raises SettingError for sample counts outside
+    1 to 32.
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)

@@ -11,13 +11,14 @@ import pytest
 
 from patchnet.operators.render_engine import frame_octree, panels
 from patchnet.operators.render_engine.engine import ENGINE
-from patchnet.operators.render_engine.passes import NO_DEPTH, PASSES
+from patchnet.operators.render_engine.passes import BY_PRIORITY, NO_DEPTH, PASSES
 from patchnet.operators.render_engine.render_frame import pull
 from patchnet.operators.session import results
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.eta import FramesEta
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
+from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -92,6 +93,22 @@ def test_refined_pixels_are_the_reference_over_a_transparent_film(scene: bpy.typ
     assert np.array_equal(combined[~mask, 3], buffers.hit[~mask].astype(np.float32))
     partly = combined[mask, 3]
     assert ((partly > 0.0) & (partly < 1.0)).any()
+
+
+def test_renders_have_sixteen_fine_rays_in_every_pixel_unless_they_are_by_priority(scene: bpy.types.Scene) -> None:
+    scene.patchnet.property_unset("render_samples")
+    scene.render.film_transparent = True
+    found = rendered(scene)
+    assert set(found) == {item.name for item in PASSES} - set(BY_PRIORITY)
+    assert (found["Sample Count"] == 16.0).all()
+    result = results.result_of(scene)
+    assert result is not None and result.coded is None, "nothing looks ahead"
+    means = supersample_pixels(result.octree, camera(), np.arange(WIDTH * HEIGHT), 4, finer=EVEN_FOOTPRINT)
+    combined = found["Combined"].reshape(-1, 4)
+    assert np.allclose(combined[:, :3], means.colors / result.octree.exposure, rtol=1e-5, atol=1e-6)
+    assert np.array_equal(combined[:, 3], means.coverage)
+    scene.patchnet.render_samples = 8.0
+    assert (rendered(scene)["Sample Count"] == 9.0).all(), "3 x 3 is nearest"
 
 
 def test_a_lamp_keeps_its_light_and_the_room_its_exposure(scene: bpy.types.Scene) -> None:

@@ -12,11 +12,12 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import attended
-from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all, supersample_pixels
@@ -104,6 +105,29 @@ def test_the_most_urgent_pixels_come_first() -> None:
     done = picture.samples > 1
     assert done.sum() == 5
     assert picture.ranking.score[done].min() >= picture.ranking.score[~done].max()
+
+
+def test_an_even_picture_has_as_many_fine_rays_in_every_pixel() -> None:
+    octree, eye = colored(random_octree()), camera()
+    picture = AdaptivePicture(octree, eye, None)
+    drain(picture.trace(Pace(band_pixels=50)))
+    assert picture.ranking is None and (picture.samples == 1).all()
+    drain(picture.sample_evenly(4, Pace(batch_rays=500)))
+    assert (picture.samples == 16).all()
+    plain = drain(supersample(octree, eye, 4, finer=EVEN_FOOTPRINT))
+    np.testing.assert_allclose(luminance(picture.colors), plain, atol=1e-3)
+    coarse = drain(supersample(octree, eye, 4))
+    assert np.abs(plain - coarse).max() > 0.01, "rays of a quarter of a pixel meet coarser voxels"
+    reports = []
+    drain(picture.sample_evenly(4), reports.append)
+    assert not reports, "all have theirs"
+
+
+def test_an_even_picture_leaves_out_what_does_not_matter() -> None:
+    picture = AdaptivePicture(random_octree(), camera(), None, importance=halves)
+    drain(picture.trace())
+    drain(picture.sample_evenly(2))
+    np.testing.assert_array_equal(picture.samples, np.where(picture.buffers.importance > 0.0, 4, 1))
 
 
 def halves(buffers: PixelBuffers) -> Steps[np.ndarray]:

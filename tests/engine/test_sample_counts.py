@@ -215,9 +215,9 @@ def test_pixels_are_traced_with_their_samples(with_color: bool) -> None:
 def test_every_chosen_pixel_is_traced_once_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[tuple[int, np.ndarray]] = []
 
-    def counted(octree, camera, pixels, side):  # type: ignore[no-untyped-def]
+    def counted(octree, camera, pixels, side, **how):  # type: ignore[no-untyped-def]
         calls.append((side, pixels))
-        return supersample_pixels(octree, camera, pixels, side)
+        return supersample_pixels(octree, camera, pixels, side, **how)
 
     monkeypatch.setattr(supersampling, "supersample_pixels", counted)
     picture, ranking, _ = view()
