@@ -232,7 +232,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
     scene, settings = frame.scene, frame.settings
-    weights = load_network(settings.network)
+    weights = load_network(settings.network) if settings.view.render_samples is None else None
     overrides = OctreeOverrides(
         cameras=lambda: [frame.camera],
         depsgraph=frame.depsgraph,
@@ -241,7 +241,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     )
     with BakePageCache() as kept:
         made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, overrides)
-    coded, _ = yield from encode(made.octree, weights, settings.compute)
+    coded = None if weights is None else (yield from encode(made.octree, weights, settings.compute))[0]
     for warning in made.warnings:
         frame.warn(warning)
     return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)
