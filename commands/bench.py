@@ -127,7 +127,6 @@ def _walkthrough(parser: argparse.ArgumentParser) -> None:
     _number(parser, "--size", bounds.VIEW_PX, (320, 180), "pixels of each")
     parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
     _number(parser, "--samples", bounds.SAMPLES, 4, "of a baked texel")
-    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
     _number(parser, "--timed", bounds.REPEATS, 3, "frames of PatchNet that are timed")
     _number(parser, "--cycles-timed", bounds.REPEATS, 1, "frames of Cycles that are timed")
     add_number(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fly-through of a scene: the engine PatchNet, with its bake, against Cycles, frame by frame.
 
-PatchNet bakes once and then renders each frame with its default budget; Cycles renders each frame anew with several
+PatchNet bakes once and then renders each frame with its default samples; Cycles renders each frame anew with several
 numbers of samples, denoised where its build can. PatchNet is compared with the cheapest of these that is no worse.
 Errors of all are against many samples. A few frames are rendered, and all of the walk extrapolated from their medians:
 the text says so.
@@ -44,9 +44,8 @@ def measure(args: argparse.Namespace) -> Comparison:
     """Seconds and errors of both; raises PatchNetError, as where a scene of the catalogue is not there."""
     size = tuple(args.size)
     settings = JobSettings.of(
-        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=size,
-        network_device=args.device,
-    )  # fmt: skip
+        depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=size
+    )
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(str(SCENES[args.scene].path()) if args.scene in SCENES else args.scene)
         with _registered():
@@ -100,7 +99,6 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
         "frames": args.frames,
         "size": list(args.size),
         "depth": found.depth,
-        "device": args.device,
         "leaves": found.leaves,
         "setup_s": found.setup_s,
         "frames_s": {name: each.seconds for name, each in ways.items()},

@@ -24,7 +24,6 @@ from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.camera_render import combined_light
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
-from ..pipeline.stages import encode, load_network
 from ..scene_access.overrides import changed
 from ..scene_access.temporary import scene_copy, temporary
 from ..schema.table import VISIBLE
@@ -110,7 +109,7 @@ def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | No
 
 
 def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps[Walk]:
-    """Bake, build and encode for the whole walk, then render frames of it with both engines; raises PatchNetError.
+    """Bake and build for the whole walk, then render frames of it with both engines; raises PatchNetError.
 
     Both render through Blender as F12 does, reading the scene included. The extension has to be registered.
     """
@@ -129,13 +128,11 @@ def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found
     clock = StageClock()
     cameras = [*plan.cameras[::_FIT_EVERY], plan.cameras[-1]]
     made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: cameras))
-    with clock.stage("codes"):
-        coded, _ = yield from encode(made.octree, load_network(settings.network), settings.compute)
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
     result = SceneResult(
-        octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=coded, state=made.state
+        octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state
     )
-    results.keep(context.scene, result, "octree", "light", "codes")
+    results.keep(context.scene, result, "octree", "light")
 
 
 @contextmanager
