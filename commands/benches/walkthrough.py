@@ -47,9 +47,9 @@ def measure(args: argparse.Namespace) -> Comparison:
         depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=size
     )
     with quiet_stdout(), ProgressBars() as bars:
-        open_or_build(str(SCENES[args.scene].path()) if args.scene in SCENES else args.scene)
+        open_scene_of(args.scene)
         with _registered():
-            cameras = walk_cameras(_keys(size), args.frames, size)
+            cameras = walk_cameras(fly_through_keys(size), args.frames, size)
             timed, cycles = (_spread(args.frames, count) for count in (args.timed, args.cycles_timed))
             judged = _spread(args.frames - 1, args.judged)  # each with the frame after it
             samples = sorted(set(args.cycles_samples))
@@ -58,6 +58,11 @@ def measure(args: argparse.Namespace) -> Comparison:
             with nullcontext() if lit else daylight(bpy.context.scene):
                 found = drain(walk(bpy.context, settings, plan), bars.show)
     return _compared(args, found)
+
+
+def open_scene_of(name: str) -> None:
+    """Open a scene of the catalogue, one of the project's own, or a file."""
+    open_or_build(str(SCENES[name].path()) if name in SCENES else name)
 
 
 @contextmanager
@@ -73,7 +78,7 @@ def _registered() -> Iterator[None]:
             registration.unregister()
 
 
-def _keys(size: tuple[int, int]) -> list[Camera]:
+def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
     """Cameras that the walk passes: the scene's own from far to near, or a straight way through its free space."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if sum(item.type == "CAMERA" for item in bpy.context.scene.objects) < 2:

@@ -32,7 +32,7 @@ from ..session.scene_result import SceneResult
 from ..settings.job_settings import JobSettings
 
 ENGINE = "PATCHNET"
-_FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
+FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
 _TRUTH_SEED = 1
 
 
@@ -126,7 +126,7 @@ def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps
 def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found: Walk) -> Steps[None]:
     """Make the voxels that the engine renders from, and keep them for the scene."""
     clock = StageClock()
-    cameras = [*plan.cameras[::_FIT_EVERY], plan.cameras[-1]]
+    cameras = [*plan.cameras[::FIT_EVERY], plan.cameras[-1]]
     made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: cameras))
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
     result = SceneResult(
