@@ -11,11 +11,9 @@ from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapsh
 pytestmark = pytest.mark.usefixtures("scene")
 
 
-def test_a_scene_of_its_own_is_shown_and_selected_and_undo_removes_it() -> None:
+def test_a_scene_of_its_own_is_shown_and_selected() -> None:
     mine = bpy.context.scene
-    names = {item.name for item in bpy.data.objects}
     before = scene_snapshot()
-    bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.patchnet.add_demo_scene() == {"FINISHED"}
     shown = bpy.context.window.scene
     assert shown.name == NAME and shown.camera.name == "Middle" and shown.world is not None
@@ -25,14 +23,20 @@ def test_a_scene_of_its_own_is_shown_and_selected_and_undo_removes_it() -> None:
     views = [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
     assert "CAMERA" in [area.spaces.active.region_3d.view_perspective for area in views]
     bpy.context.window.scene = mine
+    bpy.data.scenes.remove(shown)
+    bpy.data.orphans_purge(do_recursive=True)
+    assert_unchanged(before)
+
+
+def test_undo_removes_it() -> None:
+    bpy.ops.ed.undo_push(message="before")
+    names = {item.name for item in bpy.data.objects}
+    bpy.ops.patchnet.add_demo_scene()
     bpy.ops.ed.undo_push(message="added")  # as Blender does after an operator in a window
     bpy.ops.ed.undo()
     assert NAME not in bpy.data.scenes and {item.name for item in bpy.data.objects} == names
     bpy.ops.ed.redo()
     assert len(bpy.data.scenes[NAME].objects) > 50
-    bpy.data.scenes.remove(bpy.data.scenes[NAME])
-    bpy.data.orphans_purge(do_recursive=True)
-    assert_unchanged(before)
 
 
 def test_it_waits_for_jobs_and_for_object_mode(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,7 +96,7 @@ def test_kinds_of_rays(output: str) -> None:
     shown(tree, both.outputs[0])
     slab(paint=surface)
     lamp("POINT", 5.0, shadow_soft_size=0.1)
-    found = compare()
+    found = compare(1024)
     assert_agrees(found)
     assert np.ptp(found.rendered) > 0.05
 

@@ -60,7 +60,7 @@ def preview():
     viewports: list = []
     watched(viewports)
     choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights")
-    choose(color=True, budget=0.005, refined_samples=1024.0)
+    choose(color=True, budget=0.005, refined_samples=1024.0, render_samples=0.0)
     for step in ("voxelize", "bake_light", "precompute_codes"):
         getattr(bpy.ops.patchnet, step)()
     yield from clicks.wait_for(lambda: viewports and viewports[-1]._preview is not None, "a preview begins", 180.0)

@@ -32,7 +32,7 @@ def prepare() -> clicks.Session:
 
     scene = clicks.window().scene
     choose(resolution="DEPTH", depth=6, scope="VISIBLE", light="two-lights")
-    choose(color=True, strategy="ss-variance", refined_samples=1024.0)
+    choose(color=True, strategy="ss-variance", refined_samples=1024.0, render_samples=0.0)
     wall = scene.objects["Back wall"]
     wall.vertex_groups.new(name="Matters").add(range(len(wall.data.vertices)), 1.0, "REPLACE")
     bpy.context.view_layer.update()
