@@ -116,6 +116,7 @@ def test_settings_that_arguments_give() -> None:
     assert given("--bake-device", "gpu").compute.device == "GPU" and given().compute.device == "AUTO"
     assert given("--no-color").light.color is False and given("--color").light.color is given().light.color is True
     assert given("--depth", "fit").surface.fit and given("--depth", "7").surface.depth == 7
+    assert given("--memory", "4").compute.memory_bytes == 4 * 2**30
     assert given("--mask-image", "Mask").view.importance.image == "Mask"
     assert given("--mask-group", "Head").view.importance.vertex_group == "Head"
     with pytest.raises(SettingError, match="Importance needs one source"):

@@ -24,6 +24,7 @@ def triangle() -> bpy.types.Object:
     bpy.context.scene.collection.objects.link(item)
     item.select_set(True)
     bpy.context.view_layer.objects.active = item
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye")))
     return item
 
 
