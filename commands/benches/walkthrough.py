@@ -51,7 +51,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         with _registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
             timed, cycles = (_spread(args.frames, count) for count in (args.timed, args.cycles_timed))
-            judged = _spread(args.frames - 1, args.judged)  # each with the frame after it
+            judged = _spread(max(args.frames - 1, 1), args.judged)  # each with the frame after it, if there is one
             samples = sorted(set(args.cycles_samples))
             plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), samples, args.truth)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
@@ -111,7 +111,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
             name: args.frames * each.frame_s + (setup if each is found.ours else 0.0) for name, each in ways.items()
         },
         "mse": {name: each.mean_mse for name, each in ways.items()},
-        "flicker": {name: fmean(each.flicker) for name, each in ways.items()},
+        "flicker": {name: fmean(each.flicker) if each.flicker else None for name, each in ways.items()},
         "rival_samples": found.rival,
         "denoised": found.denoised,
         "ahead_from": found.ahead_from,
@@ -126,7 +126,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
 def text(values: dict[str, Any]) -> str:
     """Figures of all in a table, and what they mean for a walk."""
     setup, frames, rival = sum(values["setup_s"].values()), values["frames"], values["rival_samples"]
-    how = ", denoised" if values["denoised"] else ""
+    how, flicker = ", denoised" if values["denoised"] else "", values["flicker"]
     rows = [
         [
             "PatchNet" if name == "patchnet" else f"Cycles, {name} samples{how}",
@@ -134,7 +134,7 @@ def text(values: dict[str, Any]) -> str:
             f"{median(seconds):.2f}",
             f"{values['total_s'][name]:.0f}",
             f"{1e4 * values['mse'][name]:.1f}",
-            f"{1e4 * values['flicker'][name]:.1f}",
+            "" if flicker[name] is None else f"{1e4 * flicker[name]:.1f}",
         ]
         for name, seconds in values["frames_s"].items()
     ]

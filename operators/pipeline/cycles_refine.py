@@ -217,7 +217,7 @@ def _rendered(
 
 
 def _own_rays(view: View, pixels: np.ndarray) -> Steps[PixelMeans]:
-    """OWN_SIDE x OWN_SIDE rays in pixels (N,); all others (P - N) are 0. As those of the engine's renders."""
+    """Means over OWN_SIDE x OWN_SIDE rays, as in renders of the engine, in pixels (N,) of all P; 0 in the others."""
     from ...patchnet_addon.tracing.supersample import PixelMeans, supersample_pixels
 
     octree, camera = view.octree, view.camera

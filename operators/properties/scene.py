@@ -17,7 +17,7 @@ from ...patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
 from ..schema.setting import Kind
 from ..schema.table import TABLE
 from .shapes import number
-from .stages import AnimationProperties, CyclesRefineProperties, DisplayProperties, JobProperties
+from .stages import AnimationProperties, CyclesRefineProperties, DisplayProperties, JobProperties, RenderProperties
 
 _SIDES = {"size_x": 0, "size_y": 1}
 _OTHER = "other"
@@ -84,6 +84,7 @@ class PatchNetSettings(
     AnimationProperties,
     DisplayProperties,
     CyclesRefineProperties,
+    RenderProperties,
     bpy.types.PropertyGroup,
 ):
     """Settings that a scene remembers; operators use them for whatever is not given to themselves."""

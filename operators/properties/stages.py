@@ -8,7 +8,7 @@ from typing import Any
 from bpy.props import BoolProperty, EnumProperty
 
 from ...patchnet_addon.runtime.bounds import FRAME, FRAME_STEP, LEVEL, SHOWN_VOXELS, Bounds
-from ..schema.table import CAMERAS, CODES, IMPORTANCE, LIGHT, OCTREE, OUTPUT, REFINEMENT, VIEW
+from ..schema.table import CAMERAS, CODES, IMPORTANCE, LIGHT, OCTREE, OUTPUT, REFINEMENT, RENDERS, VIEW
 from ..voxel_object import CUBES, POINTS
 from .shapes import OF_ONE_CALL, number, properties_of
 
@@ -47,6 +47,12 @@ class CyclesRefineProperties:
     """Refinement of a preview with Cycles."""
 
     __annotations__ = properties_of(REFINEMENT)
+
+
+class RenderProperties:
+    """Renders of the engine."""
+
+    __annotations__ = properties_of(RENDERS)
 
 
 class OutputProperties:

@@ -29,6 +29,7 @@ NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT, REFINEMENT = (
     "octree", "light", "codes", "cameras", "view", "importance", "output", "refinement",
 )  # fmt: skip
+RENDERS = "renders"  # of the render engine, which no job makes
 
 
 def _baked(values: Any) -> bool:
@@ -217,8 +218,7 @@ _VIEWS = (
         "render_samples", "Render Samples",
         "Rays in every pixel of renders and of the viewport, 16 as 4 x 4; 0 refines by priority, as previews do, and "
         "gives the passes Priority and Coverage",
-        VIEW, Kind.AUTOMATIC, 16.0, bounds.SPP, effect=Effect.NEVER,
-        counts=lambda values: values.id_data.render.engine == "PATCHNET",
+        RENDERS, Kind.AUTOMATIC, 16.0, bounds.SPP,
         widget={"soft_max": 64.0, "precision": 0}, automatic="By Priority", first=16.0,
     ),
     Setting(

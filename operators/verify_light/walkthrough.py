@@ -41,8 +41,8 @@ class Plan:
     """Plan of a walk.
 
     cameras: of all frames. timed, cycles_timed, judged: frames whose seconds count, and whose errors do, which are
-    judged with the frame after each. error_size: of the pictures that are judged, in pixels. samples: of Cycles'
-    frames, which are rendered with each of these numbers. truth: samples that all are judged by.
+    judged with the frame after each, if there is one. error_size: of the pictures that are judged, in pixels. samples:
+    of Cycles' frames, which are rendered with each of these numbers. truth: samples that all are judged by.
     """
 
     cameras: Sequence[Camera]
@@ -217,9 +217,11 @@ def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: W
         known = pair(plan.truth, use_denoising=False, seed=scene.cycles.seed + _TRUTH_SEED)
         for number, (samples, measured) in enumerate(ways.items(), 1):
             yield Progress(at * count + number, len(plan.judged) * count, "Measuring errors")
-            first, second = pair(samples)
-            measured.mse.append(float(np.mean((first - known[0]) ** 2)))
-            measured.flicker.append(float(np.mean((second - first) ** 2) - np.mean((known[1] - known[0]) ** 2)))
+            seen = pair(samples)
+            measured.mse.append(float(np.mean((seen[0] - known[0]) ** 2)))
+            if len(seen) == 2:
+                moved, moves = (np.mean((second - first) ** 2) for first, second in (seen, known))
+                measured.flicker.append(float(moved - moves))
 
 
 def _seen(scene: bpy.types.Scene, engine: str, path: Path) -> np.ndarray:

@@ -35,6 +35,14 @@ def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -
     assert "totals are extrapolated" in said and "against 64 samples" in said and "Cycles, 1 samples" in said
 
 
+def test_a_still_has_no_flicker(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "1", *FEW, "--cycles-samples", "1"]
+    assert main(["bench", "walkthrough", "--frames", "1", *words, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert values["flicker"] == {"patchnet": None, "1": None} and values["mse"]["patchnet"] > 0.0
+    assert "PatchNet" in walkthrough.text(values)
+
+
 def test_the_rival_is_the_cheapest_picture_that_is_no_worse() -> None:
     found = Walk(ours=Measured([2.0], [0.02]), cycles={n: Measured([float(n)], [0.1 / n]) for n in (1, 4, 8, 16)})
     assert found.rival == 8 and found.ahead_from == 1

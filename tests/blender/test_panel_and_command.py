@@ -13,6 +13,7 @@ from patchnet.operators import ui
 from patchnet.operators.properties import scene_settings
 from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.properties.scene import DerivedProperties
+from patchnet.operators.render_engine.panels import PATCHNET_PT_render_refinement
 from patchnet.operators.schema.table import TABLE
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
@@ -95,7 +96,7 @@ def test_every_setting_of_the_panel_is_an_argument() -> None:
 def test_every_setting_of_a_scene_is_in_the_panel() -> None:
     build()
     names = {item.identifier for item in bpy.context.scene.patchnet.bl_rna.properties} - {"rna_type", "name"}
-    of_renders = {"render_samples", "use_render_samples"}  # in the engine's own panel
+    of_renders = set(drawn(PATCHNET_PT_render_refinement))
     assert names - drawn_settings() - of_renders == {"size"}, "whose two sides are shown"
 
 
