@@ -75,7 +75,7 @@ def first_look(
 
     def traced() -> np.ndarray:
         hits = first_hits(octree, camera)
-        light = hits.luminance if octree.chroma is None else seen_color(octree, hits.node)
+        light = hits.luminance if octree.chroma is None else seen_color(octree, hits.node, hits.direction)
         return opaque(ground.picture(light, hits.hit.astype(np.float32)))
 
     picture = yield from computed(traced, Progress(0, 1, f"{camera.name}: Tracing the preview"))

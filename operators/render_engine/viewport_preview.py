@@ -121,7 +121,7 @@ class ViewportPreview:
         square = (row[:, None] * columns + column).ravel()
         if self._map is not None:
             self._world = self._map.look(pixel_directions(camera.with_size(columns, rows)))[square]
-        seen = seen_color(picture.octree, hits.node) + picture.octree.color_above_white(hits.node)
+        seen = seen_color(picture.octree, hits.node, hits.direction) + picture.octree.color_above_white(hits.node)
         picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
 

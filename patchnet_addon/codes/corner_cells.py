@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.side_kernels import side_root, sides_row
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from .brick import MIDDLE, child_at, covering_node
@@ -35,12 +36,12 @@ _COLUMNS = [[octant for octant in range(8) if not octant >> axis & 1] for axis i
 def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
     """Words (C, 8) uint32 of the cells, x fastest, that meet at corners (C, 3) int32 of a level."""
     result = np.empty((len(corners), CORNERS), np.uint32)
-    run_parts(_write_all, len(corners), octree.nodes, octree.luminance, level, corners, result)
+    run_parts(_write_all, len(corners), octree.nodes, octree.light, level, corners, result)
     return result
 
 
 @kernel
-def _write_all(first, last, nodes, luminance, level, corners, result):  # type: ignore[no-untyped-def]
+def _write_all(first, last, nodes, light, level, corners, result):  # type: ignore[no-untyped-def]
     work, words = empty_work(), result.reshape(-1)
     cells = work.cells
     together = len(cells) // CORNERS
@@ -53,7 +54,7 @@ def _write_all(first, last, nodes, luminance, level, corners, result):  # type: 
                 column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
                 node = covering_node(nodes, np.int64(0), level + 1, x - 1 + column, y - 1 + line, z - 1 + plane)
                 cells[CORNERS * (corner - start) + octant] = node
-        _write_words(nodes, luminance, work, words[CORNERS * start : CORNERS * end])
+        _write_words(nodes, light, work, words[CORNERS * start : CORNERS * end])
 
 
 class CellWork(NamedTuple):
@@ -77,7 +78,7 @@ def empty_work():  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[no-untyped-def]
+def write_cells_around(nodes, light, around, words, work):  # type: ignore[no-untyped-def]
     """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
     Cells in the voxel itself count as empty: pixels see them by the octree. work: a `CellWork`.
@@ -96,21 +97,21 @@ def write_cells_around(nodes, luminance, around, words, work):  # type: ignore[n
                     octant = (1 - (i & 1)) | (1 - (j & 1)) << 1 | (1 - (k & 1)) << 2  # they begin half a voxel before
                     cell = child_at(nodes, node, octant) if divided else node
                     if cell >= 0:
-                        prefetch(luminance, np.int64(nodes.first_child[cell]))
+                        prefetch(light.luminance, np.int64(nodes.first_child[cell]))
                     corner, inner = (i >> 1) | (j >> 1) << 1 | (k >> 1) << 2, (i & 1) | (j & 1) << 1 | (k & 1) << 2
                     cells[CORNERS * corner + inner] = cell
-    _write_words(nodes, luminance, work, words)
+    _write_words(nodes, light, work, words)
 
 
 @lean_device
-def _write_words(nodes, luminance, work, words):  # type: ignore[no-untyped-def]
+def _write_words(nodes, light, work, words):  # type: ignore[no-untyped-def]
     """Write the words of the first of the cells in `work` into `words`, at most 64.
 
     Occupied ones are listed first, so that all of them are packed by the same instructions at once.
     """
     cells, places, lights, found = work.cells, work.place, work.lights, work.words
     masks, first_children = nodes.child_mask, nodes.first_child
-    scale = np.float32(1.0 / LUMINANCE_SCALE)
+    luminance, scale = light.luminance, np.float32(1.0 / LUMINANCE_SCALE)
     count = 0
     for place in range(len(words)):
         words[place] = EMPTY
@@ -123,14 +124,29 @@ def _write_words(nodes, luminance, work, words):  # type: ignore[no-untyped-def]
         mask, child = np.int64(255) if leaf else mask, node if leaf else child
         for octant in range(CORNERS):  # without a branch, which no processor could foresee
             there = mask >> octant & 1
-            light = np.float32(luminance[child]) * scale
-            lights[octant * CELLS + count] = light if there else np.float32(-1)
+            own = np.float32(luminance[child]) * scale
+            lights[octant * CELLS + count] = own if there else np.float32(-1)
             child += 0 if leaf or mask >> octant < 2 else there  # stays at the last one
         found[count] = mask
         count += 1
     _pack(found, lights, count)
     for index in range(count):
-        words[places[index]] = found[index]
+        place = places[index]
+        row = sides_row(light.sides, cells[place])
+        words[place] = found[index] if row < 0 else _with_sides(found[index], light, cells[place], row)
+
+
+@lean_device
+def _with_sides(word, light, node, row):  # type: ignore[no-untyped-def]
+    """Word with the luminances of a cell's own sides, as far as anything faces them."""
+    mean = np.sqrt(np.float32(light.luminance[node]) / np.float32(LUMINANCE_SCALE))
+    total, packed = np.float32(0), np.int32(0)
+    for axis in range(3):
+        low, high = side_root(light.sides, row, 2 * axis + 1, mean), side_root(light.sides, row, 2 * axis, mean)
+        total += low + high
+        packed |= _slope_of(low, high) << np.int32(SLOPE + SLOPE_BITS * axis)
+    base = np.int32(np.float32(BASE_STEPS) * (total / np.float32(FACES)) + np.float32(0.5))
+    return np.uint32(np.int32(word & np.uint32(255)) | base << np.int32(BASE) | packed)
 
 
 @lean_device

@@ -13,6 +13,7 @@ import numpy as np
 from ..network.kinds import CHILDREN
 from ..octree.leaf_boxes import STEPS, covered_steps
 from ..octree.octree import LUMINANCE_SCALE
+from ..octree.side_kernels import luminance_along
 from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
 from ..runtime.vectors import LANES
@@ -41,8 +42,8 @@ def empty_fine_list():
 
 
 @lean_device
-def list_fine(nodes, luminance, node, listed):  # type: ignore[no-untyped-def]
-    """List the grandchildren of a node of `BoxedNodes`; returns how many there are."""
+def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
+    """List the grandchildren of a node of `BoxedNodes`, as bright as along a direction; returns how many there are."""
     numbers, lights = listed.number, listed.light
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
@@ -57,7 +58,8 @@ def list_fine(nodes, luminance, node, listed):  # type: ignore[no-untyped-def]
         while inner != 0:
             part = lowest_one(inner)
             inner &= inner - 1
-            numbers[count], lights[count] = CHILDREN * octant + part, np.float32(luminance[cell]) * scale
+            seen = luminance_along(light, cell, direction[0], direction[1], direction[2])
+            numbers[count], lights[count] = CHILDREN * octant + part, seen * scale
             if cell >= first_boxed:
                 _list_box(nodes.boxes, cell - first_boxed, listed, count)
             cell += step

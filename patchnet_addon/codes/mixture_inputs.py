@@ -10,6 +10,7 @@ import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.nodes import BoxedNodes
+from ..octree.sides import NodeLight
 from ..runtime.kernels import lean_device
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
@@ -31,7 +32,7 @@ class NearbyCells(NamedTuple):
     """
 
     nodes: BoxedNodes
-    luminance: np.ndarray
+    light: NodeLight
     cells: np.ndarray
     rows: np.ndarray
     geometry: np.ndarray
@@ -43,7 +44,7 @@ class NearbyCells(NamedTuple):
         assert coded.corner_cells is not None
         octree = coded.octree
         cells = np.ascontiguousarray(coded.corner_cells).ravel()
-        return cls(octree.boxed_nodes, octree.luminance, cells, coded.corner_rows, mask_geometry(), nearby_order())
+        return cls(octree.boxed_nodes, octree.light, cells, coded.corner_rows, mask_geometry(), nearby_order())
 
 
 @cache
@@ -67,7 +68,7 @@ def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type:
     tile, fine, listed = work
     frame, axes = set_ray(ray, tile, view, place)
     order = nearby.order, frame
-    count = list_fine(nearby.nodes, nearby.luminance, node, fine)
+    count = list_fine(nearby.nodes, nearby.light, node, ray[1], fine)
     place_fine(fine, count, (nearby.order, frame, axes), tile, place)
     cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access counts holders
     count = 0

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..octree.leaf_boxes import STEPS, box_side
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.side_kernels import luminance_along
 from ..runtime.bits import count_ones
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import device, kernel
@@ -61,7 +62,7 @@ def render_patches(
         up=np.ascontiguousarray(rays.up, np.float32),
         ratio=np.ascontiguousarray(rays.ratio, np.float32),
     )
-    run_parts(_render, len(rays.level), octree.boxed_nodes, octree.luminance, rays, lookahead, coverage, luminance)
+    run_parts(_render, len(rays.level), octree.boxed_nodes, octree.light, rays, lookahead, coverage, luminance)
     return coverage, luminance
 
 
@@ -165,8 +166,8 @@ def _draw(view, outline, centre_u, centre_v, rows):
 
 
 @device
-def render_patch(nodes, luminance, brick, ray, lookahead, viewport):
-    """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; luminance (n,) is that of the nodes.
+def render_patch(nodes, light, brick, ray, lookahead, viewport):
+    """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; light: `NodeLight` of the nodes.
 
     viewport: `Viewport` to draw in, whatever it held.
 
@@ -214,20 +215,22 @@ def render_patch(nodes, luminance, brick, ray, lookahead, viewport):
             else:
                 taken = _draw(view, cube, centre_u, centre_v, rows)
             hit += taken
-            total += taken * float(luminance[node])
+            if taken:
+                seen = luminance_along(light, np.int64(node), direction[0], direction[1], direction[2])
+                total += taken * float(seen)
         if hit == 4096:
             break
     return hit / 4096.0, total / max(hit, 1)
 
 
 @kernel
-def _render(first, last, nodes, luminance, rays, lookahead, coverage_out, luminance_out):
+def _render(first, last, nodes, light, rays, lookahead, coverage_out, luminance_out):
     for group in range(first, last):
         brick = empty_brick(lookahead)
         viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
         fill_brick(nodes, 0, rays.level[group], rays.cell[group], lookahead, brick)
         for at in range(rays.group_start[group], rays.group_start[group + 1]):
             ray = PatchRay(rays.entry_voxel[at], rays.direction[at], rays.up[at], rays.ratio[at])
-            sigma, mean = render_patch(nodes, luminance, brick, ray, lookahead, viewport)
+            sigma, mean = render_patch(nodes, light, brick, ray, lookahead, viewport)
             coverage_out[at] = sigma
             luminance_out[at] = mean / LUMINANCE_SCALE

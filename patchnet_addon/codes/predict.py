@@ -13,6 +13,7 @@ from ..network.compiled_layers import TILE
 from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
 from ..network.simd import HALF_SCALE, load_halves
 from ..octree.octree import LUMINANCE_SCALE
+from ..octree.side_kernels import luminance_along
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import store
@@ -127,5 +128,6 @@ def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: 
         node = rays.node[pixel]
         ray = rays.entry[pixel], rays.direction[pixel], rays.up[pixel], rays.ratio[pixel]
         place_pixel(nearby, (node, rows[place]), ray, work, inputs[VIEWS * TILE :], covered, luminances, place)
-        luminances[COVERING * TILE + place] = np.float32(nearby.luminance[node]) * scale
+        x, y, z = ray[1][0], ray[1][1], ray[1][2]
+        luminances[COVERING * TILE + place] = luminance_along(nearby.light, node, x, y, z) * scale
     measure_tile(work[0], covered, luminances)

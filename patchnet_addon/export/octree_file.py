@@ -28,6 +28,7 @@ def truncated(octree: Octree, level: int) -> Octree:
     child_mask = octree.child_mask[:count].copy()
     child_mask[octree.level(level)] = 0
     bright = 0 if octree.bright_nodes is None else int(np.searchsorted(octree.bright_nodes, count))
+    sides = 0 if octree.side_nodes is None else int(np.searchsorted(octree.side_nodes, count))
     return replace(
         octree,
         grid=replace(octree.grid, depth=level),
@@ -41,6 +42,10 @@ def truncated(octree: Octree, level: int) -> Octree:
         bright_nodes=None if octree.bright_nodes is None else octree.bright_nodes[:bright],
         bright_colors=None if octree.bright_colors is None else octree.bright_colors[:bright],
         leaf_box=None,
+        side_nodes=None if octree.side_nodes is None else octree.side_nodes[:sides],
+        side_light=None if octree.side_light is None else octree.side_light[:sides],
+        side_share=None if octree.side_share is None else octree.side_share[:sides],
+        side_chroma=None if octree.side_chroma is None else octree.side_chroma[:sides],
         _keys={},
     )
 

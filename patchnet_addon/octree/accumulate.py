@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surface sums per leaf in fixed point: integers add up to the same whatever the order, and so does the octree.
 
-Leaves live in bricks of cells (`bricks.py`).
+Sums of a leaf's sides are floats, which take half the memory; of them an octree keeps 8 bits. Leaves live in bricks of
+cells (`bricks.py`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
 from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
 from .leaf_boxes import WHOLE, joined_boxes, unpacked
+from .sides import FACES
 
 MIN_OPACITY = 1.0 / 255.0
 # A leaf's area counts in 2^-40 of a voxel's face: four million coincident layers fit, and what is smaller counts as
@@ -43,7 +45,9 @@ class _Bricks(NamedTuple):
 
     table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
     rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. sums: (R * columns,) int64 of the leaves.
-    boxes: (R,) uint32 packed, around what is in each leaf. used: (2,) int64, how many bricks and leaves there are.
+    boxes: (R,) uint32 packed, around what is in each leaf. faces: (R * 6 * channels,) float32, sums of the sides of
+    leaves: area, in units, as seen along an axis, and luminance times that, in colour red and blue, too; (0,) without.
+    used: (2,) int64, how many bricks and leaves there are.
     """
 
     table: np.ndarray
@@ -51,24 +55,32 @@ class _Bricks(NamedTuple):
     rows: np.ndarray
     sums: np.ndarray
     boxes: np.ndarray
+    faces: np.ndarray
     used: np.ndarray
 
 
 class LeafAccumulator:
     """Sums over fragments of leaves of side `voxel_size_world`, until `take` hands them out in order of their key."""
 
-    def __init__(self, voxel_size_world: float) -> None:
+    def __init__(self, voxel_size_world: float, *, sides: bool = False) -> None:
         self._area_unit = voxel_size_world**2 / _AREA_UNITS
         self._columns = _COLUMNS
+        self._sides = sides
         keys = np.zeros(1 << 10, np.uint64)
         rows = np.zeros(BRICK_CELLS << 10, np.int32)
         sums = np.zeros(_COLUMNS << 12, np.int64)
         boxes = np.zeros(1 << 12, np.uint32)
-        self._bricks = _Bricks(table_of(keys, 0), keys, rows, sums, boxes, np.zeros(2, np.int64))
+        faces = np.zeros(self._face_numbers << 12, np.float32)
+        self._bricks = _Bricks(table_of(keys, 0), keys, rows, sums, boxes, faces, np.zeros(2, np.int64))
 
     def __len__(self) -> int:
         """Leaves so far."""
         return int(self._bricks.used[1])
+
+    @property
+    def _face_numbers(self) -> int:
+        """Numbers that a leaf's sides take."""
+        return FACES * (2 if self._columns == _COLUMNS else 4) if self._sides else 0
 
     def add(
         self,
@@ -85,7 +97,8 @@ class LeafAccumulator:
         """
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
             self._columns = _COLOR_COLUMNS
-            self._bricks = self._bricks._replace(sums=np.zeros(_COLOR_COLUMNS << 12, np.int64))
+            sums, faces = np.zeros(_COLOR_COLUMNS << 12, np.int64), np.zeros(self._face_numbers << 12, np.float32)
+            self._bricks = self._bricks._replace(sums=sums, faces=faces)
         shading = _Shading(
             np.asarray(luminance, np.float32),
             np.asarray(opacity, np.float32),
@@ -114,16 +127,21 @@ class LeafAccumulator:
             room = min(leaves + leaves // 2, INT32_COUNT - 1)
             self._bricks.sums.resize(room * self._columns, refcheck=False)
             self._bricks.boxes.resize(room, refcheck=False)
+            self._bricks.faces.resize(room * self._face_numbers, refcheck=False)
 
-    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Keys (n,) uint64, ascending, sums (n, 5 or 7) float32 in world units and boxes, as `LeafSums` holds them."""
+    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+        """Keys (n,) uint64, ascending, sums, boxes and sides, as `LeafSums` holds them."""
         bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
         sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
         order = np.argsort(self._bricks.keys[:bricks])
-        boxes = np.empty(leaves, np.uint32)
-        _emit(order, self._bricks, self._area_unit, keys, sums, boxes)
-        return keys, sums, unpacked(boxes)
+        boxes, row = np.empty(leaves, np.uint32), np.empty(leaves, np.int32)
+        _emit(order, self._bricks, self._area_unit, keys, sums, boxes, row)
+        faces = None
+        if self._sides:
+            faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, FACES, -1)[row]
+            faces /= np.float32(_AREA_UNITS)
+        return keys, sums, unpacked(boxes), faces
 
 
 @device
@@ -152,7 +170,7 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
     """Add fragments from `first` on; returns the first that found no room, or their number."""
     keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
     opacity, color = shading.opacity, shading.color
-    table, brick_key, brick_rows, rows, leaf_boxes, count = bricks
+    table, brick_key, brick_rows, rows, leaf_boxes, faces, count = bricks
     brick = np.int64(-1)
     columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
@@ -178,17 +196,31 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
         _add_large(rows, row + 1, weight * luminance)
         for axis in range(3):
             rows[row + 3 + axis] += np.int64(np.rint(weight * normals[triangle[i], axis]))
+        red, blue = _red_and_blue(color[i], luminance) if columns == _COLOR_COLUMNS else (0.0, 0.0)
         if columns == _COLOR_COLUMNS:
-            red, blue = _red_and_blue(color[i], luminance)
             _add_large(rows, row + 6, weight * red)
             _add_large(rows, row + 8, weight * blue)
+        if len(faces):
+            _add_to_faces(faces, leaf, weight, normals[triangle[i]], (luminance, red, blue), columns)
     return len(keys)
 
 
+@device
+def _add_to_faces(faces, leaf, weight, normal, light, columns):  # type: ignore[no-untyped-def]
+    """Add a fragment to the three sides of its leaf that it faces."""
+    channels = 2 if columns == _COLUMNS else 4
+    for axis in range(3):
+        along = weight * abs(normal[axis])
+        at = (FACES * leaf + 2 * axis + (1 if normal[axis] < 0.0 else 0)) * channels
+        faces[at] += np.float32(along)
+        for channel in range(channels - 1):
+            faces[at + 1 + channel] += np.float32(along * light[channel])
+
+
 @kernel
-def _emit(order, bricks, area_unit, keys, sums, boxes):  # type: ignore[no-untyped-def]
-    """Leaves of the bricks in `order`, in Morton order, from fixed point to world units."""
-    _, brick_key, brick_rows, rows, leaf_boxes, _ = bricks
+def _emit(order, bricks, area_unit, keys, sums, boxes, places):  # type: ignore[no-untyped-def]
+    """Leaves of the bricks in `order`, in Morton order, from fixed point to world units; places: where they stood."""
+    _, brick_key, brick_rows, rows, leaf_boxes, _, _ = bricks
     leaf = 0
     columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS
     for brick in order:
@@ -197,6 +229,7 @@ def _emit(order, bricks, area_unit, keys, sums, boxes):  # type: ignore[no-untyp
             if number == 0:
                 continue
             row = (number - 1) * columns
+            places[leaf] = number - 1
             boxes[leaf] = leaf_boxes[number - 1]
             keys[leaf] = (brick_key[brick] << np.uint64(BRICK_BITS)) | np.uint64(cell)
             sums[leaf, 0] = rows[row] * area_unit

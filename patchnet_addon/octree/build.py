@@ -18,6 +18,7 @@ from .hdr_highlights import light_hdr_highlights
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
 from .octree import Octree
+from .side_levels import LeafSides, sides_of_levels
 from .subtrees import Subtrees, subtrees
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 
@@ -32,6 +33,7 @@ def build_octree(
     provenance: dict[str, Any] | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
     boxes: bool = False,
+    sides: bool = False,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if it is a shade of colour.
 
@@ -42,19 +44,20 @@ def build_octree(
     apart (methods 7.1b).
     block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
     boxes: keep the boxes of the finest leaves, so that rays meet what is thinner than a voxel where it is (methods
-    4.1d). Raises GeometryError when no opaque surface is left.
+    4.1d). sides: luminance by direction, for nodes whose sides differ (`sides.py`). Raises GeometryError when no opaque
+    surface is left.
     """
     emitters = Emitters(source)
     watch = emitters.note if exposure is None and emitters.anything else None
     parts = yield from voxelize(
-        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch
+        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch, sides=sides
     )
     parts = [part for part in parts if len(part.root_keys)]
     if not parts:
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes)
+    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes=boxes, sides=sides)
 
 
 def _joined(
@@ -63,7 +66,9 @@ def _joined(
     exposure: float | None,
     provenance: dict[str, Any],
     emitters: Emitters | None = None,
+    *,
     boxes: bool = False,
+    sides: bool = False,
 ) -> Octree:
     """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
     colored = parts[0].leaf_chroma[0].shape[1] > 0
@@ -76,9 +81,12 @@ def _joined(
     normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
     hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
     leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
+    faces = [_leaf_sides(parts, level) for level in range(depth + 1)] if sides else []
     parts.clear()
     bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
+    unexposed = light[:] if sides else []
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
+    found = sides_of_levels(masks, luminance, unexposed, faces, exposure) if sides else None
     child_mask = np.concatenate(masks)
     return Octree(
         grid=replace(grid, depth=depth),
@@ -92,6 +100,10 @@ def _joined(
         bright_nodes=bright if len(bright) else None,
         bright_colors=above if len(bright) else None,
         leaf_box=leaf_box,
+        side_nodes=found.nodes if found else None,
+        side_light=found.light if found else None,
+        side_share=found.share if found else None,
+        side_chroma=found.chroma if found and colored else None,
         exposure=exposure,
         provenance=provenance,
     )
@@ -114,7 +126,15 @@ def _above(parts: Sequence[Subtrees]) -> Subtrees:
         leaf_luminance=whole.leaf_luminance[:-1],
         leaf_chroma=whole.leaf_chroma[:-1],
         leaf_box=whole.leaf_box[:-1],
+        leaf_sides=whole.leaf_sides[:-1],
     )
+
+
+def _leaf_sides(parts: Sequence[Subtrees], level: int) -> LeafSides:
+    """Sides of a level's leaves of all parts, in order."""
+    within = [part for part in parts if 0 <= level - part.root_level < len(part.child_mask)]
+    here = [part.leaf_sides[level - part.root_level] for part in within]
+    return LeafSides(*(np.concatenate(column) for column in zip(*here, strict=True)))
 
 
 def _of_level(

@@ -14,6 +14,7 @@ from ..runtime.errors import OctreeFileError, SettingError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 from .grid import Grid
 from .octree import POPCOUNT, Octree
+from .sides import FACES
 
 KIND = "octree"
 _INFINITY_BITS = 0x7F800000
@@ -26,12 +27,16 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
-# Files without colour, light above white or boxes do not have these, and older readers pass over them.
+# Files without colour, light above white, boxes or sides do not have these, and older readers pass over them.
 _OPTIONAL_DTYPES = {
     "chroma": np.uint8,
     "bright_nodes": np.uint32,
     "bright_colors": np.float32,
     "leaf_box": np.uint8,
+    "side_nodes": np.uint32,
+    "side_light": np.uint8,
+    "side_share": np.uint8,
+    "side_chroma": np.uint8,
 }
 
 
@@ -109,7 +114,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     # Positive numbers are in order of their bits, and infinity, NaN and negative numbers follow.
     if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
         return "an area is not a positive number"
-    if problem := _bright_problem(arrays, count) or _box_problem(arrays):
+    if problem := _bright_problem(arrays, count) or _box_problem(arrays) or _side_problem(arrays, count):
         return problem
     return _children_problem(start.tolist(), arrays["child_mask"], arrays["first_child"])
 
@@ -124,6 +129,21 @@ def _bright_problem(arrays: dict[str, Any], count: int) -> str:
     if (nodes[1:] <= nodes[:-1]).any() or (len(nodes) and nodes[-1] >= count):
         return "a node with light above white is out of order"
     return "" if np.isfinite(colors).all() and (colors >= 0.0).all() else "light above white is not a positive number"
+
+
+def _side_problem(arrays: dict[str, Any], count: int) -> str:
+    """Find what contradicts that sides belong to nodes, each once and in order; else an empty text."""
+    nodes, light, share = (arrays.get(name) for name in ("side_nodes", "side_light", "side_share"))
+    if nodes is None or light is None or share is None:
+        return "" if nodes is light is share is arrays.get("side_chroma") is None else "its sides are incomplete"
+    rows, chroma = nodes.shape[0], arrays.get("side_chroma")
+    if nodes.ndim != 1 or light.shape != (rows, FACES) or share.shape != (rows, FACES):
+        return "its sides are incomplete"
+    if (chroma is None) != ("chroma" not in arrays) or (chroma is not None and chroma.shape != (rows, FACES, 2)):
+        return "the colours of its sides are not as many as its sides"
+    if (nodes[1:] <= nodes[:-1]).any() or (rows and nodes[-1] >= count):
+        return "a node with sides is out of order"
+    return ""
 
 
 def _box_problem(arrays: dict[str, Any]) -> str:

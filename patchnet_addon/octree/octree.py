@@ -18,6 +18,7 @@ from ..surface.chroma import decoded_colors
 from .grid import Grid
 from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights, colors_at, with_bits
 from .nodes import BoxedNodes, Nodes, without_boxes
+from .sides import NO_SIDES, NodeLight, sides_of
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
@@ -40,6 +41,8 @@ class Octree:
     linear colour that the clamp has taken from them (methods 7.1b); None where nothing is above white.
     leaf_box: (f, 3) uint8, boxes around the surface in the leaves of the finest level (`leaf_boxes.py`, methods 4.1d);
     None where leaves are whole voxels.
+    side_nodes, side_light, side_share, side_chroma: (s,) uint32, ascending, (s, 6) and (s, 6) uint8, and in colour
+    (s, 6, 2) uint8: nodes with a luminance by direction (`sides.py`); None where each has one.
     exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
@@ -55,6 +58,10 @@ class Octree:
     bright_nodes: np.ndarray | None = None
     bright_colors: np.ndarray | None = None
     leaf_box: np.ndarray | None = None
+    side_nodes: np.ndarray | None = None
+    side_light: np.ndarray | None = None
+    side_share: np.ndarray | None = None
+    side_chroma: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
     _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
@@ -101,6 +108,7 @@ class Octree:
         """Bytes of the node arrays."""
         arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
         some = (self.bright_nodes, self.bright_colors, self.leaf_box)
+        some += (self.side_nodes, self.side_light, self.side_share, self.side_chroma)
         return sum(array.nbytes for array in (*arrays, *some) if array is not None)
 
     @cached_property
@@ -109,6 +117,14 @@ class Octree:
         if self.bright_nodes is None or self.bright_colors is None:
             return NO_HIGHLIGHTS
         return with_bits(self.bright_nodes, self.bright_colors, self.node_count)
+
+    @cached_property
+    def light(self) -> NodeLight:
+        """Luminance of nodes and of their sides, for kernels."""
+        if self.side_nodes is None or self.side_light is None or self.side_share is None:
+            return NodeLight(self.luminance, NO_SIDES)
+        sides = sides_of(self.side_nodes, self.node_count, self.side_light, self.side_share, self.side_chroma)
+        return NodeLight(self.luminance, sides)
 
     def free_keys(self) -> None:
         """Forget the cells that `keys` has computed; it computes them again."""

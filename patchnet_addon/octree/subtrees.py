@@ -14,6 +14,8 @@ import numpy as np
 
 from .leaf_boxes import WHOLE, unpacked
 from .levels import area_and_normal, merge_nodes, parents_of, stored_chroma, sums_of_level
+from .side_levels import LeafSides, leaf_sides
+from .sides import FACES
 from .voxelize import LeafSums
 
 
@@ -24,7 +26,7 @@ class Subtrees:
     root_keys: (r,) uint64 of the blocks that hold anything. root_sums: (r, 4) float64, area and area * normal (x, y, z)
     in world units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as `Octree` holds
     them, leaf_luminance (l,) float32, means over its leaves before exposure, leaf_chroma (l, 2) uint8, or (l, 0)
-    without colour, and leaf_box (l, 3) uint8.
+    without colour, leaf_box (l, 3) uint8, and leaf_sides, of no leaves where sides are not kept apart.
     """
 
     root_level: int
@@ -36,6 +38,7 @@ class Subtrees:
     leaf_luminance: tuple[np.ndarray, ...]
     leaf_chroma: tuple[np.ndarray, ...]
     leaf_box: tuple[np.ndarray, ...]
+    leaf_sides: tuple[LeafSides, ...]
 
 
 def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
@@ -51,7 +54,10 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
         luminance = own.sums[:, 1] / own.sums[:, 0]
-        levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own)))
+        kept = own.faces is not None
+        faces = own.faces if kept else np.empty((0, FACES, width - 3), np.float32)
+        sides = leaf_sides(faces, luminance if kept else luminance[:0])
+        levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
     columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
     return Subtrees(root_level, keys, sums, *columns)
 

@@ -37,12 +37,15 @@ class LeafSums:
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
     and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) where only keys
     are asked for. boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
+    faces: (n, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area that faces it as seen along its axis, over
+    that of a voxel's face, and luminance, in colour red and blue, times that; None where sides are not kept apart.
     """
 
     level: int
     keys: np.ndarray
     sums: np.ndarray
     boxes: np.ndarray | None = None
+    faces: np.ndarray | None = None
 
 
 def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,6 +67,7 @@ def voxelize(
     block_fragments: int = BLOCK_FRAGMENTS,
     watch: Watch | None = None,
     only_keys: bool = False,
+    sides: bool = False,
 ) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
@@ -74,11 +78,12 @@ def voxelize(
     called in threads, as is `watch`, which hears of all fragments: their level, batch and luminance. The leaves do not
     depend on this division, nor on the order of triangles, as far as `shade` does not.
     only_keys: add nothing up; the leaves' sums are (n, 0), and `block_fragments` counts for less memory.
+    sides: keep the leaves' sides apart, too.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
     for number, ranges in enumerate(passes):
-        shares = [_Share(blocks, grid, shade, watch, only_keys) for blocks in ranges]
+        shares = [_Share(blocks, grid, shade, watch, only_keys=only_keys, sides=sides) for blocks in ranges]
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
@@ -89,14 +94,16 @@ def voxelize(
 class _Share:
     """Share of a pass that one core computes: the leaves of some blocks."""
 
-    def __init__(self, blocks: BlockRange, grid: Grid, shade: ShadingFn, watch: Watch | None, only_keys: bool) -> None:
+    def __init__(
+        self, blocks: BlockRange, grid: Grid, shade: ShadingFn, watch: Watch | None, *, only_keys: bool, sides: bool
+    ) -> None:
         self.block_level = blocks.layout.block_level
         self._grid = grid
         self._shade = shade
         self._watch = watch
         self._cells = blocks.cells()
         self._leaves: dict[int, LeafAccumulator | OccupiedCells] = {
-            level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level))
+            level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level), sides=sides)
             for level in self._cells
         }
 

@@ -61,7 +61,7 @@ class Looks:
         if part == FINE_RAYS:
             return (fine_rays(self.octree, self.camera, pixels, lookahead=lookahead),)
         nodes = behind_of(self.octree, self.camera, pixels, lookahead=lookahead)
-        return seen_luminance(self.octree, nodes), nodes >= 0
+        return seen_luminance(self.octree, nodes, hits.direction[pixels]), nodes >= 0
 
 
 class KnownPixels:

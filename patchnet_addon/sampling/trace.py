@@ -76,7 +76,7 @@ def trace_view(
         prediction=prediction,
         exact=exact,
         reference=None if sampled is None else sampled.luminance,
-        preview_color=seen_color(octree, hits.node) if colored else None,
+        preview_color=seen_color(octree, hits.node, hits.direction) if colored else None,
         reference_color=sampled.colors if sampled is not None and colored else None,
         reference_alpha=None if sampled is None else sampled.coverage,
         fine=patch.fine,
@@ -86,7 +86,9 @@ def trace_view(
         child_mask=seen_children(octree, hits.node) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
         scene_luminance=float(octree.luminance_float(slice(1))[0]),
-        behind_color=seen_color(octree, behind_node) if colored and behind_node is not None else None,
+        behind_color=seen_color(octree, behind_node, hits.direction)
+        if colored and behind_node is not None
+        else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,

@@ -15,7 +15,7 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
 from .camera import Camera, CameraUnit, camera_in_unit_cube
-from .render import finer_than_pixel, seen_luminance
+from .render import finer_than_pixel
 from .tile import (
     BEHIND,
     COARSE,
@@ -27,6 +27,7 @@ from .tile import (
     YS,
     Search,
     aim_tile,
+    luminance_of_ray,
     make_levels,
     make_tile,
     node_seen,
@@ -39,7 +40,7 @@ def behind_of(octree: Octree, camera: Camera, pixels: np.ndarray, *, lookahead: 
     """Nodes (N,) int64 that show behind the patches of pixels (N,), -1 for none: `behind_node` of `patch_hits`."""
     unit = camera_in_unit_cube(camera, octree.grid)
     search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND, octree.depth)
-    return _traced(octree, unit, pixels, search, 1)[:, 0]
+    return _traced(octree, unit, pixels, search, 1)[0][:, 0]
 
 
 def fine_rays(
@@ -54,8 +55,7 @@ def fine_rays(
     unit = camera_in_unit_cube(camera, octree.grid)
     finer = unit.finer(finer_than_pixel(lookahead))
     search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth)
-    nodes = _traced(octree, unit, pixels, search, 2)
-    return seen_luminance(octree, nodes.ravel()).reshape(nodes.shape)
+    return _traced(octree, unit, pixels, search, 2)[1]
 
 
 def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,19 +73,26 @@ def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np
     return order, np.concatenate([np.zeros(1, np.int64), ends])
 
 
-def _traced(octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int) -> np.ndarray:
-    """Nodes (N, side * side) int64 that the rays of pixels (N,) end with, the lowest row first, -1 for a miss."""
+def _traced(
+    octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (N, side * side) int64 that the rays of pixels (N,) end with, the lowest row first, -1 for a miss.
+
+    And their luminances, float32, 0 for a miss.
+    """
     pixels = np.asarray(pixels, np.int64)
     order, starts = blocks(pixels, unit.width_px, side)
-    found = np.empty((len(pixels), side * side), np.int64)
+    found, seen = np.empty((len(pixels), side * side), np.int64), np.empty((len(pixels), side * side), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_trace_blocks, len(starts) - 1, octree.boxed_nodes, unit, search, chosen, found)
-    return found
+    scene = octree.boxed_nodes, octree.light
+    run_parts(_trace_blocks, len(starts) - 1, scene, unit, search, chosen, found, seen)
+    return found, seen
 
 
 @kernel
-def _trace_blocks(first, last, nodes, camera, search, chosen, found):  # type: ignore[no-untyped-def]
-    """Write the nodes that rays of pixels end with, a block in one tile. chosen: of `_traced`."""
+def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # type: ignore[no-untyped-def]
+    """Write the nodes that rays of pixels end with, and their luminances, a block in one tile. chosen: of `_traced`."""
+    nodes, light = scene
     pixels, places, starts, side = chosen
     tile, levels = make_tile(), make_levels()
     for block in range(first, last):
@@ -94,9 +101,13 @@ def _trace_blocks(first, last, nodes, camera, search, chosen, found):  # type: i
         trace_tile(nodes, search, tile, levels)
         for index in range(starts[block], starts[block + 1]):
             top, left = corner_of(camera, pixels[index], side)
+            place = places[index]
             for j in range(side):
                 for i in range(side):
-                    found[places[index], side * j + i] = node_seen(camera, tile, search.last, ray_of(top + j, left + i))
+                    ray, sample = ray_of(top + j, left + i), side * j + i
+                    node = node_seen(camera, tile, search.last, ray)
+                    found[place, sample] = node
+                    seen[place, sample] = luminance_of_ray(light, node, tile, ray) if node >= 0 else np.float32(0)
 
 
 @lean_device

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
 from ..octree.octree import Octree
+from ..octree.side_kernels import see_colors, see_luminance
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
@@ -143,8 +144,8 @@ def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKA
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced),
-        seen_luminance(octree, traced.fine),
-        seen_luminance(octree, traced.behind) if behind else None,
+        seen_luminance(octree, traced.fine, traced.direction),
+        seen_luminance(octree, traced.behind, traced.direction) if behind else None,
         traced.behind if behind else None,
     )
 
@@ -183,20 +184,28 @@ def _hits(octree: Octree, camera: Camera, traced: TracedPixels) -> Hits:
         width_px=camera.width_px,
         height_px=camera.height_px,
         camera_up=np.asarray(camera.up, np.float64),
-        luminance=seen_luminance(octree, traced.node),
+        luminance=seen_luminance(octree, traced.node, traced.direction),
     )
 
 
-def seen_luminance(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    """Luminance (P,) float32 of nodes (P,), 0 where there is none (-1)."""
-    return np.where(nodes >= 0, octree.luminance_float(np.maximum(nodes, 0)), np.float32(0.0))
+def seen_luminance(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Luminance (P,) float32 of nodes (P,) along directions (P, 3) float32, 0 where there is none (-1)."""
+    seen = np.empty(len(nodes), np.float32)
+    run_parts(see_luminance, len(nodes), octree.light, nodes, directions, seen)
+    return seen
 
 
-def seen_color(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    """Linear colours (P, 3) float32 of nodes (P,), 0 where there is none (-1); gray without colour."""
+def seen_color(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Linear colours (P, 3) float32 of nodes (P,) along directions (P, 3), 0 where there is none (-1).
+
+    They are gray without colour.
+    """
+    if octree.chroma is None:
+        return np.repeat(seen_luminance(octree, nodes, directions)[:, None], 3, axis=1)
     colors = np.zeros((len(nodes), 3), np.float32)
     met = nodes >= 0
     colors[met] = octree.color_float(nodes[met])
+    run_parts(see_colors, len(nodes), octree.light.sides, nodes, directions, colors)
     return colors
 
 

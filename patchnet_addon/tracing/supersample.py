@@ -9,6 +9,8 @@ import numpy as np
 
 from ..octree.hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.side_kernels import color_along, luminance_of_sides, sides_row
+from ..octree.sides import NodeLight
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel, lean_device
@@ -18,7 +20,7 @@ from ..runtime.vectors import LANES
 from ..surface.chroma_kernels import decode_color
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
-from .tile import COARSE, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen
+from .tile import COARSE, DIRECTION, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen
 from .tile_walk import trace_tile
 
 MAX_SIDE = int(RAYS.high)  # per pixel side
@@ -40,9 +42,9 @@ class PixelMeans(NamedTuple):
 
 
 class _Light(NamedTuple):
-    """Light of nodes: luminance and chroma, none of which for gray, as octrees hold them, and what is above white."""
+    """Light of nodes: luminance with sides, chroma, none of which for gray, and what is above white."""
 
-    luminance: np.ndarray
+    nodes: NodeLight
     chroma: np.ndarray
     above_white: HdrHighlights
 
@@ -73,7 +75,7 @@ def supersample_pixels(
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
-    light = _Light(octree.luminance, _chroma(octree), octree.hdr_highlights)
+    light = _Light(octree.light, _chroma(octree), octree.hdr_highlights)
     means = _mean_of_rays(octree, light, unit, np.asarray(pixels, np.int64), side)
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
 
@@ -86,7 +88,7 @@ def _supersampled(octree: Octree, chroma: np.ndarray, camera: Camera, side: int,
     """Means of the rays of all pixels; colours unless `chroma` is empty."""
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
-    light = _Light(octree.luminance, chroma, NO_HIGHLIGHTS)  # errors are of what is clamped
+    light = _Light(octree.light, chroma, NO_HIGHLIGHTS)  # errors are of what is clamped
     luminance, coverage = (np.empty(camera.pixel_count, np.float32) for _ in range(2))
     colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
@@ -146,15 +148,18 @@ def _sum_rays(nodes, light, camera, search, pixels, side, scratch):  # type: ign
 
 @lean_device
 def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
-    """Add what a ray has met to the sums: stored luminance, whose sum is exact, colours, and the number of hits."""
-    luminance, chroma, above = light
+    """Add what a ray has met to the sums: luminance, colours, and the number of hits."""
+    nodes, chroma, above = light
     node = node_seen(camera, tile, COARSE, ray)
     if node >= 0:
-        sums[0] += luminance[node]
+        numbers = tile.numbers
+        x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
+        row = sides_row(nodes.sides, node)
+        sums[0] += nodes.luminance[node] if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
         sums[4] += 1.0
         if len(chroma):
-            seen = luminance[node] / LUMINANCE_SCALE
-            red, green, blue = decode_color(seen, chroma[node, 0], chroma[node, 1])
+            seen = decode_color(nodes.luminance[node] / LUMINANCE_SCALE, chroma[node, 0], chroma[node, 1])
+            red, green, blue = seen if row < 0 else color_along(nodes.sides, row, seen, x, y, z)
             sums[1] += red
             sums[2] += green
             sums[3] += blue

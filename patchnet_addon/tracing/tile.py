@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.contract import MAX_LEVELS
+from ..octree.octree import LUMINANCE_SCALE
+from ..octree.side_kernels import luminance_along
 from ..runtime.kernels import device, lean_device
 from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
 
@@ -182,6 +184,13 @@ def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
     if node >= 0 and tile.numbers[LENGTH + phase, ray] * tile.numbers[SPEED, ray] > camera.farthest:
         return np.int64(-1)
     return node
+
+
+@lean_device
+def luminance_of_ray(light, node, tile, ray):  # type: ignore[no-untyped-def]
+    """Luminance in [0, 1], float32, that a node shows along a ray."""
+    x, y, z = tile.numbers[DIRECTION, ray], tile.numbers[DIRECTION + 1, ray], tile.numbers[DIRECTION + 2, ray]
+    return luminance_along(light, node, x, y, z) / np.float32(LUMINANCE_SCALE)
 
 
 @lean_device

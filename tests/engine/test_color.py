@@ -115,7 +115,7 @@ def test_leaves_hold_means_over_their_surface(bits: int) -> None:
     leaves = LeafAccumulator(1.0 / 1024)
     fragments = Fragments(keys, np.zeros(count, np.int32), np.zeros((count, 2), np.float32), areas)
     leaves.add(fragments, luminance, np.ones(count), np.array([[0.0, 0.0, 1.0]]), 0.5 * color)
-    found, sums, _ = leaves.take()
+    found, sums, *_ = leaves.take()
     luminance = np.clip(np.nan_to_num(luminance.astype(float), posinf=2.0**32, neginf=-(2.0**32)), -(2.0**32), 2.0**32)
     color[:7] = luminance[:7, None]
     expected, place = np.unique(keys, return_inverse=True)

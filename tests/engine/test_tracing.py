@@ -137,7 +137,7 @@ def test_colour_of_pictures(octree):
     np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3)[1], atol=1e-5)
     np.testing.assert_allclose(colors @ (0.2126, 0.7152, 0.0722), luminance, atol=1e-6)
     hits = first_hits(colored, camera)
-    seen = seen_color(colored, hits.node)
+    seen = seen_color(colored, hits.node, hits.direction)
     np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
     np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
     gray = seen_color(octree, hits.node)

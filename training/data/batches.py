@@ -83,7 +83,7 @@ def gather_batch(
     ahead; `nearby`: with the luminances that a mixture needs."""
     stored = np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), np.ascontiguousarray(views)
     blocks, rows, rays, near = _gather(
-        (forest.nodes, forest.luminance, forest.normal, forest.root),
+        (forest.nodes, forest.light, forest.normal, forest.root),
         stored,
         (augmentation.remap, augmentation.symmetry, _symmetries(lookahead)),
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
@@ -95,7 +95,8 @@ def gather_batch(
 @kernel
 def _gather(forest, stored, augmentation, how, tables):
     """Gather a batch by one call, since each of Python's steps in between would find its own code in no cache."""
-    nodes, luminance, normal, root = forest
+    nodes, light, normal, root = forest
+    luminance = light.luminance
     trees, voxels, views = stored
     _, symmetry, symmetries = augmentation
     lookahead, width, nearby = how
@@ -118,7 +119,7 @@ def _gather(forest, stored, augmentation, how, tables):
     )
     if nearby:
         rays = entry, direction, up, ratio
-        gather_nearby(nodes, luminance, (tree, around, linear), rays, (geometry, orders), near)
+        gather_nearby(nodes, light, (tree, around, linear), rays, (geometry, orders), near)
     _turn_views((entry, direction, up), light, (symmetry, symmetries), linear)
     return blocks[:used], _corner_rows(moved, position), (entry, direction, up, ratio, coverage, light), near
 

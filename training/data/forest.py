@@ -11,6 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.octree.nodes import BoxedNodes
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
+from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device
 
@@ -37,6 +38,11 @@ class Forest:
     nodes: ForestNodes
     luminance: np.ndarray
     normal: np.ndarray
+
+    @property
+    def light(self) -> NodeLight:
+        """Luminance as kernels take it: samples are of voxels that show one from all sides."""
+        return NodeLight(self.luminance, NO_SIDES)
 
 
 @device

@@ -75,7 +75,7 @@ class FreshCorpus:
         start = np.random.SeedSequence([seed, _DRAWS, step]).generate_state(1, np.uint64)[0]
         where = self.lists.voxel, self.lists.start, self.lists.below
         how = self.settings.first_hit, self.settings.lookahead
-        octrees = self.forest.nodes, self.forest.luminance, self.forest.root
+        octrees = self.forest.nodes, self.forest.light, self.forest.root
         if not _draw(start, places.start, octrees, where, how, tree, voxel, views):
             raise PatchNetError("No voxel of an octree can be seen from outside: it is too coarse for training")
         return tree, voxel, views
@@ -141,7 +141,7 @@ def _held_out_samples(
 
 @kernel
 def _draw(start, first, octrees, lists, how, tree, voxel, views):
-    nodes, luminance, root = octrees
+    nodes, light, root = octrees
     candidates, starts, below = lists
     first_hit, lookahead = how
     state = np.empty(1, np.uint64)
@@ -159,7 +159,7 @@ def _draw(start, first, octrees, lists, how, tree, voxel, views):
             here = candidates[starts[octree, level] + min(np.int64(uniform(state) * count), count - 1)]
             node = here.astype(np.int64)
             own = tree_nodes(nodes, octree)
-            if draw_voxel_views(state, own, luminance, root[octree], node, first_hit, lookahead, views[place]):
+            if draw_voxel_views(state, own, light, root[octree], node, first_hit, lookahead, views[place]):
                 found = True
                 break
         if not found:

@@ -44,10 +44,10 @@ Nearby = NearbyOf[np.ndarray]
 
 
 @device
-def gather_nearby(nodes, luminance, where, rays, tables, found):  # type: ignore[no-untyped-def]
+def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-untyped-def]
     """Write cells near V voxels, as R rays see them, none of them turned, into `found`: the arrays of a `Nearby`.
 
-    nodes, luminance: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset
+    nodes, light: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset
     (V, 2) of luminance. rays: entry, direction, up (V, R, 3) and ratio (V, R). tables: `mask_geometry`, `nearby_order`.
     """
     count, of_voxel = rays[3].size, rays[3].shape[1]
@@ -71,8 +71,8 @@ def gather_nearby(nodes, luminance, where, rays, tables, found):  # type: ignore
             here = index // of_voxel
             if here != last:
                 own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
-                write_cells_around(own, luminance, around[here], words, work)
-                inside, near = list_fine(own, luminance, node, fine), 0
+                write_cells_around(own, light, around[here], words, work)
+                inside, near = list_fine(own, light, node, direction[index], fine), 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
                 unpack_cells(listed, near)
@@ -81,7 +81,7 @@ def gather_nearby(nodes, luminance, where, rays, tables, found):  # type: ignore
             frame, axes = set_ray(ray, tile, views, place)
             place_fine(fine, inside, (orders, frame, axes), tile, place)
             measure_cells(listed, near, ray, shares, lights, (orders, frame), place)
-            luminances[index, COVERING] = np.float32(luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
+            luminances[index, COVERING] = np.float32(light.luminance[node]) * np.float32(1.0 / LUMINANCE_SCALE)
         measure_tile(tile, shares, lights)
         _write_columns(views, together, view[start:])
         _write_columns(shares, together, covered[start:])

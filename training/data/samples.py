@@ -14,6 +14,7 @@ import numpy as np
 from ...patchnet_addon.codes.brick import MIDDLE, check_nodes, empty_brick, fill_brick
 from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.kernels import device, kernel
@@ -102,7 +103,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     views = np.zeros((len(voxels), settings.views, VIEW_FIELDS), np.uint16)
     good = np.zeros(len(voxels), np.bool_)
     start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
-    scene = octree.boxed_nodes, octree.luminance
+    scene = octree.boxed_nodes, NodeLight(octree.luminance, NO_SIDES)
     how = settings.first_hit, settings.lookahead
     run_parts(_draw_views, len(voxels), scene, voxels.astype(np.int32), start, how, views, good)
     return views, good
@@ -172,7 +173,7 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @device
-def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead, views):
+def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, views):
     """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
 
     state: (1,) uint64, of the random numbers, which is moved on.
@@ -202,7 +203,7 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
             direction[axis] = along / SIGNED
             up[axis] = across / SIGNED
         ray = PatchRay(origin, direction, up, float(ratio) / UNIT)
-        sigma, mean = render_patch(nodes, luminance, brick, ray, lookahead, viewport)
+        sigma, mean = render_patch(nodes, light, brick, ray, lookahead, viewport)
         views[found, 9] = ratio
         views[found, 10] = np.uint16(np.rint(sigma * COVERAGE_SCALE))
         views[found, 11] = np.uint16(np.rint(mean))
@@ -212,9 +213,9 @@ def draw_voxel_views(state, nodes, luminance, root, voxel, first_hit, lookahead,
 
 @kernel
 def _draw_views(first, last, scene, voxels, start, how, views, good):
-    nodes, luminance = scene
+    nodes, light = scene
     first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for group in range(first, last):
         begin_random(state, start, group)
-        good[group] = draw_voxel_views(state, nodes, luminance, 0, voxels[group], first_hit, lookahead, views[group])
+        good[group] = draw_voxel_views(state, nodes, light, 0, voxels[group], first_hit, lookahead, views[group])

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kernels that see a node along a direction; `sides.py` says what sides are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.bits import count_ones
+from ..runtime.kernels import kernel, lean_device
+from ..surface.chroma_kernels import decode_color
+from .octree import LUMINANCE_SCALE
+
+_ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
+# Of a face that fills its voxel: what of the mean shows where next to nothing faces the ray, as at the back of a sheet.
+_MEAN = np.float32(255.0 / 512.0)
+_LEAST_SHARE = 7  # of 255: what shows less of a face says nothing about it
+
+
+@lean_device
+def sides_row(sides, node):  # type: ignore[no-untyped-def]
+    """Row of a node's sides, -1 if it has none."""
+    if len(sides.bits) == 0:
+        return np.int64(-1)
+    word, bit = sides.bits[node >> 6], np.uint64(node & 63)
+    if word >> bit & np.uint64(1) == 0:
+        return np.int64(-1)
+    return np.int64(sides.ranks[node >> 6]) + count_ones(word & ((np.uint64(1) << bit) - np.uint64(1)))
+
+
+@lean_device
+def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
+    """Luminance, 65535 = 1, float32, that a node shows along a direction."""
+    row = sides_row(light.sides, node)
+    return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
+
+
+@lean_device
+def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
+    """Luminance, 65535 = 1, float32, that the sides in a row show of a node along a direction."""
+    mean = np.float32(light.luminance[node])
+    a, a_weight = _face_along(light.sides, row, np.int64(0), x)
+    b, b_weight = _face_along(light.sides, row, np.int64(2), y)
+    c, c_weight = _face_along(light.sides, row, np.int64(4), z)
+    return (_MEAN * mean + a + b + c) / (_MEAN + a_weight + b_weight + c_weight)
+
+
+@lean_device
+def _face_along(sides, row, first, along):  # type: ignore[no-untyped-def]
+    """Luminance times weight, and weight, of the one of an axis's two faces that a direction runs against."""
+    face = first + (1 if along > 0 else 0)
+    weight, root = np.float32(abs(along)) * np.float32(sides.share[row, face]), np.float32(sides.light[row, face])
+    return weight * root * root * _ROOT_SCALE, weight
+
+
+@lean_device
+def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
+    """Root of the luminance of a face, float32; where next to nothing faces it, the root of the `mean`."""
+    return np.float32(sides.light[row, face]) / np.float32(255) if sides.share[row, face] > _LEAST_SHARE else mean
+
+
+@lean_device
+def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
+    """Linear colour that sides show along a direction; mean: the node's colour."""
+    red, green, blue, total = _MEAN * mean[0], _MEAN * mean[1], _MEAN * mean[2], np.float64(_MEAN)
+    for axis in range(3):
+        along = x if axis == 0 else y if axis == 1 else z
+        face = 2 * axis + (1 if along > 0 else 0)
+        light, weight = _face_along(sides, row, np.int64(2 * axis), along)
+        r, g, b = decode_color(light / LUMINANCE_SCALE, sides.chroma[row, face, 0], sides.chroma[row, face, 1])
+        red, green, blue, total = red + r, green + g, blue + b, total + weight
+    return red / total, green / total, blue / total
+
+
+@kernel
+def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[no-untyped-def]
+    """Write luminances (P,) float32 of nodes (P,) int64 along directions (P, 3), 0 where there is none (-1)."""
+    for i in range(first, last):
+        way = directions[i]
+        found = luminance_along(light, nodes[i], way[0], way[1], way[2]) if nodes[i] >= 0 else np.float32(0)
+        seen[i] = found / np.float32(LUMINANCE_SCALE)
+
+
+@kernel
+def see_colors(first, last, sides, nodes, directions, seen):  # type: ignore[no-untyped-def]
+    """Bring colours (P, 3) float32 of nodes (P,) int64 to what their sides show along directions (P, 3)."""
+    for i in range(first, last):
+        row = sides_row(sides, nodes[i]) if nodes[i] >= 0 else np.int64(-1)
+        if row >= 0:
+            way = directions[i]
+            mean = np.float64(seen[i, 0]), np.float64(seen[i, 1]), np.float64(seen[i, 2])
+            seen[i, 0], seen[i, 1], seen[i, 2] = color_along(sides, row, mean, way[0], way[1], way[2])

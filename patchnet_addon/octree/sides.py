@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Luminance of a voxel by the direction that it is seen along, for the nodes whose sides differ (methods 7.2g).
+
+A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
+outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and
+how much of that is seen there. Along a direction d a node shows the mean of the three faces that d runs against,
+weighed by that and by |d| on their axis. All other nodes show their mean.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+FACES = 6
+_WORD = 64
+_NONE, _GRAY = np.empty((0, FACES), np.uint8), np.empty((0, FACES, 2), np.uint8)
+
+
+class Sides(NamedTuple):
+    """Sides of s of an octree's n nodes.
+
+    bits: (ceil(n / 64),) uint64, which nodes have them. ranks: (ceil(n / 64),) uint32, how many have them before those
+    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, over the
+    largest. chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2) without colour.
+    """
+
+    bits: np.ndarray
+    ranks: np.ndarray
+    light: np.ndarray
+    share: np.ndarray
+    chroma: np.ndarray
+
+
+NO_SIDES = Sides(np.empty(0, np.uint64), np.empty(0, np.uint32), _NONE, _NONE, _GRAY)
+
+
+class NodeLight(NamedTuple):
+    """Luminance (n,) uint16 of nodes, 65535 = 1, and their sides: what kernels see of an octree's light."""
+
+    luminance: np.ndarray
+    sides: Sides
+
+
+def sides_of(nodes: np.ndarray, count: int, light: np.ndarray, share: np.ndarray, chroma: np.ndarray | None) -> Sides:
+    """Sides of ascending nodes (s,) of `count`, as kernels read them."""
+    if not len(nodes):
+        return NO_SIDES
+    bits = np.zeros(-(-count // _WORD) * 8, np.uint8)
+    np.bitwise_or.at(bits, nodes >> 3, (1 << (nodes & 7)).astype(np.uint8))
+    words = bits.view("<u8").astype(np.uint64)
+    ranks = np.searchsorted(nodes, np.arange(len(words), dtype=np.int64) * _WORD).astype(np.uint32)
+    return Sides(words, ranks, light, share, _GRAY if chroma is None else chroma.reshape(-1, FACES, 2))

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Luminance by direction: what nodes show from each side, how sides of children make those of their parent, and files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE
+from patchnet.patchnet_addon.octree.side_levels import _compose, _empty_faces
+from patchnet.patchnet_addon.runtime.errors import OctreeFileError
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.chroma import REC709
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.render import first_hits, seen_color, seen_luminance
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
+from patchnet.tests.references.sides import composed_reference, seen_reference
+
+from .test_color import GRID, color_shade, gray_shade, soup
+
+DOWN, UP = -1.0, 1.0
+
+
+def quad(z: float, half: float, facing: float) -> np.ndarray:
+    """Two triangles (2, 3, 3) of a square across z whose normal points up or down."""
+    a, b, c, d = [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]]
+    return np.array([[a, b, c], [a, c, d]] if facing > 0 else [[a, c, b], [a, d, c]])
+
+
+def plate(layers: list[tuple[float, float, float, float]]) -> tuple[TriangleMesh, object]:
+    """Squares of (z, half side, facing, luminance), and their shade."""
+    mesh = TriangleMesh.from_arrays(np.concatenate([quad(*layer[:3]) for layer in layers]))
+    tones = np.repeat(np.array([layer[3] for layer in layers], np.float32), 2)
+    return mesh, lambda _batch, fragments: (tones[fragments.triangle], np.ones(len(fragments), np.float32))
+
+
+def seen_along_z(octree, looking: float, pixels: int) -> np.ndarray:
+    """Luminance of one ray in each of `pixels` a side, that look up or down at the middle of an octree."""
+    axis = np.array([0.0, 0.0, looking])
+    camera = Camera(
+        np.array([0.03, 0.04, -4.0 * looking]), np.array([looking, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), axis,
+        0.5, 0.5, pixels, pixels, kind=ORTHOGRAPHIC,
+    )  # fmt: skip
+    return first_hits(octree, camera).luminance
+
+
+@pytest.mark.parametrize("pixels", [2, 4, 16, 256])
+def test_a_white_cloth_hides_the_black_table_from_above_alone(pixels):
+    """A cloth 7 mm above a table of 2 m, at every level that has both in one voxel, and at finer ones."""
+    layers = [(0.507, 1.0, UP, 1.0), (0.5, 1.0, UP, 0.0), (0.46, 1.0, DOWN, 0.1)]
+    mesh, shade = plate(layers)
+    octree = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0, sides=True))
+    np.testing.assert_allclose(seen_along_z(octree, DOWN, pixels), 1.0, atol=0.03)
+    np.testing.assert_allclose(seen_along_z(octree, UP, pixels), 0.1, atol=0.02)
+    one = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0))
+    if pixels < 64:
+        assert seen_along_z(one, DOWN, pixels).mean() < 0.7, "one mean lets the table shine through"
+
+
+def test_a_plate_within_a_voxel_has_two_sides():
+    mesh, shade = plate([(0.1, 1.0, UP, 0.8), (0.09, 1.0, DOWN, 0.2)])
+    octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
+    for looking, light in ((DOWN, 0.8), (UP, 0.2)):
+        np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
+    level = octree.level(octree.depth)
+    np.testing.assert_allclose(octree.luminance_float(level), 0.5, atol=0.01)
+    assert len(octree.side_nodes) == octree.node_count
+
+
+def test_what_differs_little_keeps_its_mean_alone():
+    mesh, shade = plate([(0.1, 1.0, UP, 0.51), (0.09, 1.0, DOWN, 0.5)])
+    octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
+    assert octree.side_nodes.shape == (0,) and not octree.light.sides.bits.size
+
+
+@pytest.fixture(scope="module", params=["gray", "colour"])
+def octree(request):
+    shade = gray_shade if request.param == "gray" else color_shade
+    return drain(build_octree(soup(np.arange(150), []), GRID, shade, exposure=1.5, boxes=True, sides=True))
+
+
+def test_nodes_show_what_the_plain_twin_says(octree):
+    rng = np.random.default_rng(2)
+    nodes = np.concatenate([octree.side_nodes.astype(np.int64), rng.integers(0, octree.node_count, 500)])
+    assert len(octree.side_nodes) > 100
+    directions = rng.normal(size=(len(nodes), 3))
+    directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+    directions[:3] = np.eye(3)
+    wanted = seen_reference(octree, nodes, directions)
+    np.testing.assert_allclose(seen_color(octree, nodes, directions), wanted, atol=2e-6)
+    np.testing.assert_allclose(seen_luminance(octree, nodes, directions), wanted @ REC709, atol=2e-6)
+    assert np.abs(wanted @ REC709 - octree.luminance_float(nodes)).max() > 0.2
+    assert not seen_luminance(octree, np.full(2, -1), directions[:2]).any()
+
+
+def test_pictures_are_means_of_what_nodes_show(octree):
+    """Super-sampled pictures are those of single rays, in luminance and colour."""
+    camera = Camera.look_at(np.array([2.0, 2.3, 1.7]), np.zeros(3), size_px=(40, 30))
+    hits = first_hits(octree, camera)
+    np.testing.assert_allclose(drain(supersample(octree, camera, 1)), hits.luminance, atol=1e-6)
+    colors = seen_color(octree, hits.node, hits.direction) + octree.color_above_white(hits.node)
+    means = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 1)
+    np.testing.assert_allclose(means.colors, colors, atol=2e-6)
+
+
+@pytest.mark.parametrize("cuts, block_fragments", [([40, 90], 10**9), ([11], 2_000), ([75], 100)])
+def test_batches_and_passes_change_no_bits(octree, cuts, block_fragments):
+    shade = gray_shade if octree.chroma is None else color_shade
+    mesh = soup(np.arange(150), cuts)
+    steps = build_octree(mesh, GRID, shade, exposure=1.5, boxes=True, sides=True, block_fragments=block_fragments)
+    found = drain(steps)
+    for name, values in octree_arrays(octree).items():
+        np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)
+
+
+def test_faces_show_the_children_in_front():
+    rng = np.random.default_rng(5)
+    masks = rng.integers(1, 256, 40).astype(np.uint8)
+    count = int(np.unpackbits(masks).sum())
+    below, found, none = (_empty_faces(size, colored=False) for size in (count, len(masks), 0))
+    for values in (below.light, below.share):
+        values[:] = rng.integers(0, 65536, values.shape)
+    below.cover[:] = np.maximum(below.share[:, ::2], below.share[:, 1::2])
+    _compose(masks, below, none, found)
+    light, share, cover = (values / LUMINANCE_SCALE for values in (below.light, below.share, below.cover))
+    first = 0
+    for node, mask in enumerate(masks.tolist()):
+        there = [mask >> octant & 1 for octant in range(8)]
+        children = [first + sum(there[:octant]) if there[octant] else -1 for octant in range(8)]
+        first += sum(there)
+        for face in range(6):
+            wanted = composed_reference(children, face // 2, bool(face & 1), light, share, cover)
+            both = found.light[node, face] / LUMINANCE_SCALE, found.share[node, face] / LUMINANCE_SCALE
+            np.testing.assert_allclose(both, wanted, atol=2e-5)
+
+
+def test_files_keep_sides_and_refuse_what_contradicts_itself(octree, tmp_path):
+    path = tmp_path / "o.safetensors"
+    save_octree(octree, path)
+    loaded = load_octree(path)
+    np.testing.assert_array_equal(loaded.side_nodes, octree.side_nodes)
+    np.testing.assert_array_equal(loaded.light.sides.light, octree.side_light)
+    for change in ({"side_light": None}, {"side_share": octree.side_share[1:]}, {"side_nodes": octree.side_nodes[::-1]}):
+        save_octree(replace(octree, **change), path)
+        with pytest.raises(OctreeFileError, match="its sides are incomplete|with sides is out of order"):
+            load_octree(path)
