@@ -26,7 +26,7 @@ from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..cycles.daylight import has_light
 from ..scene.precision import light_warnings, place_warnings
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import CYCLES
+from ..schema.table import CYCLES, SIX_SIDES
 from ..settings.groups import ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder
@@ -188,9 +188,11 @@ def build(
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
+    sides = settings.light.sides == SIX_SIDES and light != UNLIT
+
     def make() -> Steps[Octree]:
         return build_octree(
-            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True
+            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True, sides=sides
         )
 
     return run_in_worker(make, Progress(0, 1, "Voxelizing"))
@@ -207,6 +209,7 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "light": light,
         "color": settings.light.color,
         "both_sides": settings.light.both_sides,
+        "sides": settings.light.sides,
         "versions": versions(),
     }
     if all(max(*material.base_color, *material.emission) <= 0.0 for material in source.materials):

@@ -23,6 +23,7 @@ CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
 WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
 GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
+SIX_SIDES, ONE_SIDE = "six", "one"
 DIFFUSE, COMBINED = "diffuse", "combined"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
@@ -145,6 +146,15 @@ _LIGHT = (
         "and twice the memory of baked light",
         LIGHT, Kind.SWITCH, True,
         argument="--color", help="keep color beside luminance, for pictures and exports",
+    ),
+    Setting(
+        "sides", "Sides", "Which light a voxel shows", LIGHT, Kind.CHOICE, SIX_SIDES,
+        choices=(
+            (SIX_SIDES, "Six", "That of the surface which faces the ray, so that a thin plate has two sides and a table "
+             "does not shine through its cloth; up to three bytes more a node"),
+            (ONE_SIDE, "One", "The mean of all surface in it, from everywhere, as in the paper"),
+        ),
+        argument="--sides", help="light of a voxel by direction, or one mean",
     ),
 )  # fmt: skip
 

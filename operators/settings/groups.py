@@ -77,6 +77,7 @@ class LightSettings:
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
+    sides: whether voxels show light by direction, "six", or one mean (methods 7.2h).
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     from_camera: whether gloss is seen from the active camera; None: as `gloss` and the job's cameras say.
     """
@@ -89,6 +90,7 @@ class LightSettings:
     denoise: bool = TABLE["denoise"].default
     color: bool = TABLE["color"].default
     texel_voxels: float = TABLE["texel_voxels"].default
+    sides: str = TABLE["sides"].default
     daylight: bool | None = None
     from_camera: bool | None = None
 
@@ -96,7 +98,8 @@ class LightSettings:
         _check_numbers(self)
         if self.kind not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
-        _check_choice("gloss", self.gloss, [value for value, _, _ in TABLE["gloss"].choices])
+        for name in ("gloss", "sides"):
+            _check_choice(name, getattr(self, name), [value for value, _, _ in TABLE[name].choices])
 
     @property
     def is_baked(self) -> bool:

@@ -18,7 +18,7 @@ from .hdr_highlights import light_hdr_highlights
 from .leaf_levels import LeafLevels
 from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
 from .octree import Octree
-from .side_levels import LeafSides, sides_of_levels
+from .side_levels import LeafSides, LevelNodes, joined_sides, sides_of_levels
 from .subtrees import Subtrees, subtrees
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 
@@ -81,12 +81,16 @@ def _joined(
     normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
     hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
     leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
-    faces = [_leaf_sides(parts, level) for level in range(depth + 1)] if sides else []
+    side_parts = [_leaf_sides(parts, level) for level in range(depth + 1)] if sides else []
     parts.clear()
     bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
-    unexposed = light[:] if sides else []
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
-    found = sides_of_levels(masks, luminance, unexposed, faces, exposure) if sides else None
+    found = None
+    if sides:
+        side = [grid.side_world / (1 << level) for level in range(depth + 1)]
+        hue = [each.reshape(-1, 2) for each in chroma] if colored else [np.empty((len(mask), 0), np.uint8) for mask in masks]
+        columns = zip(masks, areas, normals, luminance, hue, np.square(side).tolist(), side_parts, strict=True)
+        found = sides_of_levels([LevelNodes(*(column)) for column in columns], exposure)
     child_mask = np.concatenate(masks)
     return Octree(
         grid=replace(grid, depth=depth),
@@ -134,7 +138,7 @@ def _leaf_sides(parts: Sequence[Subtrees], level: int) -> LeafSides:
     """Sides of a level's leaves of all parts, in order."""
     within = [part for part in parts if 0 <= level - part.root_level < len(part.child_mask)]
     here = [part.leaf_sides[level - part.root_level] for part in within]
-    return LeafSides(*(np.concatenate(column) for column in zip(*here, strict=True)))
+    return joined_sides(here, [len(part.leaf_luminance[level - part.root_level]) for part in within])
 
 
 def _of_level(

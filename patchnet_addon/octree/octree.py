@@ -123,7 +123,7 @@ class Octree:
         """Luminance of nodes and of their sides, for kernels."""
         if self.side_nodes is None or self.side_light is None or self.side_share is None:
             return NodeLight(self.luminance, NO_SIDES)
-        sides = sides_of(self.side_nodes, self.node_count, self.side_light, self.side_share, self.side_chroma)
+        sides = sides_of(self.side_nodes, self.child_mask, self.side_light, self.side_share, self.side_chroma)
         return NodeLight(self.luminance, sides)
 
     def free_keys(self) -> None:

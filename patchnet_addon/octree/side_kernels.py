@@ -11,8 +11,7 @@ from ..surface.chroma_kernels import decode_color
 from .octree import LUMINANCE_SCALE
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
-# Of a face that fills its voxel: what of the mean shows where next to nothing faces the ray, as at the back of a sheet.
-_MEAN = np.float32(255.0 / 512.0)
+_LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it shows where next to nothing faces the ray
 _LEAST_SHARE = 7  # of 255: what shows less of a face says nothing about it
 
 
@@ -37,11 +36,19 @@ def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
 @lean_device
 def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, that the sides in a row show of a node along a direction."""
-    mean = np.float32(light.luminance[node])
     a, a_weight = _face_along(light.sides, row, np.int64(0), x)
     b, b_weight = _face_along(light.sides, row, np.int64(2), y)
     c, c_weight = _face_along(light.sides, row, np.int64(4), z)
-    return (_MEAN * mean + a + b + c) / (_MEAN + a_weight + b_weight + c_weight)
+    seen = a_weight + b_weight + c_weight
+    rest = _rest(light.sides, row, seen, x, y, z)
+    return (rest * np.float32(light.luminance[node]) + a + b + c) / (rest + seen)
+
+
+@lean_device
+def _rest(sides, row, seen, x, y, z):  # type: ignore[no-untyped-def]
+    """Weight of the mean beside what is `seen` of faces along a direction: of what a node leaves open, and a little."""
+    through = np.float32(abs(x) + abs(y) + abs(z)) * np.float32(255) - seen
+    return _LEAST + (through if sides.inner[row] else np.float32(0))
 
 
 @lean_device
@@ -61,14 +68,16 @@ def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
 @lean_device
 def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
     """Linear colour that sides show along a direction; mean: the node's colour."""
-    red, green, blue, total = _MEAN * mean[0], _MEAN * mean[1], _MEAN * mean[2], np.float64(_MEAN)
+    red, green, blue, seen = 0.0, 0.0, 0.0, np.float32(0)
     for axis in range(3):
         along = x if axis == 0 else y if axis == 1 else z
         face = 2 * axis + (1 if along > 0 else 0)
         light, weight = _face_along(sides, row, np.int64(2 * axis), along)
         r, g, b = decode_color(light / LUMINANCE_SCALE, sides.chroma[row, face, 0], sides.chroma[row, face, 1])
-        red, green, blue, total = red + r, green + g, blue + b, total + weight
-    return red / total, green / total, blue / total
+        red, green, blue, seen = red + r, green + g, blue + b, seen + weight
+    rest = _rest(sides, row, seen, x, y, z)
+    scale = 1.0 / np.float64(rest + seen)
+    return (red + rest * mean[0]) * scale, (green + rest * mean[1]) * scale, (blue + rest * mean[2]) * scale
 
 
 @kernel

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sides of all levels, bottom-up: what each of a node's faces shows of its children (methods 7.2g).
+"""Sides of all levels, bottom-up: what each of a node's faces shows of its children (methods 7.2h).
 
 Along an axis a node has four columns of two children, of which the one in front covers the other. A face shows what of
 both is seen.
@@ -14,28 +14,49 @@ import numpy as np
 
 from ..runtime.kernels import device, kernel
 from ..surface.chroma_kernels import decode_color, encode_shares
-from .octree import LUMINANCE_SCALE
+from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
 from .sides import FACES
 
 _UNITS = 65535.0  # of a share
+_BYTE = 255.0
 _SEEN = 1.0 / 32.0  # of the face that shows most: what shows less does not make a node one with sides
-DIFFERS = 0.02  # luminance, of a face to the node's mean: less is not worth its bytes
+# Of a face to the node's mean, in luminance: less is not worth its bytes. Of all nodes: those that differ most have
+# sides, so that an octree does not grow by more than three bytes a node; in small octrees as many as do.
+_DIFFERS, _MOST, _FREE = 0.004, 0.1, 1 << 16
+_PIECE = 1 << 18  # nodes whose children's faces are kept at a time
 
 
 class LeafSides(NamedTuple):
-    """Sides of l leaves before exposure.
+    """Sides of those of a level's leaves whose sides differ; all others show their mean on each.
 
-    ratio: (l, 6) float16, luminance of what faces each side over the leaf's. share: (l, 6) uint16, area that faces it,
-    as seen along its axis, 65535 = a voxel's face. chroma: (l, 6, 2) uint8, or (l, 6, 0) without colour.
+    leaf: (k,) int64, which of the leaves, ascending. light: (k, 6) float32, luminance of what faces each side, before
+    exposure. share: (k, 6) uint16, area that faces it, as seen along its axis, 65535 = a voxel's face. chroma:
+    (k, 6, 2) uint8, or (k, 6, 0) without colour.
     """
 
-    ratio: np.ndarray
+    leaf: np.ndarray
+    light: np.ndarray
     share: np.ndarray
     chroma: np.ndarray
 
 
+class LevelNodes(NamedTuple):
+    """Nodes of one level as `Octree` holds them; chroma: (n, 0) without colour. face_world: area of a voxel's face.
+
+    sides: of its leaves.
+    """
+
+    mask: np.ndarray
+    area_world: np.ndarray
+    normal: np.ndarray
+    luminance: np.ndarray
+    chroma: np.ndarray
+    face_world: float
+    sides: LeafSides
+
+
 class _Faces(NamedTuple):
-    """Faces of the nodes of one level: luminance, 65535 = 1, share seen, and share covered along each axis.
+    """Faces of n nodes: luminance, 65535 = 1, share that is seen, and share that is covered along each axis.
 
     light, share: (n, 6) uint16. cover: (n, 3) uint16. chroma: (n, 6, 2) uint8, or (n, 6, 0) without colour.
     """
@@ -47,7 +68,7 @@ class _Faces(NamedTuple):
 
 
 class SidesOfNodes(NamedTuple):
-    """Sides of the nodes that have them, as `Octree` holds them. nodes: (s,) uint32, ascending."""
+    """Sides of the nodes that have them, as `Octree` holds them: nodes (s,) uint32, ascending, light, share, chroma."""
 
     nodes: np.ndarray
     light: np.ndarray
@@ -57,71 +78,96 @@ class SidesOfNodes(NamedTuple):
 
 def leaf_sides(faces: np.ndarray, luminance: np.ndarray) -> LeafSides:
     """Sides of leaves of sums (l, 6, 2 or 4), as `LeafSums` holds them, and their luminance (l,) before exposure."""
-    area = faces[..., 0]
-    own = np.divide(faces[..., 1], area, out=np.zeros_like(area), where=area > 0)
-    ratio = np.divide(own, luminance[:, None], out=np.zeros_like(own), where=luminance[:, None] > 0)
-    share = np.clip(np.ceil(area * _UNITS), 0, _UNITS).astype(np.uint16)
-    chroma = np.empty((len(area), FACES, 2 if faces.shape[2] > 2 else 0), np.uint8)
+    luminance, area = luminance[: len(faces)], faces[..., 0]  # no faces are known of blocks that are leaves for now
+    light = np.divide(faces[..., 1], area, out=np.zeros_like(area), where=area > 0)
+    apart = np.where(area > 0, np.abs(light - luminance[:, None]), 0.0).max(axis=1, initial=0.0)
+    leaf = np.flatnonzero(apart > _DIFFERS * luminance)  # whatever the exposure, others differ by less
+    share = np.clip(np.ceil(area[leaf] * _UNITS), 0, _UNITS).astype(np.uint16)
+    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 2 else 0), np.uint8)
     if chroma.shape[2]:
-        _store_chroma(faces, chroma)
-    return LeafSides(np.minimum(ratio, 65504.0).astype(np.float16), share, chroma)
+        _store_chroma(faces[leaf], chroma)
+    return LeafSides(leaf, light[leaf], share, chroma)
 
 
-def sides_of_levels(
-    masks: Sequence[np.ndarray],
-    luminance: Sequence[np.ndarray],
-    light: Sequence[np.ndarray],
-    leaves: list[LeafSides],
-    exposure: float,
-) -> SidesOfNodes:
-    """Sides of the nodes whose faces differ, of all levels, coarse first.
+def joined_sides(parts: Sequence[LeafSides], counts: Sequence[int]) -> LeafSides:
+    """Sides of the leaves of several parts, in order, with `counts` leaves each."""
+    first = np.cumsum([0, *counts[:-1]])
+    shifted = [part._replace(leaf=part.leaf + start) for part, start in zip(parts, first, strict=True)]
+    return LeafSides(*(np.concatenate(column) for column in zip(*shifted, strict=True)))
 
-    By level: child masks (n,), stored luminance (n,) uint16 of nodes, luminance (l,) before exposure and sides of
-    leaves; `leaves` is emptied.
+
+def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNodes:
+    """Sides of the nodes whose faces differ most, of all levels, coarse first.
+
+    Faces of the finest level, of which there are most, are made a piece at a time, together with their parents'.
     """
-    first = np.cumsum([0, *(len(mask) for mask in masks)])
-    below = _empty_faces(0, colored=leaves[-1].chroma.shape[2] > 0)
-    found = []
-    for level in range(len(masks) - 1, -1, -1):
-        own = _exposed(leaves.pop(), light[level] * np.float32(exposure))
-        faces = _empty_faces(len(masks[level]), colored=below.chroma.shape[2] > 0)
-        _compose(masks[level], below, own, faces)
-        nodes = np.flatnonzero(_differ(luminance[level], faces))
-        found.append(_stored(faces, nodes, int(first[level])))
-        below = faces
-    return SidesOfNodes(*(np.concatenate(column) for column in zip(*found[::-1], strict=True)))
+    first = np.cumsum([0, *(len(level.mask) for level in levels)])
+    found: list[list[tuple[np.ndarray, ...]]] = [[] for _ in levels]
+    depth = len(levels) - 1
+    kept = _faces(levels[depth], slice(0, 0), None, exposure)
+    for level in range(depth - 1, -1, -1):
+        nodes, child, pieces = levels[level], 0, []
+        for start in range(0, len(nodes.mask), _PIECE):
+            here = slice(start, min(start + _PIECE, len(nodes.mask)))
+            children = slice(child, child + int(POPCOUNT[nodes.mask[here]].sum()))
+            child = children.stop
+            if level + 1 == depth:
+                below = _faces(levels[depth], children, None, exposure)
+                found[depth].append(_differing(levels[depth], children, below, int(first[depth])))
+            else:
+                below = _Faces(*(values[children] for values in kept))
+            pieces.append(_faces(nodes, here, below, exposure))
+            found[level].append(_differing(nodes, here, pieces[-1], int(first[level])))
+        kept = _Faces(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
+    columns = zip(*(piece for of_level in found for piece in of_level), strict=True)
+    return _most_different(*(np.concatenate(column) for column in columns), most=max(_FREE, int(_MOST * first[-1])))
 
 
-def _empty_faces(count: int, *, colored: bool) -> _Faces:
-    return _Faces(
+def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float) -> _Faces:
+    """Faces of nodes of a level, whose children have those of `below`; None where all are leaves."""
+    count, hues = here.stop - here.start, level.chroma.shape[1]
+    faces = _Faces(
         np.empty((count, FACES), np.uint16),
         np.empty((count, FACES), np.uint16),
         np.empty((count, 3), np.uint16),
-        np.empty((count, FACES, 2 if colored else 0), np.uint8),
+        np.empty((count, FACES, hues), np.uint8),
     )
+    nodes = level.mask[here], level.area_world[here], level.normal[here], level.luminance[here], level.chroma[here]
+    _write_faces(nodes, 1.0 / level.face_world, faces if below is None else below, faces)
+    sides = level.sides
+    place = np.flatnonzero(level.mask == 0)[sides.leaf] if below is not None else sides.leaf
+    first, last = np.searchsorted(place, (here.start, here.stop))
+    row, own = place[first:last] - here.start, slice(first, last)
+    share = sides.share[own]
+    faces.light[row] = np.rint(np.clip(sides.light[own] * exposure, 0.0, 1.0) * LUMINANCE_SCALE)
+    faces.share[row], faces.chroma[row] = share, sides.chroma[own]
+    faces.cover[row] = np.minimum(share[:, ::2].astype(np.uint32) + share[:, 1::2], int(_UNITS))
+    return faces
 
 
-def _exposed(leaves: LeafSides, luminance: np.ndarray) -> _Faces:
-    """Faces of leaves of a luminance (l,) that is exposed, clamped."""
-    light = np.clip(leaves.ratio.astype(np.float32) * luminance[:, None], 0.0, 1.0)
-    cover = np.minimum(leaves.share[:, ::2].astype(np.uint32) + leaves.share[:, 1::2], int(_UNITS)).astype(np.uint16)
-    return _Faces(np.rint(light * LUMINANCE_SCALE).astype(np.uint16), leaves.share, cover, leaves.chroma)
+def _differing(level: LevelNodes, here: slice, faces: _Faces, first: int) -> tuple[np.ndarray, ...]:
+    """How far the faces that are seen differ from the mean, (s,) uint16, of nodes where that is enough; their sides.
 
-
-def _differ(luminance: np.ndarray, faces: _Faces) -> np.ndarray:
-    """(n,) bool: nodes of which a face that is seen differs from the mean."""
+    first: node that the level begins at.
+    """
     seen = faces.share > _SEEN * faces.share.max(axis=1, keepdims=True)
-    apart = np.abs(faces.light.astype(np.int32) - luminance[:, None].astype(np.int32)) > DIFFERS * LUMINANCE_SCALE
-    return np.asarray((seen & apart).any(axis=1))
+    apart = np.abs(faces.light.astype(np.int32) - level.luminance[here, None].astype(np.int32))
+    difference = np.where(seen, apart, 0).max(axis=1, initial=0).astype(np.uint16)
+    row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
+    light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
+    share = faces.share[row].astype(np.float32)
+    is_leaf = (level.mask[here][row] == 0)[:, None]  # a ray meets what is in it, by its box
+    share /= np.where(is_leaf, np.maximum(share.max(axis=1, keepdims=True, initial=0.0), 1.0), _UNITS)
+    nodes = (row + here.start + first).astype(np.uint32)
+    return difference[row], nodes, light, np.rint(_BYTE * share).astype(np.uint8), faces.chroma[row]
 
 
-def _stored(faces: _Faces, nodes: np.ndarray, first: int) -> SidesOfNodes:
-    """Sides of nodes (s,) of a level that begins at the node `first`."""
-    light = np.rint(np.sqrt(faces.light[nodes] / np.float32(LUMINANCE_SCALE)) * 255.0).astype(np.uint8)
-    share = faces.share[nodes].astype(np.float32)
-    largest = np.maximum(share.max(axis=1, keepdims=True, initial=1.0), 1.0)
-    share = np.rint(255.0 * share / largest).astype(np.uint8)
-    return SidesOfNodes((nodes + first).astype(np.uint32), light, share, faces.chroma[nodes])
+def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> SidesOfNodes:
+    """Sides of at most `most` nodes, those that differ most."""
+    if len(difference) <= most:
+        return SidesOfNodes(*sides)
+    kept = np.sort(np.argpartition(difference, len(difference) - most)[-most:])
+    return SidesOfNodes(*(column[kept] for column in sides))
 
 
 @kernel
@@ -133,16 +179,23 @@ def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _compose(masks, below, own, faces):  # type: ignore[no-untyped-def]
-    """Write the faces of a level: those of its leaves, and what the others show of their children."""
+def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
+    """Write the faces of nodes: of leaves as if all in them were flat, of others what they show of their children."""
+    masks, area, normal, luminance, chroma = nodes
     children = np.empty(8, np.int64)
-    child, leaf = 0, 0
+    child = 0
     for node in range(len(masks)):
         mask = masks[node]
         if mask == 0:
-            faces.light[node], faces.share[node], faces.cover[node] = own.light[leaf], own.share[leaf], own.cover[leaf]
-            faces.chroma[node] = own.chroma[leaf]
-            leaf += 1
+            for axis in range(3):
+                along = normal[node, axis] / NORMAL_SCALE
+                share = min(np.ceil(area[node] * per_face * abs(along) * _UNITS), _UNITS)
+                faces.cover[node, axis] = share
+                faces.share[node, 2 * axis] = share if along > 0.0 else 0.0
+                faces.share[node, 2 * axis + 1] = share if along < 0.0 else 0.0
+            faces.light[node] = luminance[node]
+            for face in range(FACES):
+                faces.chroma[node, face] = chroma[node]
             continue
         for octant in range(8):
             there = mask >> octant & 1

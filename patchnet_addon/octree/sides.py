@@ -4,7 +4,8 @@
 A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
 outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and
 how much of that is seen there. Along a direction d a node shows the mean of the three faces that d runs against,
-weighed by that and by |d| on their axis. All other nodes show their mean.
+weighed by that and by |d| on their axis. What of an inner node's faces shows nothing is open: what stands behind it is
+least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes show their mean.
 """
 
 from __future__ import annotations
@@ -22,18 +23,20 @@ class Sides(NamedTuple):
     """Sides of s of an octree's n nodes.
 
     bits: (ceil(n / 64),) uint64, which nodes have them. ranks: (ceil(n / 64),) uint32, how many have them before those
-    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, over the
-    largest. chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2) without colour.
+    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, of leaves over
+    the largest, 255 = 1. inner: (s,) bool, nodes with children. chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2)
+    without colour.
     """
 
     bits: np.ndarray
     ranks: np.ndarray
     light: np.ndarray
     share: np.ndarray
+    inner: np.ndarray
     chroma: np.ndarray
 
 
-NO_SIDES = Sides(np.empty(0, np.uint64), np.empty(0, np.uint32), _NONE, _NONE, _GRAY)
+NO_SIDES = Sides(np.empty(0, np.uint64), np.empty(0, np.uint32), _NONE, _NONE, np.empty(0, np.bool_), _GRAY)
 
 
 class NodeLight(NamedTuple):
@@ -43,12 +46,15 @@ class NodeLight(NamedTuple):
     sides: Sides
 
 
-def sides_of(nodes: np.ndarray, count: int, light: np.ndarray, share: np.ndarray, chroma: np.ndarray | None) -> Sides:
-    """Sides of ascending nodes (s,) of `count`, as kernels read them."""
+def sides_of(
+    nodes: np.ndarray, child_mask: np.ndarray, light: np.ndarray, share: np.ndarray, chroma: np.ndarray | None
+) -> Sides:
+    """Sides of ascending nodes (s,) of an octree with child masks (n,), as kernels read them."""
     if not len(nodes):
         return NO_SIDES
-    bits = np.zeros(-(-count // _WORD) * 8, np.uint8)
+    bits = np.zeros(-(-len(child_mask) // _WORD) * 8, np.uint8)
     np.bitwise_or.at(bits, nodes >> 3, (1 << (nodes & 7)).astype(np.uint8))
     words = bits.view("<u8").astype(np.uint64)
     ranks = np.searchsorted(nodes, np.arange(len(words), dtype=np.int64) * _WORD).astype(np.uint32)
-    return Sides(words, ranks, light, share, _GRAY if chroma is None else chroma.reshape(-1, FACES, 2))
+    hue = _GRAY if chroma is None else chroma.reshape(-1, FACES, 2)
+    return Sides(words, ranks, light, share, child_mask[nodes] != 0, hue)

@@ -54,9 +54,7 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
         luminance = own.sums[:, 1] / own.sums[:, 0]
-        kept = own.faces is not None
-        faces = own.faces if kept else np.empty((0, FACES, width - 3), np.float32)
-        sides = leaf_sides(faces, luminance if kept else luminance[:0])
+        sides = leaf_sides(np.empty((0, FACES, width - 3), np.float32) if own.faces is None else own.faces, luminance)
         levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
     columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
     return Subtrees(root_level, keys, sums, *columns)

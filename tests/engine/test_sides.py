@@ -10,7 +10,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE
-from patchnet.patchnet_addon.octree.side_levels import _compose, _empty_faces
+from patchnet.patchnet_addon.octree.side_levels import LeafSides, LevelNodes, _Faces, _faces
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
@@ -72,7 +72,7 @@ def test_a_plate_within_a_voxel_has_two_sides():
 
 
 def test_what_differs_little_keeps_its_mean_alone():
-    mesh, shade = plate([(0.1, 1.0, UP, 0.51), (0.09, 1.0, DOWN, 0.5)])
+    mesh, shade = plate([(0.1, 1.0, UP, 0.505), (0.09, 1.0, DOWN, 0.5)])
     octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
     assert octree.side_nodes.shape == (0,) and not octree.light.sides.bits.size
 
@@ -121,11 +121,13 @@ def test_faces_show_the_children_in_front():
     rng = np.random.default_rng(5)
     masks = rng.integers(1, 256, 40).astype(np.uint8)
     count = int(np.unpackbits(masks).sum())
-    below, found, none = (_empty_faces(size, colored=False) for size in (count, len(masks), 0))
-    for values in (below.light, below.share):
-        values[:] = rng.integers(0, 65536, values.shape)
-    below.cover[:] = np.maximum(below.share[:, ::2], below.share[:, 1::2])
-    _compose(masks, below, none, found)
+    bright, share = rng.integers(0, 65536, (2, count, 6)).astype(np.uint16)
+    none = np.empty((0, 6), np.float32)
+    below = _Faces(bright, share, np.maximum(share[:, ::2], share[:, 1::2]), np.empty((count, 6, 0), np.uint8))
+    nodes = np.ones(len(masks), np.float32), np.zeros((len(masks), 3), np.int8), np.zeros(len(masks), np.uint16)
+    sides = LeafSides(np.empty(0, np.int64), none, none.astype(np.uint16), np.empty((0, 6, 0), np.uint8))
+    level = LevelNodes(masks, *nodes, np.empty((len(masks), 0), np.uint8), 1.0, sides)
+    found = _faces(level, slice(0, len(masks)), below, 1.0)
     light, share, cover = (values / LUMINANCE_SCALE for values in (below.light, below.share, below.cover))
     first = 0
     for node, mask in enumerate(masks.tolist()):

@@ -140,7 +140,7 @@ def test_colour_of_pictures(octree):
     seen = seen_color(colored, hits.node, hits.direction)
     np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
     np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
-    gray = seen_color(octree, hits.node)
+    gray = seen_color(octree, hits.node, hits.direction)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
 
 

@@ -8,9 +8,6 @@ import numpy as np
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.surface.chroma import decoded_colors
 
-MEAN = 1.0 / 512.0  # of a side that shows most
-
-
 def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Linear colours (N, 3) float64 of nodes (N,) along directions (N, 3)."""
     colors = octree.color_float(nodes).astype(np.float64)
@@ -24,7 +21,8 @@ def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) ->
         shown = np.repeat(light[:, None], 3, axis=1)
         if octree.side_chroma is not None:
             shown = decoded_colors(light, octree.side_chroma[row, faces])
-        colors[i] = (MEAN * colors[i] + weight @ shown) / (MEAN + weight.sum())
+        rest = 1.0 / 255.0 + (np.abs(way).sum() - weight.sum() if octree.child_mask[node] else 0.0)
+        colors[i] = (rest * colors[i] + weight @ shown) / (rest + weight.sum())
     return colors
 
 

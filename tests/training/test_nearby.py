@@ -56,7 +56,7 @@ def nearby(octree: Octree, voxel: np.ndarray, rays: tuple[np.ndarray, ...], line
     found = Nearby(*(np.empty((*rays[3].shape, size), np.float32) for size in (VIEW, COVERING, MIXED)))
     arrays = found.view, found.covered, found.luminances
     exact = tuple(np.ascontiguousarray(array, np.float32) for array in rays)
-    gather(forest.nodes, forest.luminance, where, exact, tables, arrays)
+    gather(forest.nodes, forest.light, where, exact, tables, arrays)
     return found
 
 
