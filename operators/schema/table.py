@@ -150,8 +150,8 @@ _LIGHT = (
     Setting(
         "sides", "Sides", "Which light a voxel shows", LIGHT, Kind.CHOICE, SIX_SIDES,
         choices=(
-            (SIX_SIDES, "Six", "That of the surface which faces the ray, so that a thin plate has two sides and a table "
-             "does not shine through its cloth; up to three bytes more a node"),
+            (SIX_SIDES, "Six", "That of the surface which faces the ray: thin plates have two sides, no table shines "
+             "through its cloth. Up to three bytes more a node"),
             (ONE_SIDE, "One", "The mean of all surface in it, from everywhere, as in the paper"),
         ),
         argument="--sides", help="light of a voxel by direction, or one mean",

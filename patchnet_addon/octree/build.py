@@ -87,10 +87,10 @@ def _joined(
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     found = None
     if sides:
-        side = [grid.side_world / (1 << level) for level in range(depth + 1)]
-        hue = [each.reshape(-1, 2) for each in chroma] if colored else [np.empty((len(mask), 0), np.uint8) for mask in masks]
-        columns = zip(masks, areas, normals, luminance, hue, np.square(side).tolist(), side_parts, strict=True)
-        found = sides_of_levels([LevelNodes(*(column)) for column in columns], exposure)
+        hue = chroma if colored else [np.empty((len(mask), 0), np.uint8) for mask in masks]
+        faces = [(grid.side_world / (1 << level)) ** 2 for level in range(depth + 1)]
+        columns = zip(masks, areas, normals, luminance, hue, faces, side_parts, strict=True)
+        found = sides_of_levels([LevelNodes(*column) for column in columns], exposure)
     child_mask = np.concatenate(masks)
     return Octree(
         grid=replace(grid, depth=depth),

@@ -108,8 +108,8 @@ class Octree:
         """Bytes of the node arrays."""
         arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
         some = (self.bright_nodes, self.bright_colors, self.leaf_box)
-        some += (self.side_nodes, self.side_light, self.side_share, self.side_chroma)
-        return sum(array.nbytes for array in (*arrays, *some) if array is not None)
+        sides = (self.side_nodes, self.side_light, self.side_share, self.side_chroma)
+        return sum(array.nbytes for array in (*arrays, *some, *sides) if array is not None)
 
     @cached_property
     def hdr_highlights(self) -> HdrHighlights:

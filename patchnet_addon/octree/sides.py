@@ -5,7 +5,8 @@ A plate thinner than a voxel has a lit and a dark side, a crease two walls, and 
 outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and
 how much of that is seen there. Along a direction d a node shows the mean of the three faces that d runs against,
 weighed by that and by |d| on their axis. What of an inner node's faces shows nothing is open: what stands behind it is
-least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes show their mean.
+least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes show their
+mean.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ class Sides(NamedTuple):
     """Sides of s of an octree's n nodes.
 
     bits: (ceil(n / 64),) uint64, which nodes have them. ranks: (ceil(n / 64),) uint32, how many have them before those
-    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, of leaves over
-    the largest, 255 = 1. inner: (s,) bool, nodes with children. chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2)
-    without colour.
+    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, of leaves
+    over the largest, 255 = 1. inner: (s,) bool, nodes with children. chroma: (s, 6, 2) uint8 as that of nodes,
+    (0, 6, 2) without colour.
     """
 
     bits: np.ndarray

@@ -89,6 +89,15 @@ def with_boxes(octree, seed=0):
     return replace(octree, leaf_box=(ends[0] | ends[1] << 4).astype(np.uint8))
 
 
+def with_sides(octree, seed=0):
+    """Octree of which a third of the nodes have random sides."""
+    random = np.random.default_rng(seed)
+    nodes = np.flatnonzero(random.random(octree.node_count) < 1 / 3).astype(np.uint32)
+    light, share = random.integers(0, 256, (2, len(nodes), 6)).astype(np.uint8)
+    share[random.random(share.shape) < 0.2] = 0
+    return replace(octree, side_nodes=nodes, side_light=light, side_share=share)
+
+
 def _filled(octree, node):
     """Mean of what a node covers of the faces of its voxel."""
     leaf = node - octree.level_start[octree.depth]

@@ -9,7 +9,7 @@ from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.outer_cells import mask_geometry
 from patchnet.patchnet_addon.codes.ray_frame import FRAMES, cell_order
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.octree_samples import random_octree, with_sides
 from patchnet.tests.references.codes import (
     corner_cells_reference,
     face_luminances_reference,
@@ -22,7 +22,8 @@ from patchnet.tests.references.lookups import face_luminances, ray_frames
 
 @pytest.fixture(scope="module", params=[False, True])
 def octree(request) -> Octree:
-    return random_octree(seed=3, depth=5, count=900, adaptive=request.param)
+    octree = random_octree(seed=3, depth=5, count=900, adaptive=request.param)
+    return with_sides(octree) if request.param else octree
 
 
 def test_corner_cells_are_numpys(octree: Octree) -> None:

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
-from patchnet.tests.engine.octree_samples import random_octree, with_boxes
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
 from patchnet.tests.references.codes import interpolate_codes_reference, predict_reference
 
 TOLERANCE = 1e-5  # the order of additions differs, and the reference interpolates in float64
@@ -31,7 +31,8 @@ def coded(request):
         kind = KINDS.get(name, PAPER)
         kind = kind.of_width(int(width or kind.width))
         weights = Weights.random(seed=9, bias=0.1, lookahead=int(lookahead or 2), kind=kind)
-    return drain(encode_octree(with_boxes(random_octree(seed=8, depth=5, count=500, adaptive=True)), weights))
+    octree = with_sides(with_boxes(random_octree(seed=8, depth=5, count=500, adaptive=True)))
+    return drain(encode_octree(octree, weights))
 
 
 def sample_hits(coded, count, seed=1, *, seeing=None):

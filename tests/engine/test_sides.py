@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Luminance by direction: what nodes show from each side, how sides of children make those of their parent, and files."""
+"""Luminance by direction: what nodes show from each side, how sides of children make those of a parent, and files."""
 
 from dataclasses import replace
 
@@ -146,7 +146,8 @@ def test_files_keep_sides_and_refuse_what_contradicts_itself(octree, tmp_path):
     loaded = load_octree(path)
     np.testing.assert_array_equal(loaded.side_nodes, octree.side_nodes)
     np.testing.assert_array_equal(loaded.light.sides.light, octree.side_light)
-    for change in ({"side_light": None}, {"side_share": octree.side_share[1:]}, {"side_nodes": octree.side_nodes[::-1]}):
+    shorter, turned = octree.side_share[1:], octree.side_nodes[::-1]
+    for change in ({"side_light": None}, {"side_share": shorter}, {"side_nodes": turned}):
         save_octree(replace(octree, **change), path)
-        with pytest.raises(OctreeFileError, match="its sides are incomplete|with sides is out of order"):
+        with pytest.raises(OctreeFileError, match=r"its sides are incomplete|with sides is out of order"):
             load_octree(path)

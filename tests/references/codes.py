@@ -31,6 +31,7 @@ from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.patchnet_addon.tracing.render import Hits
 from patchnet.tests.references.lookups import covered_shares, covering_nodes_reference, face_luminances, ray_frames
 from patchnet.tests.references.networks import MixtureInputs, decode, decode_mixture
+from patchnet.tests.references.sides import luminance_reference
 
 
 def coded_rows_reference(octree: Octree, lookahead: int) -> np.ndarray:
@@ -43,10 +44,22 @@ def corner_cells_reference(octree: Octree, level: int, corners: np.ndarray) -> n
     """Reference of `corner_cells` in NumPy."""
     cells = (2 * np.asarray(corners)[:, None] - 1 + OCTANTS).reshape(-1, 3)
     node = covering_nodes_reference(octree, level + 1, cells)
-    lights = _luminances(octree, _parts(octree, node))  # (N, 8)
+    parts = _parts(octree, node)
+    lights = np.where(parts >= 0, octree.luminance_float(np.maximum(parts, 0)), np.float32(ABSENT))  # (N, 8)
     masks = (lights >= 0) @ (1 << np.arange(8))
-    words = packed_reference(masks, face_luminances_reference(lights))
+    words = packed_reference(masks, _of_sides(octree, node, face_luminances_reference(lights)))
     return np.where(node >= 0, words, EMPTY).astype(np.uint32).reshape(-1, CORNERS)
+
+
+def _of_sides(octree: Octree, node: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Luminances (N, 6) of faces of cells, those of the cells' own sides where they have some."""
+    if octree.side_nodes is None or octree.side_light is None or octree.side_share is None:
+        return faces
+    row = np.minimum(np.searchsorted(octree.side_nodes, node), len(octree.side_nodes) - 1)
+    order = [1, 0, 3, 2, 5, 4]  # the one that a ray up the axis meets is first
+    own, share = (octree.side_light[row] / np.float32(255))[:, order] ** 2, octree.side_share[row][:, order]
+    own = np.where(share > 7, own, octree.luminance_float(np.maximum(node, 0))[:, None])
+    return np.where((octree.side_nodes[row] == node)[:, None], own, faces)
 
 
 def face_luminances_reference(lights: np.ndarray) -> np.ndarray:
@@ -148,7 +161,7 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
     shares = np.where(OCTANTS == 1, entry[:, None], 1 - entry[:, None]).prod(axis=-1)  # (M, 8)
     frames, axes, _ = ray_frames(direction)
     order = cell_order()[frames]  # (M, 64)
-    fine, faces = _grandchildren(octree, node)
+    fine, faces = _grandchildren(octree, node, direction)
     seen_fine, seen_faces = np.empty_like(fine), np.empty_like(faces)
     np.put_along_axis(seen_fine, order, fine, 1)
     np.put_along_axis(seen_faces, order[:, None], np.take_along_axis(faces, axes[..., None], 1), 2)
@@ -164,7 +177,7 @@ def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits)
         ratio=ratio,
         view=view,
         covered=np.concatenate([covered, outer_covered], axis=1),
-        luminances=np.concatenate([light, outer_light, octree.luminance_float(node)[:, None]], axis=1),
+        luminances=np.concatenate([light, outer_light, luminance_reference(octree, node, direction)[:, None]], axis=1),
     )
 
 
@@ -183,18 +196,14 @@ def _parts(octree: Octree, node: np.ndarray) -> np.ndarray:
     return np.where((node >= 0)[..., None], parts, -1)
 
 
-def _luminances(octree: Octree, node: np.ndarray) -> np.ndarray:
-    """Luminances (...,) float32 of nodes (...,), ABSENT for none."""
-    return np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), np.float32(ABSENT))
-
-
-def _grandchildren(octree: Octree, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Luminances (M, 64) of the children's children of nodes (M,), -1 for none, and what they cover of their cells'
-    faces across each axis (M, 3, 64); x + 4 y + 16 z. A leaf is all of its children.
+def _grandchildren(octree: Octree, node: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Luminances (M, 64) along directions (M, 3) of the children's children of nodes (M,), -1 for none, and what they
+    cover of their cells' faces across each axis (M, 3, 64); x + 4 y + 16 z. A leaf is all of its children.
     """
     inner = _parts(octree, _parts(octree, node))
     fine = np.empty((len(node), CELLS), np.float32)
-    fine[:, _CELL_OF] = _luminances(octree, inner)
+    seen = luminance_reference(octree, np.maximum(inner, 0), direction[:, None, None])
+    fine[:, _CELL_OF] = np.where(inner >= 0, seen, np.float32(ABSENT))
     whole = np.ones((*inner.shape, 3), np.float32)
     if octree.leaf_box is not None:
         first = int(octree.level_start[octree.depth])

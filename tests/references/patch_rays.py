@@ -9,6 +9,7 @@ from patchnet.patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRays
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from patchnet.tests.references.lookups import box_bounds, brick_nodes
+from patchnet.tests.references.sides import luminance_reference
 
 
 def render_patches_reference(
@@ -27,7 +28,7 @@ def _seen(octree: Octree, rays: PatchRays, group: int, ray: int, lookahead: int)
     side = 0.5**lookahead
     low = np.argwhere(nodes >= 0)[:, ::-1] * side - 1.0  # lowest corners (n, 3) of the cubes in voxels, x y z
     nodes = nodes[nodes >= 0]
-    luminance = octree.luminance_float(nodes)
+    luminance = luminance_reference(octree, nodes, rays.direction[ray])
     high = low + side
     if octree.leaf_box is not None:
         first = int(octree.level_start[octree.depth])

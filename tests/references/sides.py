@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.surface.chroma import decoded_colors
+from patchnet.patchnet_addon.surface.chroma import REC709, decoded_colors
+
 
 def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Linear colours (N, 3) float64 of nodes (N,) along directions (N, 3)."""
@@ -24,6 +25,15 @@ def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) ->
         rest = 1.0 / 255.0 + (np.abs(way).sum() - weight.sum() if octree.child_mask[node] else 0.0)
         colors[i] = (rest * colors[i] + weight @ shown) / (rest + weight.sum())
     return colors
+
+
+def luminance_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Luminance (...,) float32 of nodes (...,) along directions (..., 3)."""
+    if octree.side_nodes is None:
+        return octree.luminance_float(nodes)
+    ways = np.broadcast_to(directions, (*nodes.shape, 3)).reshape(-1, 3)
+    colors = seen_reference(octree, nodes.ravel(), ways)
+    return np.asarray(colors @ REC709.astype(np.float64), np.float32).reshape(nodes.shape)
 
 
 def composed_reference(children: list[int], axis: int, lower: bool, light, share, cover) -> tuple[float, float]:

@@ -6,14 +6,14 @@ import pytest
 
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.tests.engine.octree_samples import octree_from_leaves, random_octree, with_boxes
+from patchnet.tests.engine.octree_samples import octree_from_leaves, random_octree, with_boxes, with_sides
 from patchnet.tests.references.patch_rays import render_patches_reference
 
 
 @pytest.fixture(scope="module")
 def octree() -> Octree:
-    """Depth 6, with some leaves coarser than the rest."""
-    return random_octree(seed=3, depth=6, count=1500, adaptive=True)
+    """Depth 6, with some leaves coarser than the rest, and sides."""
+    return with_sides(random_octree(seed=3, depth=6, count=1500, adaptive=True))
 
 
 def random_rays(octree: Octree, level: int, voxels: int, views: int, seed: int) -> PatchRays:
