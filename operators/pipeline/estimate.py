@@ -110,9 +110,11 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
     free = settings.compute.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")
-    automatic = choose_depth(coarse, cameras, None, free, color=light.color, lookahead=lookahead)
+    automatic = choose_depth(
+        coarse, cameras, None, free, color=light.color, sides=light.has_sides, lookahead=lookahead
+    )
     depth = _depth(surface, bounds, automatic.wanted if surface.fit else automatic.depth)
-    leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color)
+    leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color, sides=light.has_sides)
     yield Progress(2, 3, "Estimating: texels of the bake")
     texels = 0
     if light.is_baked:

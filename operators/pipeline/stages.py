@@ -26,7 +26,7 @@ from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..cycles.daylight import has_light
 from ..scene.precision import light_warnings, place_warnings
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import CYCLES, SIX_SIDES
+from ..schema.table import CYCLES
 from ..settings.groups import ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
 from .encoder import Encoding, chosen_encoder
@@ -69,16 +69,17 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
     """Choose a grid with all leaves on one level."""
     from ...patchnet_addon.lod.depth import choose_depth, coarse_octree, estimate
 
-    surface, memory, color = settings.surface, settings.compute.memory_bytes, settings.light.color
+    surface, memory = settings.surface, settings.compute.memory_bytes
+    color, sides = settings.light.color, settings.light.has_sides
     bounds_world = surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
     if surface.voxel_size_world is not None:
         grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
-        choose_depth(coarse, cameras, grid.depth, memory, color=color)
-        return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color)[0])
+        choose_depth(coarse, cameras, grid.depth, memory, color=color, sides=sides)
+        return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color, sides=sides)[0])
     # A given depth asks for no look-ahead, and needs no weights yet.
     lookahead = lookahead_of(settings.network) if surface.depth is None else DEFAULT_LOOKAHEAD
-    choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, lookahead=lookahead)
+    choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, sides=sides, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
@@ -86,7 +87,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
     grid = Grid.around(bounds_world, choice.depth)
-    return GridChoice(grid, None, warnings, estimate(coarse, choice.depth, color=color)[0])
+    return GridChoice(grid, None, warnings, estimate(coarse, choice.depth, color=color, sides=sides)[0])
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -97,7 +98,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.compute.memory_bytes or available_memory()
-    most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color)
+    most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color, sides=settings.light.has_sides)
     lookahead = lookahead_of(settings.network)
     shade = opacity_shade(source)
     fitted = yield from fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead)
@@ -188,7 +189,7 @@ def build(
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
-    sides = settings.light.sides == SIX_SIDES and light != UNLIT
+    sides = settings.light.has_sides and light != UNLIT
 
     def make() -> Steps[Octree]:
         return build_octree(

@@ -21,7 +21,7 @@ from ...patchnet_addon.surface.mesh import MeshSource
 from ..importance.painted import Importance
 from ..scene_access.devices import DEVICES
 from ..schema.setting import Kind
-from ..schema.table import CYCLES, GPU, TABLE, TWO_LIGHTS, VISIBLE
+from ..schema.table import CYCLES, GPU, SIX_SIDES, TABLE, TWO_LIGHTS, VISIBLE
 from .cycles_settings import CyclesSettings
 
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -77,7 +77,7 @@ class LightSettings:
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
-    sides: whether voxels show light by direction, "six", or one mean (methods 7.2h).
+    sides: whether voxels show light by direction, "six", or one mean (methods 7.2i).
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     from_camera: whether gloss is seen from the active camera; None: as `gloss` and the job's cameras say.
     """
@@ -100,6 +100,11 @@ class LightSettings:
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
         for name in ("gloss", "sides"):
             _check_choice(name, getattr(self, name), [value for value, _, _ in TABLE[name].choices])
+
+    @property
+    def has_sides(self) -> bool:
+        """Return whether voxels show light by direction."""
+        return self.sides == SIX_SIDES
 
     @property
     def is_baked(self) -> bool:

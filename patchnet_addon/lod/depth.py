@@ -28,14 +28,15 @@ LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
 COLOR_BYTES_PER_NODE = 2
 BOX_BYTES_PER_LEAF = 3
+_SIDES_BYTES_PER_NODE = 1.5  # at most 2.8 with colour, 1.6 without
 # While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
 # about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
 # bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
-# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept.
-_KEPT_BYTES_PER_LEAF = 15 + BOX_BYTES_PER_LEAF
-_PASS_BYTES_PER_LEAF = 105 + 11
-_COLOR_KEPT_BYTES_PER_LEAF = 2
-_COLOR_PASS_BYTES_PER_LEAF = 40
+# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept. Sides add 48 bytes where they grow,
+# 96 in colour, and of one leaf in six 44 or 56.
+_LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # kept, and beside that in a leaf's pass
+_COLOR_LEAF_BYTES = 2, 40
+_SIDES_LEAF_BYTES = (8, 48), (10, 96)  # without and with colour
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 
@@ -104,7 +105,7 @@ def expected_share(
     return float(min(shares)) if shares else None
 
 
-def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, int, int]:
+def estimate(coarse: Octree, depth: int, *, color: bool = False, sides: bool = False) -> tuple[int, int, int]:
     """Leaves, bytes of the octree and peak bytes while building it, for `depth` levels over the same cube.
 
     Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
@@ -115,27 +116,27 @@ def estimate(coarse: Octree, depth: int, *, color: bool = False) -> tuple[int, i
     estimated = area * 4.0**depth + edges * 2.0**depth
     if depth <= coarse.depth:
         estimated = len(coarse.keys(depth))
-    node_bytes = BYTES_PER_NODE + (COLOR_BYTES_PER_NODE if color else 0)
+    node_bytes = BYTES_PER_NODE + COLOR_BYTES_PER_NODE * color + (_SIDES_BYTES_PER_NODE if sides else 0.0)
     leaf_bytes = _NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF
-    return int(estimated), int(estimated * leaf_bytes), peak_bytes(estimated, color=color)
+    return int(estimated), int(estimated * leaf_bytes), peak_bytes(estimated, color=color, sides=sides)
 
 
-def _bytes_per_leaf(color: bool) -> tuple[int, int]:
+def _bytes_per_leaf(color: bool, sides: bool) -> tuple[int, int]:
     """Bytes that are kept of a leaf, and those that it takes beside that in its pass."""
-    if not color:
-        return _KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF
-    return _KEPT_BYTES_PER_LEAF + _COLOR_KEPT_BYTES_PER_LEAF, _PASS_BYTES_PER_LEAF + _COLOR_PASS_BYTES_PER_LEAF
+    bytes_ = [_LEAF_BYTES] + [_COLOR_LEAF_BYTES] * color + [_SIDES_LEAF_BYTES[color]] * sides
+    kept, in_pass = (sum(column) for column in zip(*bytes_, strict=True))
+    return kept, in_pass
 
 
-def peak_bytes(leaves: float, *, color: bool = False) -> int:
+def peak_bytes(leaves: float, *, color: bool = False, sides: bool = False) -> int:
     """Bytes that building an octree takes at most, beside the scene."""
-    kept, in_pass = _bytes_per_leaf(color)
+    kept, in_pass = _bytes_per_leaf(color, sides)
     return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
 
 
-def max_leaves(memory_bytes: float, *, color: bool = False) -> int:
+def max_leaves(memory_bytes: float, *, color: bool = False, sides: bool = False) -> int:
     """Number of leaves that an octree built within `memory_bytes` may have at most; inverse of `peak_bytes`."""
-    kept, in_pass = _bytes_per_leaf(color)
+    kept, in_pass = _bytes_per_leaf(color, sides)
     in_one_pass = memory_bytes / (kept + in_pass)
     if in_one_pass <= _PASS_LEAVES:
         return int(max(in_one_pass, 0))
@@ -170,19 +171,20 @@ def choose_depth(
     memory_bytes: int | None = None,
     *,
     color: bool = False,
+    sides: bool = False,
     lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> DepthChoice:
     """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
-    color: whether the octree is to hold it. lookahead: levels, of the weights that will encode it. Raises
+    color, sides: whether the octree is to hold them. lookahead: levels, of the weights that will encode it. Raises
     MemoryEstimateError if a given depth would not fit.
     """
     memory = available_memory() if memory_bytes is None else memory_bytes
     wanted = wanted_depth(coarse, cameras, lookahead=lookahead) if depth is None else depth
     choice = wanted
-    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color)[2] > memory:
+    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color, sides=sides)[2] > memory:
         choice -= 1
-    leaves, octree_bytes, peak = estimate(coarse, choice, color=color)
+    leaves, octree_bytes, peak = estimate(coarse, choice, color=color, sides=sides)
     if depth is not None and peak > memory:
         raise MemoryEstimateError(
             f"Depth {depth} needs about {bytes_text(peak)} for {count_text(leaves)} voxels, and "

@@ -17,6 +17,7 @@ from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
 from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
 from .leaf_boxes import WHOLE, joined_boxes, unpacked
+from .side_levels import LeafSides, leaf_sides
 from .sides import FACES
 
 MIN_OPACITY = 1.0 / 255.0
@@ -129,7 +130,7 @@ class LeafAccumulator:
             self._bricks.boxes.resize(room, refcheck=False)
             self._bricks.faces.resize(room * self._face_numbers, refcheck=False)
 
-    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, LeafSides | None]:
         """Keys (n,) uint64, ascending, sums, boxes and sides, as `LeafSums` holds them."""
         bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
@@ -137,11 +138,11 @@ class LeafAccumulator:
         order = np.argsort(self._bricks.keys[:bricks])
         boxes, row = np.empty(leaves, np.uint32), np.empty(leaves, np.int32)
         _emit(order, self._bricks, self._area_unit, keys, sums, boxes, row)
-        faces = None
+        sides = None
         if self._sides:
-            faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, FACES, -1)[row]
-            faces /= np.float32(_AREA_UNITS)
-        return keys, sums, unpacked(boxes), faces
+            faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, FACES, -1)
+            sides = leaf_sides(faces, row, sums[:, 1] / sums[:, 0], _AREA_UNITS)
+        return keys, sums, unpacked(boxes), sides
 
 
 @device

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sides of all levels, bottom-up: what each of a node's faces shows of its children (methods 7.2h).
+"""Sides of all levels, bottom-up: what each of a node's faces shows of its children (methods 7.2i).
 
 Along an axis a node has four columns of two children, of which the one in front covers the other. A face shows what of
 both is seen.
@@ -76,17 +76,29 @@ class SidesOfNodes(NamedTuple):
     chroma: np.ndarray
 
 
-def leaf_sides(faces: np.ndarray, luminance: np.ndarray) -> LeafSides:
-    """Sides of leaves of sums (l, 6, 2 or 4), as `LeafSums` holds them, and their luminance (l,) before exposure."""
-    luminance, area = luminance[: len(faces)], faces[..., 0]  # no faces are known of blocks that are leaves for now
-    light = np.divide(faces[..., 1], area, out=np.zeros_like(area), where=area > 0)
-    apart = np.where(area > 0, np.abs(light - luminance[:, None]), 0.0).max(axis=1, initial=0.0)
-    leaf = np.flatnonzero(apart > _DIFFERS * luminance)  # whatever the exposure, others differ by less
-    share = np.clip(np.ceil(area[leaf] * _UNITS), 0, _UNITS).astype(np.uint16)
+def leaf_sides(faces: np.ndarray, row: np.ndarray, luminance: np.ndarray, unit: float) -> LeafSides:
+    """Sides of leaves that stand in rows (l,) of sums (R, 6, 2 or 4), and have a luminance (l,) before exposure.
+
+    faces: of each side (+x, -x, +y ...) the area that faces it as seen along its axis, of which `unit` is a voxel's
+    face, and luminance, in colour red and blue, times that.
+    """
+    found = np.empty(len(row), np.bool_)
+    _find_different(faces, row, luminance, found)
+    leaf = np.flatnonzero(found)
+    own = faces[row[leaf]] / np.float32(unit)
+    area = own[..., 0]
+    light = np.divide(own[..., 1], area, out=np.zeros_like(area), where=area > 0)
+    share = np.clip(np.ceil(area * _UNITS), 0, _UNITS).astype(np.uint16)
     chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 2 else 0), np.uint8)
     if chroma.shape[2]:
-        _store_chroma(faces[leaf], chroma)
-    return LeafSides(leaf, light[leaf], share, chroma)
+        _store_chroma(own, chroma)
+    return LeafSides(leaf, light, share, chroma)
+
+
+def no_sides(*, colored: bool) -> LeafSides:
+    """Sides of leaves of which none is known to have some."""
+    chroma = np.empty((0, FACES, 2 if colored else 0), np.uint8)
+    return LeafSides(np.empty(0, np.int64), np.empty((0, FACES), np.float32), np.empty((0, FACES), np.uint16), chroma)
 
 
 def joined_sides(parts: Sequence[LeafSides], counts: Sequence[int]) -> LeafSides:
@@ -168,6 +180,18 @@ def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> Si
         return SidesOfNodes(*sides)
     kept = np.sort(np.argpartition(difference, len(difference) - most)[-most:])
     return SidesOfNodes(*(column[kept] for column in sides))
+
+
+@kernel
+def _find_different(faces, row, luminance, found):  # type: ignore[no-untyped-def]
+    """Find leaves of which a side differs from the mean by more than a share of it: others never do, when exposed."""
+    for leaf in range(len(row)):
+        most = luminance[leaf] * _DIFFERS
+        found[leaf] = False
+        for face in range(FACES):
+            area = faces[row[leaf], face, 0]
+            if area > 0.0 and abs(faces[row[leaf], face, 1] / area - luminance[leaf]) > most:
+                found[leaf] = True
 
 
 @kernel

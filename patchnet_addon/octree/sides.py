@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Luminance of a voxel by the direction that it is seen along, for the nodes whose sides differ (methods 7.2g).
+"""Luminance of a voxel by the direction that it is seen along, for the nodes whose sides differ (methods 7.2i).
 
 A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
 outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and

@@ -14,8 +14,7 @@ import numpy as np
 
 from .leaf_boxes import WHOLE, unpacked
 from .levels import area_and_normal, merge_nodes, parents_of, stored_chroma, sums_of_level
-from .side_levels import LeafSides, leaf_sides
-from .sides import FACES
+from .side_levels import LeafSides, no_sides
 from .voxelize import LeafSums
 
 
@@ -54,7 +53,7 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
         luminance = own.sums[:, 1] / own.sums[:, 0]
-        sides = leaf_sides(np.empty((0, FACES, width - 3), np.float32) if own.faces is None else own.faces, luminance)
+        sides = own.sides or no_sides(colored=width > 5)
         levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
     columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
     return Subtrees(root_level, keys, sums, *columns)

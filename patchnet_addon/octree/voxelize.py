@@ -21,12 +21,13 @@ from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .occupancy import OccupiedCells
+from .side_levels import LeafSides
 
 Kept = TypeVar("Kept")
 Watch = Callable[[int, TriangleBatch, Fragments, np.ndarray], None]
 
-# Fragments whose leaves are added up at a time; a leaf takes about 75 bytes while that lasts.
-BLOCK_FRAGMENTS = 24_000_000
+# Fragments whose leaves are added up at a time; a leaf takes 75 to 200 bytes while that lasts.
+BLOCK_FRAGMENTS = 16_000_000
 _BATCHES_AHEAD = 2
 
 
@@ -37,15 +38,14 @@ class LeafSums:
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
     and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) where only keys
     are asked for. boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
-    faces: (n, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area that faces it as seen along its axis, over
-    that of a voxel's face, and luminance, in colour red and blue, times that; None where sides are not kept apart.
+    sides: of the leaves whose sides differ; None where sides are not kept apart.
     """
 
     level: int
     keys: np.ndarray
     sums: np.ndarray
     boxes: np.ndarray | None = None
-    faces: np.ndarray | None = None
+    sides: LeafSides | None = None
 
 
 def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
