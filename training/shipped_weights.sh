@@ -24,7 +24,7 @@ furnish() { # NAME KIND SEED LIBRARIES...
 octree() { # NAME SCENE OPTIONS...
     local out=$work/octrees/$1.safetensors scene=$2
     shift 2
-    [ -e "$out" ] || "$patchnet" octree "$scene" --out "$out" "$@"
+    [ -e "$out" ] || "$patchnet" octree "$scene" --sides one --out "$out" "$@"
 }
 
 blendswap=(BlendSwap-CC-0.sh3f BlendSwap-CC-BY.sh3f)

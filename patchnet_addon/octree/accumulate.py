@@ -30,15 +30,20 @@ _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
 _COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); each weighed by area
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the rest
+_NONE_TURNED = np.empty(0, np.bool_)
 _NO_COLOR = np.empty((0, 3), np.float32)
 
 
 class _Shading(NamedTuple):
-    """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without."""
+    """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without.
+
+    turned: (T,) bool, triangles whose light is that of their back; (0,) if none is.
+    """
 
     luminance: np.ndarray
     opacity: np.ndarray
     color: np.ndarray
+    turned: np.ndarray
 
 
 class _Bricks(NamedTuple):
@@ -90,10 +95,13 @@ class LeafAccumulator:
         opacity: np.ndarray,
         normals: np.ndarray,
         color: np.ndarray | None = None,
+        *,
+        turned: np.ndarray | None = None,
     ) -> None:
         """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
 
-        color: (F, 3) linear, brought to the luminance here; given each time or never.
+        color: (F, 3) linear, brought to the luminance here; given each time or never. turned: (T,) bool, triangles
+        whose light is that of their back.
         Fragments with less than 1/255 of opacity leave no trace.
         """
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
@@ -104,6 +112,7 @@ class LeafAccumulator:
             np.asarray(luminance, np.float32),
             np.asarray(opacity, np.float32),
             _NO_COLOR if color is None else np.asarray(color, np.float32),
+            _NONE_TURNED if turned is None else turned,
         )
         boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         first = 0
@@ -202,17 +211,19 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
             _add_large(rows, row + 6, weight * red)
             _add_large(rows, row + 8, weight * blue)
         if len(faces):
-            _add_to_faces(faces, leaf, weight, normals[triangle[i]], (luminance, red, blue), columns)
+            signed = -weight if len(shading.turned) and shading.turned[triangle[i]] else weight
+            _add_to_faces(faces, leaf, signed, normals[triangle[i]], (luminance, red, blue), columns)
     return len(keys)
 
 
 @device
 def _add_to_faces(faces, leaf, weight, normal, light, columns):  # type: ignore[no-untyped-def]
-    """Add a fragment to the three sides of its leaf that it faces."""
+    """Add a fragment to the three sides of its leaf that it faces; below 0, `weight` is that of its back."""
     channels = 2 if columns == _COLUMNS else 4
     for axis in range(3):
-        along = weight * abs(normal[axis])
-        at = (FACES * leaf + 2 * axis + (1 if normal[axis] < 0.0 else 0)) * channels
+        along = weight * normal[axis]
+        at = (FACES * leaf + 2 * axis + (1 if along < 0.0 else 0)) * channels
+        along = abs(along)
         faces[at] += np.float32(along)
         for channel in range(channels - 1):
             faces[at + 1 + channel] += np.float32(along * light[channel])

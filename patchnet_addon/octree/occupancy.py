@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..runtime.kernels import kernel
@@ -29,7 +31,9 @@ class OccupiedCells:
         """Bricks so far."""
         return int(self._used[0])
 
-    def add(self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray) -> None:
+    def add(
+        self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, turned: Any = None
+    ) -> None:
         """Add the cells of fragments with an opacity (F,) of 1/255 or more; takes what `LeafAccumulator.add` does."""
         opacity = np.asarray(opacity, np.float32)
         first = 0

@@ -95,8 +95,7 @@ def gather_batch(
 @kernel
 def _gather(forest, stored, augmentation, how, tables):
     """Gather a batch by one call, since each of Python's steps in between would find its own code in no cache."""
-    nodes, light, normal, root = forest
-    luminance = light.luminance
+    nodes, light_of, normal, root = forest
     trees, voxels, views = stored
     _, symmetry, symmetries = augmentation
     lookahead, width, nearby = how
@@ -107,7 +106,7 @@ def _gather(forest, stored, augmentation, how, tables):
     blocks = np.empty((27 * count + 1, width), np.float32)
     moved = np.zeros((count, 27), np.int64)  # rows of `blocks` by position after the symmetry
     around = np.empty((count, 27), np.int32)
-    where, cells_of = (root, tree, voxel), (luminance, normal)
+    where, cells_of = (root, tree, voxel), (light_of.luminance, normal)
     found, how_blocks = (moved, around, linear), (lookahead, not nearby)
     used = _gather_blocks(nodes, cells_of, where, augmentation, how_blocks, blocks, found)
     entry, direction, up, ratio, coverage, light = _read_views(views)
@@ -119,7 +118,7 @@ def _gather(forest, stored, augmentation, how, tables):
     )
     if nearby:
         rays = entry, direction, up, ratio
-        gather_nearby(nodes, light, (tree, around, linear), rays, (geometry, orders), near)
+        gather_nearby(nodes, light_of, (tree, around, linear), rays, (geometry, orders), near)
     _turn_views((entry, direction, up), light, (symmetry, symmetries), linear)
     return blocks[:used], _corner_rows(moved, position), (entry, direction, up, ratio, coverage, light), near
 

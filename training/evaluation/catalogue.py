@@ -92,8 +92,8 @@ class Scene:
         return Path(folder)
 
     def arguments(self) -> list[str]:
-        """Arguments of `patchnet octree` beside the scene and --out."""
-        words = ["--depth", "fit" if self.views else str(self.depth), "--light", self.light]
+        """Arguments of `patchnet octree` beside the scene and --out; voxels have one luminance, as in the paper."""
+        words = ["--depth", "fit" if self.views else str(self.depth), "--light", self.light, "--sides", "one"]
         for view in self.views:
             words += ["--view", *map(str, view)]
         if self.views:
