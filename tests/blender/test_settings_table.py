@@ -27,7 +27,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "fit": True, "memory_bytes": 2**30, "light": "two-lights",
     "samples": 3, "texel_voxels": 1.0, "both_sides": True, "exposure": 2.0, "color": False, "weights": Path("other"),
-    "gloss": "off", "denoise": False,
+    "gloss": "off", "denoise": False, "sides": "one",
 }  # fmt: skip
 
 
