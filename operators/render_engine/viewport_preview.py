@@ -111,7 +111,7 @@ class ViewportPreview:
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
-        from ...patchnet_addon.tracing.render import first_hits, seen_color
+        from ...patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
 
         picture, camera = self.picture, self.picture.camera
         columns, rows = (-(-side // COARSE) for side in (camera.width_px, camera.height_px))
@@ -121,7 +121,7 @@ class ViewportPreview:
         square = (row[:, None] * columns + column).ravel()
         if self._map is not None:
             self._world = self._map.look(pixel_directions(camera.with_size(columns, rows)))[square]
-        seen = seen_color(picture.octree, hits.node, hits.direction) + picture.octree.color_above_white(hits.node)
+        seen = seen_color(picture.octree, hits.node, hits.direction) + seen_above_white(picture.octree, hits)
         picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
 

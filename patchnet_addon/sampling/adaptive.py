@@ -162,7 +162,9 @@ class AdaptivePicture:
     def _show(self, start: int, band: PixelBuffers) -> None:
         rows = slice(start, start + len(band.preview))
         seen = band.shown_color
-        above = self.octree.color_above_white(band.hits.node)
+        from ..tracing.render import seen_above_white
+
+        above = seen_above_white(self.octree, band.hits)
         if band.shows_predicted and band.prediction is not None:
             above *= band.prediction.coverage[:, None]
         self.colors[rows] = (band.shown[:, None] if seen is None else seen) + above

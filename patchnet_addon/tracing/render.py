@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
-from ..octree.octree import Octree
+from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import see_colors, see_luminance
 from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -207,6 +207,16 @@ def seen_color(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.
     colors[met] = octree.color_float(nodes[met])
     run_parts(see_colors, len(nodes), octree.light.sides, nodes, directions, colors)
     return colors
+
+
+def seen_above_white(octree: Octree, hits: Hits) -> np.ndarray:
+    """Linear colours (P, 3) float32 above white of what is hit: the node's, as much as its side is bright."""
+    above = octree.color_above_white(hits.node)
+    bright = np.flatnonzero(above.any(axis=1))
+    if octree.side_nodes is not None and len(bright):
+        mean = np.maximum(octree.luminance_float(hits.node[bright]), np.float32(1.0 / LUMINANCE_SCALE))
+        above[bright] *= (hits.luminance[bright] / mean)[:, None]
+    return above
 
 
 def ray_up(direction: np.ndarray, up: np.ndarray) -> np.ndarray:

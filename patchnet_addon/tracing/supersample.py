@@ -155,21 +155,23 @@ def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
         numbers = tile.numbers
         x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
         row = sides_row(nodes.sides, node)
-        sums[0] += nodes.luminance[node] if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
+        mean = np.float32(nodes.luminance[node])
+        light = mean if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
+        sums[0] += light
         sums[4] += 1.0
         if len(chroma):
-            seen = decode_color(nodes.luminance[node] / LUMINANCE_SCALE, chroma[node, 0], chroma[node, 1])
+            seen = decode_color(mean / LUMINANCE_SCALE, chroma[node, 0], chroma[node, 1])
             red, green, blue = seen if row < 0 else color_along(nodes.sides, row, seen, x, y, z)
             sums[1] += red
             sums[2] += green
             sums[3] += blue
         if len(above.bits) and above.bits[node >> 3] >> (node & 7) & 1:
-            _add_above_white(above, node, sums)
+            _add_above_white(above, node, light / max(mean, np.float32(1)), sums)
 
 
 @lean_device
-def _add_above_white(above, node, sums):  # type: ignore[no-untyped-def]
-    """Add the light above white of a node that has some."""
+def _add_above_white(above, node, scale, sums):  # type: ignore[no-untyped-def]
+    """Add the light above white of a node that has some; scale: how bright the side is that is seen, over the mean."""
     first, last = 0, len(above.nodes) - 1
     while first < last:
         middle = (first + last) >> 1
@@ -178,7 +180,7 @@ def _add_above_white(above, node, sums):  # type: ignore[no-untyped-def]
         else:
             last = middle
     for channel in range(3):
-        sums[1 + channel] += above.colors[first, channel]
+        sums[1 + channel] += scale * above.colors[first, channel]
 
 
 @lean_device

@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.render import seen_above_white
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, camera, kept, rendered
 from patchnet.tests.blender.job_scene import QUICK, SMALL, pixels_in, view_of
@@ -144,7 +145,7 @@ def test_render_shows_it(weights: Path, tmp_path: Path, transparent: bool) -> No
     pixels = found["Combined"].reshape(-1, 4)[left]
     alpha, light = buffers.shown_alpha[left], buffers.predicted[left] / result.octree.exposure
     assert buffers.prediction is not None
-    above = result.octree.color_above_white(buffers.hits.node[left]) * buffers.prediction.coverage[left, None]
+    above = seen_above_white(result.octree, buffers.hits)[left] * buffers.prediction.coverage[left, None]
     world = np.zeros(3) if transparent else np.array(WORLD) * 0.5
     shown = light[:, None] + above / result.octree.exposure + (1 - alpha)[:, None] * world
     np.testing.assert_allclose(pixels[:, :3], shown, atol=1e-5)

@@ -23,6 +23,7 @@ from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.render import seen_above_white
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.engine_scene import (
     HEIGHT,
@@ -50,7 +51,7 @@ def expected(scene: bpy.types.Scene) -> PixelBuffers:
 
 def hdr_highlights(scene: bpy.types.Scene, buffers: PixelBuffers) -> np.ndarray:
     """(P,): what the clamp has taken from the voxels that the preview shows."""
-    return kept(scene).octree.color_above_white(buffers.hits.node)[:, 0]
+    return seen_above_white(kept(scene).octree, buffers.hits)[:, 0]
 
 
 def test_passes_are_what_the_tracer_computes(scene: bpy.types.Scene) -> None:

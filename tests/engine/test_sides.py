@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, seen_color, seen_luminance
+from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color, seen_luminance
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from patchnet.tests.references.sides import composed_reference, seen_reference
 
@@ -38,14 +38,18 @@ def plate(layers: list[tuple[float, float, float, float]]) -> tuple[TriangleMesh
     return mesh, lambda _batch, fragments: (tones[fragments.triangle], np.ones(len(fragments), np.float32))
 
 
-def seen_along_z(octree, looking: float, pixels: int) -> np.ndarray:
-    """Luminance of one ray in each of `pixels` a side, that look up or down at the middle of an octree."""
+def along_z(looking: float, pixels: int) -> Camera:
+    """Camera of `pixels` a side that looks up or down at the origin."""
     axis = np.array([0.0, 0.0, looking])
-    camera = Camera(
+    return Camera(
         np.array([0.03, 0.04, -4.0 * looking]), np.array([looking, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), axis,
         0.5, 0.5, pixels, pixels, kind=ORTHOGRAPHIC,
     )  # fmt: skip
-    return first_hits(octree, camera).luminance
+
+
+def seen_along_z(octree, looking: float, pixels: int) -> np.ndarray:
+    """Luminance of one ray in each of `pixels` a side."""
+    return first_hits(octree, along_z(looking, pixels)).luminance
 
 
 @pytest.mark.parametrize("pixels", [2, 4, 16, 256])
@@ -81,6 +85,18 @@ def test_a_plate_that_is_lit_on_its_back_shows_that_there():
         np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
 
 
+def test_light_above_white_belongs_to_the_bright_side():
+    mesh, shade = plate([(0.1, 1.0, UP, 5.0), (0.09, 1.0, DOWN, 0.1)])
+    octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
+    for looking, least, most in ((DOWN, 2.0, 5.0), (UP, 0.1, 0.3)):
+        camera = along_z(looking, 8)
+        light = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 2).colors
+        assert least <= light.min() and light.max() <= most
+        hits = first_hits(octree, camera)
+        shown = seen_color(octree, hits.node, hits.direction) + seen_above_white(octree, hits)
+        np.testing.assert_allclose(light, shown, atol=1e-5)
+
+
 def test_what_differs_little_keeps_its_mean_alone():
     mesh, shade = plate([(0.1, 1.0, UP, 0.505), (0.09, 1.0, DOWN, 0.5)])
     octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
@@ -112,7 +128,7 @@ def test_pictures_are_means_of_what_nodes_show(octree):
     camera = Camera.look_at(np.array([2.0, 2.3, 1.7]), np.zeros(3), size_px=(40, 30))
     hits = first_hits(octree, camera)
     np.testing.assert_allclose(drain(supersample(octree, camera, 1)), hits.luminance, atol=1e-6)
-    colors = seen_color(octree, hits.node, hits.direction) + octree.color_above_white(hits.node)
+    colors = seen_color(octree, hits.node, hits.direction) + seen_above_white(octree, hits)
     means = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 1)
     np.testing.assert_allclose(means.colors, colors, atol=2e-6)
 
