@@ -3,8 +3,8 @@
 
     python docs/pictures/make_frame_samples.py demo [WIDTH HEIGHT]
 
-prints a table over refinement by priority with its default budget. The scene is one of the project's own, of the
-catalogue (in PATCHNET_SCENES), or a file. Needs the extras `blender` and `bench`.
+prints a table over refinement by priority with its default budget, of voxels with one luminance each. The scene is one
+of the project's own, of the catalogue (in PATCHNET_SCENES), or a file. Needs the extras `blender` and `bench`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from statistics import median
 
 import bpy  # noqa: TID251
@@ -40,7 +41,7 @@ from patchnet.training.benchmarks.tables import markdown_table
 FRAMES, MEASURED = 250, (25, 125, 225)
 ERROR_SIZE, TRUTH = (240, 135), 256
 SIDES, FOOTPRINTS = (2, 3, 4, 8), (4, 8, 16, 32)
-BY_PRIORITY = "by priority"
+BY_PRIORITY, ONE = "by priority", "by priority, one luminance a voxel"
 
 
 def main() -> None:
@@ -53,7 +54,11 @@ def main() -> None:
         cameras = walk_cameras(fly_through_keys(size), FRAMES, size)
         coded = _coded(cameras)
         truths = {frame: _truth(coded, cameras[frame].with_size(*ERROR_SIZE)) for frame in MEASURED}
-    ways: dict[str, Callable[[Camera], np.ndarray]] = {BY_PRIORITY: lambda camera: _by_priority(coded, camera)}
+    one = replace(coded, octree=replace(coded.octree, side_nodes=None))
+    ways: dict[str, Callable[[Camera], np.ndarray]] = {
+        ONE: lambda camera: _by_priority(one, camera),
+        BY_PRIORITY: lambda camera: _by_priority(coded, camera),
+    }
     for side in SIDES:
         for finer in (each for each in FOOTPRINTS if each >= side):
             ways[f"{side} x {side}, voxels of 1/{finer}"] = lambda camera, s=side, f=finer: _even(coded, camera, s, f)
@@ -63,7 +68,7 @@ def main() -> None:
         errors = [np.mean((_small(way, cameras[frame]) - truths[frame]) ** 2) for frame in MEASURED]
         error = float(np.mean(errors))
         seconds = median(_seconds(way, cameras[frame]) for frame in MEASURED)
-        first = (error, seconds) if name == BY_PRIORITY else first
+        first = (error, seconds) if name == ONE else first
         ratios = f"{error / first[0]:.2f}", f"{seconds / first[1]:.2f}"
         rows.append([name, f"{1e4 * error:.1f}", f"{seconds:.2f}", *ratios])
     print(markdown_table(["rays", "mse x 10,000", "processor s", "error, ratio", "time, ratio"], rows))
