@@ -52,7 +52,7 @@ class _Bricks(NamedTuple):
     table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
     rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. sums: (R * columns,) int64 of the leaves.
     boxes: (R,) uint32 packed, around what is in each leaf. faces: (R * 6 * channels,) float32, sums of the sides of
-    leaves: area, in units, as seen along an axis, and luminance times that, in colour red and blue, too; (0,) without.
+    leaves, see `leaf_sides`; (0,) without.
     used: (2,) int64, how many bricks and leaves there are.
     """
 
@@ -150,7 +150,7 @@ class LeafAccumulator:
         sides = None
         if self._sides:
             faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, FACES, -1)
-            sides = leaf_sides(faces, row, sums[:, 1] / sums[:, 0], _AREA_UNITS)
+            sides = leaf_sides(faces, row, sums, self._area_unit * _AREA_UNITS)
         return keys, sums, unpacked(boxes), sides
 
 
@@ -221,7 +221,7 @@ def _add_to_faces(faces, leaf, weight, normal, light, columns):  # type: ignore[
     """Add a fragment to the three sides of its leaf that it faces; below 0, `weight` is that of its back."""
     channels = 2 if columns == _COLUMNS else 4
     for axis in range(3):
-        along = weight * normal[axis]
+        along = weight * normal[axis] / _AREA_UNITS
         at = (FACES * leaf + 2 * axis + (1 if along < 0.0 else 0)) * channels
         along = abs(along)
         faces[at] += np.float32(along)

@@ -23,6 +23,7 @@ _SEEN = 1.0 / 32.0  # of the face that shows most: what shows less does not make
 # Of a face to the node's mean, in luminance: less is not worth its bytes. Of all nodes: those that differ most have
 # sides, so that an octree does not grow by more than three bytes a node; in small octrees as many as do.
 _DIFFERS, _MOST, _FREE = 0.004, 0.1, 1 << 16
+_TURNED = 0.01  # of the area that faces either way: more than rounding
 _PIECE = 1 << 18  # nodes whose children's faces are kept at a time
 
 
@@ -76,16 +77,16 @@ class SidesOfNodes(NamedTuple):
     chroma: np.ndarray
 
 
-def leaf_sides(faces: np.ndarray, row: np.ndarray, luminance: np.ndarray, unit: float) -> LeafSides:
-    """Sides of leaves that stand in rows (l,) of sums (R, 6, 2 or 4), and have a luminance (l,) before exposure.
+def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float) -> LeafSides:
+    """Sides of leaves that stand in rows (l,) of `faces`, and have `sums` (l, 5 or 7), as `LeafSums` holds them.
 
-    faces: of each side (+x, -x, +y ...) the area that faces it as seen along its axis, of which `unit` is a voxel's
-    face, and luminance, in colour red and blue, times that.
+    faces: (R, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area that faces it as seen along its axis, over a
+    voxel's face, and luminance, in colour red and blue, times that. face_world: that face.
     """
     found = np.empty(len(row), np.bool_)
-    _find_different(faces, row, luminance, found)
+    _find_different(faces, row, sums, 1.0 / face_world, found)
     leaf = np.flatnonzero(found)
-    own = faces[row[leaf]] / np.float32(unit)
+    own = faces[row[leaf]]
     area = own[..., 0]
     light = np.divide(own[..., 1], area, out=np.zeros_like(area), where=area > 0)
     share = np.clip(np.ceil(area * _UNITS), 0, _UNITS).astype(np.uint16)
@@ -183,14 +184,21 @@ def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> Si
 
 
 @kernel
-def _find_different(faces, row, luminance, found):  # type: ignore[no-untyped-def]
-    """Find leaves of which a side differs from the mean by more than a share of it: others never do, when exposed."""
+def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyped-def]
+    """Find leaves of which a side differs from the mean by more than a share of it: others never do, when exposed.
+
+    And those whose light is that of their backs, so that the mean normal does not say what faces where.
+    """
     for leaf in range(len(row)):
-        most = luminance[leaf] * _DIFFERS
+        luminance = sums[leaf, 1] / sums[leaf, 0]
         found[leaf] = False
-        for face in range(FACES):
-            area = faces[row[leaf], face, 0]
-            if area > 0.0 and abs(faces[row[leaf], face, 1] / area - luminance[leaf]) > most:
+        for axis in range(3):
+            upper, lower = faces[row[leaf], 2 * axis], faces[row[leaf], 2 * axis + 1]
+            for face in (upper, lower):
+                if face[0] > 0.0 and abs(face[1] / face[0] - luminance) > luminance * _DIFFERS:
+                    found[leaf] = True
+            facing = sums[leaf, 2 + axis] * per_face
+            if abs(upper[0] - lower[0] - facing) > _TURNED * (upper[0] + lower[0]):
                 found[leaf] = True
 
 
