@@ -175,12 +175,12 @@ def light_octree(
     overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
-    lit_backs: np.ndarray | None = None
+    facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
             graph, cameras = overrides.depsgraph, leaves.cameras
             baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
-            shade, lit_backs, assumed, notes = yield from baking
+            shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
                 light = settings.light
@@ -194,9 +194,9 @@ def light_octree(
             if overrides.rotation:
                 turned = RotatedSource(source, random_rotation(overrides.rotation))
                 choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))
-                octree = yield from build(turned, choice_turned, shade, settings, kind, provenance, lit_backs)
+                octree = yield from build(turned, choice_turned, shade, settings, kind, provenance, facing)
             else:
-                octree = yield from build(source, choice, shade, settings, kind, provenance, lit_backs)
+                octree = yield from build(source, choice, shade, settings, kind, provenance, facing)
     thin = thin_warnings(source, choice.grid, leaves.cameras)
     own_color = () if surface.is_baked else source.color_warnings
     warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)

@@ -137,7 +137,7 @@ def baked(
     depsgraph: bpy.types.Depsgraph | None = None,
     cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
-    """Surface in baked light, triangles (T,) bool lit on their back, what had to be assumed, and notes for reports.
+    """Surface in baked light, side (T,) int8 that its light is seen on, what had to be assumed, and notes for reports.
 
     choice: the leaves that the light is for; texels follow them. clock: takes the stages "light" and "denoise".
     kept: where a bake finds pages of one that was stopped, and leaves its own.
@@ -167,7 +167,7 @@ def baked(
             atlas = yield from computed(lambda: denoised_atlas(atlas, source), Progress(0, 1, "Denoising light"))
         shade = yield from computed(lambda: atlas_shade(atlas, source), _TEXTURES)
     warnings = *coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())
-    return shade, atlas.turned, warnings, atlas.notes
+    return shade, atlas.facing, warnings, atlas.notes
 
 
 def build(
@@ -177,12 +177,12 @@ def build(
     settings: JobSettings,
     light: str,
     provenance: dict[str, Any],
-    turned: np.ndarray | None = None,
+    facing: np.ndarray | None = None,
 ) -> Steps[Octree]:
     """Build the octree of a surface; `light` says in its file what `shade` is.
 
-    provenance: entries of the file beside those that say how it was made, and in the place of such. turned: (T,) bool,
-    triangles that are lit on their back.
+    provenance: entries of the file beside those that say how it was made, and in the place of such. facing: (T,) int8,
+    side of each triangle that its light is seen on.
     """
     from ...patchnet_addon.octree.build import build_octree
 
@@ -197,7 +197,7 @@ def build(
     def make() -> Steps[Octree]:
         return build_octree(
             source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True,
-            sides=sides, turned=turned,
+            sides=sides, facing=facing,
         )  # fmt: skip
 
     return run_in_worker(make, Progress(0, 1, "Voxelizing"))

@@ -25,6 +25,7 @@ class Atlas:
     notes: what was baked, for reports, as plain JSON values.
     spread: side of the square around a texel's centre that its paths go out from, in texels.
     turned: (T,) bool, triangles whose texels hold the light of their back; None where all have that of their front.
+    facing: (T,) int8, side that a triangle's light is seen on: 1 front, -1 back, 0 both; None: the front.
     base: (pages * side * side, 1) float32, luminance of the base colour that each texel was baked with; with colour
     (.., 3), red and blue, too; None where they have not been looked up yet (`texel_bases`).
     """
@@ -37,4 +38,5 @@ class Atlas:
     notes: dict[str, Any] = field(default_factory=dict)
     spread: float = 1.0
     turned: np.ndarray | None = None
+    facing: np.ndarray | None = None
     base: np.ndarray | None = None

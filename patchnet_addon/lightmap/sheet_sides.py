@@ -85,6 +85,12 @@ def turned_sheets(light: np.ndarray, areas: np.ndarray, seen: np.ndarray) -> np.
     return result
 
 
+def lit_on_both_sides(light: np.ndarray) -> np.ndarray:
+    """(N,) bool: sheets of which neither side is enclosed; light: (N, 2) on front and back."""
+    result: np.ndarray = light.min(axis=1) > _ENCLOSED * light.max(axis=1)
+    return result
+
+
 def _usual(front: np.ndarray, areas: np.ndarray, black: float) -> float:
     """Median by area of the fronts that get light, the upper one of two; 0 where none does."""
     shining = np.flatnonzero(front > black)

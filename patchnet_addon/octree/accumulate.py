@@ -30,20 +30,20 @@ _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
 _COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); each weighed by area
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the rest
-_NONE_TURNED = np.empty(0, np.bool_)
+_ALL_FRONT = np.empty(0, np.int8)
 _NO_COLOR = np.empty((0, 3), np.float32)
 
 
 class _Shading(NamedTuple):
     """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without.
 
-    turned: (T,) bool, triangles whose light is that of their back; (0,) if none is.
+    facing: (T,) int8, side that a triangle's light is seen on: 1 front, -1 back, 0 both; (0,) if all are 1.
     """
 
     luminance: np.ndarray
     opacity: np.ndarray
     color: np.ndarray
-    turned: np.ndarray
+    facing: np.ndarray
 
 
 class _Bricks(NamedTuple):
@@ -96,12 +96,12 @@ class LeafAccumulator:
         normals: np.ndarray,
         color: np.ndarray | None = None,
         *,
-        turned: np.ndarray | None = None,
+        facing: np.ndarray | None = None,
     ) -> None:
         """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
 
-        color: (F, 3) linear, brought to the luminance here; given each time or never. turned: (T,) bool, triangles
-        whose light is that of their back.
+        color: (F, 3) linear, brought to the luminance here; given each time or never. facing: (T,) int8, side that
+        a triangle's light is seen on, see `build_octree`.
         Fragments with less than 1/255 of opacity leave no trace.
         """
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
@@ -112,7 +112,7 @@ class LeafAccumulator:
             np.asarray(luminance, np.float32),
             np.asarray(opacity, np.float32),
             _NO_COLOR if color is None else np.asarray(color, np.float32),
-            _NONE_TURNED if turned is None else turned,
+            _ALL_FRONT if facing is None else facing,
         )
         boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         first = 0
@@ -211,8 +211,12 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
             _add_large(rows, row + 6, weight * red)
             _add_large(rows, row + 8, weight * blue)
         if len(faces):
-            signed = -weight if len(shading.turned) and shading.turned[triangle[i]] else weight
-            _add_to_faces(faces, leaf, signed, normals[triangle[i]], (luminance, red, blue), columns)
+            facing = shading.facing[triangle[i]] if len(shading.facing) else 1
+            normal, light = normals[triangle[i]], (luminance, red, blue)
+            if facing >= 0:
+                _add_to_faces(faces, leaf, weight, normal, light, columns)
+            if facing <= 0:
+                _add_to_faces(faces, leaf, -weight, normal, light, columns)
     return len(keys)
 
 

@@ -34,7 +34,7 @@ def build_octree(
     block_fragments: int = BLOCK_FRAGMENTS,
     boxes: bool = False,
     sides: bool = False,
-    turned: np.ndarray | None = None,
+    facing: np.ndarray | None = None,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if it is a shade of colour.
 
@@ -45,14 +45,15 @@ def build_octree(
     apart (methods 7.1b).
     block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
     boxes: keep the boxes of the finest leaves, so that rays meet what is thinner than a voxel where it is (methods
-    4.1d). sides: luminance by direction, for nodes whose sides differ (`sides.py`). turned: (T,) bool, triangles whose
-    luminance is that of their back. Raises GeometryError when no opaque surface is left.
+    4.1d). sides: luminance by direction, for nodes whose sides differ (`sides.py`). facing: (T,) int8, side of
+    each triangle that its luminance is seen on: 1 front, -1 back, 0 both; None: the front. Raises GeometryError when no
+    opaque surface is left.
     """
     emitters = Emitters(source)
     watch = emitters.note if exposure is None and emitters.anything else None
     parts = yield from voxelize(
         source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch, sides=sides,
-        turned=turned,
+        facing=facing,
     )  # fmt: skip
     parts = [part for part in parts if len(part.root_keys)]
     if not parts:

@@ -32,7 +32,7 @@ class OccupiedCells:
         return int(self._used[0])
 
     def add(
-        self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, turned: Any = None
+        self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
     ) -> None:
         """Add the cells of fragments with an opacity (F,) of 1/255 or more; takes what `LeafAccumulator.add` does."""
         opacity = np.asarray(opacity, np.float32)

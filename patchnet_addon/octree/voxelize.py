@@ -69,7 +69,7 @@ def voxelize(
     watch: Watch | None = None,
     only_keys: bool = False,
     sides: bool = False,
-    turned: np.ndarray | None = None,
+    facing: np.ndarray | None = None,
 ) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
 
@@ -80,12 +80,12 @@ def voxelize(
     called in threads, as is `watch`, which hears of all fragments: their level, batch and luminance. The leaves do not
     depend on this division, nor on the order of triangles, as far as `shade` does not.
     only_keys: add nothing up; the leaves' sums are (n, 0), and `block_fragments` counts for less memory.
-    sides: keep the leaves' sides apart, too. turned: (T,) bool, triangles whose luminance is that of their back.
+    sides: keep the leaves' sides apart, too. facing: see `build_octree`.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
     for number, ranges in enumerate(passes):
-        make = partial(_Share, grid=grid, shade=shade, watch=watch, only_keys=only_keys, sides=sides, turned=turned)
+        make = partial(_Share, grid=grid, shade=shade, watch=watch, only_keys=only_keys, sides=sides, facing=facing)
         shares = [make(blocks) for blocks in ranges]
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
@@ -106,13 +106,13 @@ class _Share:
         watch: Watch | None,
         only_keys: bool,
         sides: bool,
-        turned: np.ndarray | None,
+        facing: np.ndarray | None,
     ) -> None:
         self.block_level = blocks.layout.block_level
         self._grid = grid
         self._shade = shade
         self._watch = watch
-        self._turned = turned
+        self._facing = facing
         self._cells = blocks.cells()
         self._leaves: dict[int, LeafAccumulator | OccupiedCells] = {
             level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level), sides=sides)
@@ -122,7 +122,7 @@ class _Share:
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Clip, shade and add up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        turned = None if self._turned is None else self._turned[here]
+        facing = None if self._facing is None else self._facing[here]
         for level, wanted in self._cells.items():
             for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
                 if not len(fragments):
@@ -130,7 +130,7 @@ class _Share:
                 luminance, opacity, *color = self._shade(batch, fragments)
                 if self._watch is not None:
                     self._watch(level, batch, fragments, luminance)
-                self._leaves[level].add(fragments, luminance, opacity, normals, *color, turned=turned)
+                self._leaves[level].add(fragments, luminance, opacity, normals, *color, facing=facing)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level; they are let go here."""

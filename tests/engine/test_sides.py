@@ -78,9 +78,9 @@ def test_a_plate_within_a_voxel_has_two_sides():
 def test_a_plate_that_is_lit_on_its_back_shows_that_there():
     """Normals that point inwards: what is baked on the back of a triangle is seen from there, not through it."""
     mesh, shade = plate([(0.1, 1.0, DOWN, 0.8), (0.09, 1.0, UP, 0.2)])
-    turned = np.ones(4, np.bool_)
+    backs = np.full(4, -1, np.int8)
     grid = Grid((-1.0, -1.0, -1.0), 2.0, 4)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, turned=turned))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=backs))
     for looking, light in ((DOWN, 0.8), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
 

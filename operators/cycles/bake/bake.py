@@ -109,7 +109,10 @@ def bake_luminance(
     texels = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
     warnings, notes = (*baker.warnings, *_coarse(charts), *sides.warnings), dict(sides.notes)
     noise, lit = (texels[:, -1], texels[:, :-1]) if light.denoise else (None, texels)
-    atlas = Atlas(charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned)
+    atlas = Atlas(
+        charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned,
+        facing=np.where(sides.both, 0, np.where(sides.turned, -1, 1)).astype(np.int8),
+    )  # fmt: skip
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
     return atlas
