@@ -70,30 +70,33 @@ class BakePageCache:
         names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
         return {int(name) for name in names if name.isdigit()}
 
-    def load(self, page: int, texel_count: int, channels: int = 2) -> np.ndarray | None:
-        """Texels (texel_count, channels) float32 of a finished page, or None if it is not there as a whole."""
+    def load(
+        self, page: int, texels_shape: tuple[int, int], triangles: int
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Texels, float32, of a finished page, and sides (triangles,) int8, or None if it is not there as a whole."""
         path = self._path(page)
         if not path.exists():
             return None
         try:
-            texels = read_arrays(path, KIND)[0].get("texels")
+            arrays = read_arrays(path, KIND)[0]
         except FileFormatError as error:
             _LOG.warning("A page is baked again: %s", error)
             with contextlib.suppress(OSError):
                 path.unlink()
             return None
-        if texels is None or texels.shape != (texel_count, channels) or texels.dtype != np.float32:
+        wanted = {"texels": (np.float32, texels_shape), "facing": (np.int8, (triangles,))}
+        if {name: (array.dtype, array.shape) for name, array in arrays.items()} != wanted:
             return None
         self.found += 1
-        return texels
+        return arrays["texels"], arrays["facing"]
 
-    def save(self, page: int, texels: np.ndarray) -> None:
-        """Keep a finished page."""
+    def save(self, page: int, texels: np.ndarray, facing: np.ndarray) -> None:
+        """Keep a finished page: its texels, and of each of its triangles the side that they hold the light of."""
         if not self._writes:
             return
         try:
             self._folders[-1].mkdir(parents=True, exist_ok=True)  # another process may have ended the same bake
-            write_arrays(self._path(page), {"texels": texels}, {"page": page}, KIND)
+            write_arrays(self._path(page), {"texels": texels, "facing": facing}, {"page": page}, KIND)
         except (OSError, PatchNetError) as cause:
             self._give_up(cause)
 

@@ -12,22 +12,23 @@ from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache, tidy
 
 
 def test_pages_stay_until_their_bake_ends(tmp_path: Path) -> None:
-    texels = np.random.default_rng(0).random((16, 2), np.float32)
+    texels, facing = np.random.default_rng(0).random((16, 2), np.float32), np.array([1, 0, -1], np.int8)
     with pytest.raises(ZeroDivisionError), BakePageCache(tmp_path) as kept:
         kept.open("nothing finished")
         kept.open("one")
-        kept.save(3, texels)
+        kept.save(3, texels, facing)
         raise ZeroDivisionError
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
     with BakePageCache(tmp_path) as kept:
         kept.open("other")
-        assert kept.pages() == set() and kept.load(3, 16) is None
+        assert kept.pages() == set() and kept.load(3, (16, 2), 3) is None
         kept.open("one")
         assert kept.pages() == {3}
-        found = kept.load(3, 16)
+        found = kept.load(3, (16, 2), 3)
         assert found is not None
-        np.testing.assert_array_equal(found, texels)
-        assert kept.load(3, 64) is None and kept.load(4, 16) is None
+        for array, wanted in zip(found, (texels, facing), strict=True):
+            np.testing.assert_array_equal(array, wanted)
+        assert all(kept.load(*wrong) is None for wrong in ((3, (64, 2), 3), (3, (16, 2), 4), (4, (16, 2), 3)))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -111,7 +111,7 @@ def bake_luminance(
     noise, lit = (texels[:, -1], texels[:, :-1]) if light.denoise else (None, texels)
     atlas = Atlas(
         charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned,
-        facing=np.where(sides.both, 0, np.where(sides.turned, -1, 1)).astype(np.int8),
+        facing=np.where(sides.both, np.int8(0), baker.facing),
     )  # fmt: skip
     if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
         notes[BLACK_VIEWS] = black
@@ -153,14 +153,15 @@ def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -
         if there := len(kept.pages()):
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
-        finished = kept.load(page, count, channels) if kept is not None else None
+        mine = charts.page == page
+        finished = kept.load(page, (count, channels), int(mine.sum())) if kept is not None else None
         if finished is not None:
-            pages[page] = finished
+            pages[page], baker.facing[mine] = finished
             continue
         pages[page] = yield from baker.page(page)
         check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
         if kept is not None:
-            kept.save(page, pages[page])
+            kept.save(page, pages[page], baker.facing[mine])
     yield Progress(charts.page_count, charts.page_count, "Baking light")
     return pages.reshape(-1, channels)
 

@@ -83,6 +83,7 @@ class Baker:
         self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source, light)
         self._shining = materials_that(emits, source)
         self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
+        self.facing = np.ones(source.triangle_count, np.int8)  # side of the light in texels: 1 front, -1 back, 0 both
         self.paths_traced = 0
         transformed = source.turned_materials
         lost = [
@@ -165,6 +166,7 @@ class Baker:
         weight[means[0] < _DARK_SIDE * means[1]] = 1.0
         if backs is not None:
             triangles, weight = np.append(triangles, backs), np.append(weight, np.ones(len(backs), np.float32))
+        self.facing[triangles] = np.where(weight <= 0.0, 1, np.where(weight >= 1.0, -1, 0))
         of_texel = self._on_texels(page, triangles, weight)[:, None]
         return front * (1.0 - of_texel) + back * of_texel
 

@@ -47,7 +47,7 @@ _MOST_TIMES = 100.0  # that a sentence says: a front may be black
 
 
 class Sides(NamedTuple):
-    """turned: (T,) bool, triangles that are baked on their back. both: (T,) bool, triangles that are seen from both.
+    """turned: (T,) bool, triangles that are baked on their back. both: (T,) bool, of sheets that are lit on both sides.
 
     sight: what cameras see. warnings: sentences. notes: plain JSON values.
     """
@@ -64,15 +64,13 @@ class _Survey:
     """Sheets of a surface, what cameras see of them, and where their light is measured.
 
     sheet: (T,) int32, -1 for none. is_open: (S,) bool. may_turn: (T,) bool, of closed sheets and materials of one side.
-    open_two: (T,) bool, of open sheets whose light is the mean of both sides. areas: (S,) of what may turn. seen: (S, 2)
-    pixels of front and back. asked: (N,) sheets whose light is measured, at `points`; backs: (B,) triangles whose back
-    is seen, and at which place (B, 3).
+    areas: (S,) of what may turn. seen: (S, 2) pixels of front and back. asked: (N,) sheets whose light is measured, at
+    `points`; backs: (B,) triangles whose back is seen, and at which place (B, 3).
     """
 
     sheet: np.ndarray
     is_open: np.ndarray
     may_turn: np.ndarray
-    open_two: np.ndarray
     areas: np.ndarray
     seen: np.ndarray
     asked: np.ndarray
@@ -99,7 +97,8 @@ def sides_of_sheets(
     one_sided = one_sided_materials(source, light)
     survey = yield from computed(lambda: _surveyed(source, cameras, one_sided, warns=not light.both_sides), at)
     if not len(survey.points.triangle) + len(survey.backs):
-        return Sides(np.zeros(source.triangle_count, bool), survey.open_two, survey.sight)
+        none = np.zeros(source.triangle_count, bool)
+        return Sides(none, none, survey.sight)
     places, normals = yield from computed(lambda: _places(source, survey), at)
     lit_by = bool(light.daylight)
     measured = yield from light_of_sides(context, places, normals, lift_world, with_daylight=lit_by, at=at)
@@ -123,7 +122,6 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
         sight.add(batch.corners_world, opaque[batch.materials], batch.first_triangle)
     backs, places = _seen_backs(source, sight, may_turn) if warns else (np.empty(0, np.int64), np.empty((0, 3)))
     of_open = np.append(is_open, False)[sheet]
-    open_two = of_open & ~may_turn
     may_turn = (sheet >= 0) & (may_turn | ~of_open)
     areas *= may_turn
     by_sheet = np.bincount(sheet[may_turn], areas[may_turn], len(is_open))
@@ -134,7 +132,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
     np.add.at(seen, (sheet[triangle[counts]], behind[counts].astype(int)), 1)
     asked = asked_sheets(np.where(is_open | (seen[:, 1] > 0), by_sheet, 0.0), seen)
     points = points_on_sheets(asked, sheet, areas)
-    return _Survey(sheet, is_open, may_turn, open_two, by_sheet, seen, asked, points, backs, places, sight)
+    return _Survey(sheet, is_open, may_turn, by_sheet, seen, asked, points, backs, places, sight)
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -192,7 +190,7 @@ def _decided(source: SceneMesh, survey: _Survey, measured: np.ndarray) -> Sides:
         turned[asked] = turned_sheets(of_sheets, survey.areas[asked], survey.seen[asked])
         lit[asked] = survey.is_open[asked] & lit_on_both_sides(of_sheets)
     of_triangle = turned[survey.sheet] & survey.may_turn
-    both = survey.open_two | lit[survey.sheet]
+    both = lit[survey.sheet]
     names, is_closed = source.objects_of(survey.backs), ~np.append(survey.is_open, True)[survey.sheet]
     closed = is_closed[survey.backs]
     shown = ~of_triangle[survey.backs]
