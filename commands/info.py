@@ -62,6 +62,9 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
             f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
             if octree.chroma is not None
             else "luminance alone, no color",
+            "one luminance a voxel"
+            if octree.side_nodes is None
+            else f"light by direction in {len(octree.side_nodes) / octree.node_count:.1%} of the nodes",
         ]
     if header.kind == "weights":
         held = load_weights(path)
