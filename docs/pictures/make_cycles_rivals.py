@@ -55,6 +55,7 @@ SHARES = (0.05, 0.1, 0.2, 0.4)
 COMPARED = (DEFAULT, "patchnet-plus-0", "ss-variance", "random")
 OPTIMUM = "optimum"
 SAMPLES, TRUTH = 32, 512
+_SECONDS = (1, 2, 5, 10, 20)  # ticks of the figure
 OF_WHOLE = (1, 2, 4, 8, 16, 32)  # samples of Cycles' whole pictures
 # Samples by rank, each as shares of the picture and weights; all cost the paths of a fifth of the picture at SAMPLES.
 SPREADS = {
@@ -214,6 +215,8 @@ def _drawn(curves: dict[str, dict[str, list[Any]]]) -> Figure:
             for label, x, y in zip(labels, seconds, errors, strict=True):
                 axes.annotate(label, (x, y), xytext=(3, 3), textcoords="offset points", fontsize=7)
         axes.set(xscale="log", yscale="log", xlabel="processor seconds", ylabel="mse, all light", title=camera)
+        axes.set_xticks(_SECONDS, map(str, _SECONDS), minor=False)
+        axes.minorticks_off()
         axes.legend(fontsize=8)
     return figure
 
