@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
 from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
 from .sides import FACES
@@ -163,9 +164,8 @@ def _differing(level: LevelNodes, here: slice, faces: _Faces, first: int) -> tup
 
     first: node that the level begins at.
     """
-    seen = faces.share > _SEEN * faces.share.max(axis=1, keepdims=True)
-    apart = np.abs(faces.light.astype(np.int32) - level.luminance[here, None].astype(np.int32))
-    difference = np.where(seen, apart, 0).max(axis=1, initial=0).astype(np.uint16)
+    difference = np.empty(len(faces.share), np.uint16)
+    run_parts(_write_difference, len(difference), faces, level.luminance[here], difference)
     row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
     light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
     share = faces.share[row].astype(np.float32)
@@ -208,6 +208,18 @@ def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
         for face in range(FACES):
             sums = faces[leaf, face]
             chroma[leaf, face, 0], chroma[leaf, face, 1] = encode_shares(float(sums[1]), sums[2], sums[3])
+
+
+@kernel
+def _write_difference(first, last, faces, luminance, difference):  # type: ignore[no-untyped-def]
+    """Write how far the faces of nodes that are seen differ from their luminance (n,) at most."""
+    for node in range(first, last):
+        least = _SEEN * faces.share[node].max()
+        most = 0
+        for face in range(FACES):
+            if faces.share[node, face] > least:
+                most = max(most, abs(np.int64(faces.light[node, face]) - np.int64(luminance[node])))
+        difference[node] = most
 
 
 @kernel
