@@ -215,11 +215,11 @@ def _write_difference(first, last, faces, luminance, difference):  # type: ignor
     """Write how far the faces of nodes that are seen differ from their luminance (n,) at most."""
     for node in range(first, last):
         least = _SEEN * faces.share[node].max()
-        most = 0
+        difference[node] = 0
         for face in range(FACES):
-            if faces.share[node, face] > least:
-                most = max(most, abs(np.int64(faces.light[node, face]) - np.int64(luminance[node])))
-        difference[node] = most
+            apart = abs(np.int64(faces.light[node, face]) - np.int64(luminance[node]))
+            if faces.share[node, face] > least and apart > difference[node]:
+                difference[node] = apart
 
 
 @kernel
