@@ -190,15 +190,15 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
     And those whose light is that of their backs, so that the mean normal does not say what faces where.
     """
     for leaf in range(len(row)):
-        luminance = sums[leaf, 1] / sums[leaf, 0]
+        luminance, at = sums[leaf, 1] / sums[leaf, 0], row[leaf]
         found[leaf] = False
         for axis in range(3):
-            upper, lower = faces[row[leaf], 2 * axis], faces[row[leaf], 2 * axis + 1]
-            for face in (upper, lower):
-                if face[0] > 0.0 and abs(face[1] / face[0] - luminance) > luminance * _DIFFERS:
+            for face in range(2 * axis, 2 * axis + 2):
+                area = faces[at, face, 0]
+                if area > 0.0 and abs(faces[at, face, 1] / area - luminance) > luminance * _DIFFERS:
                     found[leaf] = True
-            facing = sums[leaf, 2 + axis] * per_face
-            if abs(upper[0] - lower[0] - facing) > _TURNED * (upper[0] + lower[0]):
+            upper, lower = faces[at, 2 * axis, 0], faces[at, 2 * axis + 1, 0]
+            if abs(upper - lower - sums[leaf, 2 + axis] * per_face) > _TURNED * (upper + lower):
                 found[leaf] = True
 
 
