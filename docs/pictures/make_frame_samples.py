@@ -54,7 +54,7 @@ def main() -> None:
         cameras = walk_cameras(fly_through_keys(size), FRAMES, size)
         coded = _coded(cameras)
         truths = {frame: _truth(coded, cameras[frame].with_size(*ERROR_SIZE)) for frame in MEASURED}
-    one = replace(coded, octree=replace(coded.octree, side_nodes=None))
+    one = replace(coded, octree=coded.octree.without_sides())
     ways: dict[str, Callable[[Camera], np.ndarray]] = {
         ONE: lambda camera: _by_priority(one, camera),
         BY_PRIORITY: lambda camera: _by_priority(coded, camera),

@@ -153,7 +153,7 @@ def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, 
 
     shape = camera.height_px, camera.width_px
     luminance = (yield from supersample(octree, camera, rays)).reshape(shape)
-    white = replace(octree, luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)), side_nodes=None)
+    white = replace(octree.without_sides(), luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
     return luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape)
 
 

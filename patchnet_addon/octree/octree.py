@@ -6,7 +6,7 @@ Its finest leaves may have boxes, three bytes each.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -125,6 +125,10 @@ class Octree:
             return NodeLight(self.luminance, NO_SIDES)
         sides = sides_of(self.side_nodes, self.child_mask, self.side_light, self.side_share, self.side_chroma)
         return NodeLight(self.luminance, sides)
+
+    def without_sides(self) -> Octree:
+        """Return the octree with one luminance a node, as in the paper."""
+        return replace(self, side_nodes=None, side_light=None, side_share=None, side_chroma=None)
 
     def free_keys(self) -> None:
         """Forget the cells that `keys` has computed; it computes them again."""

@@ -55,7 +55,7 @@ def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     whole = frame["whole_voxels"]
     assert whole["psnr_db"] < frame["psnr_db"] - 1.0, "boxes show where in a voxel its surface is"
     assert check.report["mean_whole_voxels"]["mean_ratio"] == pytest.approx(whole["mean_ratio"])
-    dark = replace(check.octree, luminance=check.octree.luminance // 2, side_nodes=None)
+    dark = replace(check.octree.without_sides(), luminance=check.octree.luminance // 2)
     few = replace(settings(), render_samples=32)
     wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, few))
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
