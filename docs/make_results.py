@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fill tables of results.md and training.md with the numbers of an evaluation.
+"""Fill tables of lab/results.md and lab/training.md with the numbers of an evaluation.
 
     patchnet lab evaluate ... --out out/evaluation
     python docs/make_results.py out/evaluation
@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any, NamedTuple
 
-PAGES = tuple(Path(__file__).with_name(name) for name in ("results.md", "training.md"))
+PAGES = tuple(Path(__file__).parent / "lab" / name for name in ("results.md", "training.md"))
 SCENES = {
     "San Miguel, bare": "san-miguel-bare", "San Miguel": "san-miguel", "Sponza": "sponza", "car": "sports-car",
     "room": "furnished-room", "garden": "furnished-garden",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The script that fills tables of docs/results.md with the numbers of an evaluation."""
+"""The script that fills tables of docs/lab/results.md with the numbers of an evaluation."""
 
 import pytest
 
