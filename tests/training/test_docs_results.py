@@ -84,4 +84,4 @@ def test_marks_stand_above_tables() -> None:
     """Each comment of the page is above a table, and the tables of the evaluation have one."""
     lines = script.PAGE.read_text().splitlines()
     marked = [table for table in script.tables(lines) if script._MARK.fullmatch(script.line_above(lines, table.line))]
-    assert len(marked) == 11 == sum(line.startswith("<!--") for line in lines)
+    assert len(marked) == 8 == sum(line.startswith("<!--") for line in lines)
