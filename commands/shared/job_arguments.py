@@ -84,7 +84,7 @@ def require_blender() -> None:
     except ImportError as cause:
         raise PatchNetError(
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
-            "libraries that README names"
+            "libraries that docs/command-line.md names"
         ) from cause
     from ...operators.scene_access.temporary import session_folder_goes
 
