@@ -203,15 +203,6 @@ def test_a_resumed_run_ends_with_the_same_weights(name, frames, maps, tmp_path):
         trained(frames, name, tmp_path, resume=True)
 
 
-def test_a_stopped_run_goes_on(frames, maps, tmp_path):
-    settings = train_maps.MapSettings("unet", steps=4, batch=1, crop=16, rate=1e-3)
-    steps = train_maps.train_maps(*frames, settings, train_maps.RunOptions(tmp_path))
-    next(steps), next(steps)
-    steps.close()
-    assert read_map(tmp_path / MAP)[1]["steps"] == 2
-    assert map_hash(trained(frames, "unet", tmp_path, resume=True)) == map_hash(maps["unet"])
-
-
 def test_nothing_to_learn_from_is_refused(tmp_path):
     with pytest.raises(PatchNetError, match="nothing to train on"):
         trained(([], "key"), "unet", tmp_path)
@@ -358,17 +349,8 @@ def test_evaluation_with_maps(octree_path, maps, tmp_path, monkeypatch, capsys):
     tables = (tmp_path / "out" / "tables.md").read_text(encoding="utf-8")
     figure = (tmp_path / "out" / "figures" / "shells-budget.svg").read_text(encoding="utf-8")
     assert all(f"| `{name}` |" in tables and f"<!-- {name} -->" in figure for name in names)
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert results["maps"].keys() == names and all(text in report for text in results["maps"].values())
+    assert results["maps"].keys() == names
     rows = csv.DictReader((tmp_path / "out" / "results.csv").read_text(encoding="utf-8").splitlines())
     assert names <= {row["strategy"] for row in rows}
     assert main([*words[:-3], str(octree_path)]) == 2
     assert "sampling-map file is needed" in capsys.readouterr().err
-
-
-def test_other_weights_are_evaluated_anew(maps):
-    keys = {
-        evaluate._key(evaluate.EvaluationSettings(maps=given), "octree", "weights")
-        for given in ((), (maps["unet"],), (maps["weiss"],))
-    }
-    assert len(keys) == 3

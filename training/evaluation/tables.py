@@ -125,6 +125,7 @@ def tables_of(results: Mapping[str, Any]) -> Tables:
          _predicted(scenes)),
         (f"Picture metrics at {BUDGET}%, means over scenes.",
          _quality([values["quality"] for values in scenes.values()])),
+        ("Claims of the paper.", claims_table(claims)),
     ]  # fmt: skip
     for score, matrix in claims.get("generalisation", {}).items():
         title = f"Generalisation of `{score}`, error at {BUDGET}% over that of `{VARIANCE}`"
@@ -344,30 +345,6 @@ def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         for metric in found[0]["metrics"]
     }
     return _by_strategy(pd.DataFrame(means).dropna(axis=1, how="any"), "{:.4f}")
-
-
-def scene_table(values: Mapping[str, Any], budgets: Sequence[int]) -> pd.DataFrame:
-    """Errors of all strategies of a scene times 10,000 at budgets in percent, with costs, by rays and excess area."""
-    names = sorted(values["mse"], key=lambda name: (values["rays_per_pixel"][name], _area(values, name)))
-    return pd.DataFrame(
-        {
-            "strategy": name,
-            "group": values["group"][name],
-            "rays a pixel": values["rays_per_pixel"][name],
-            "ms a frame": f"{values['ms_per_frame'][name]:.1f}" if name in values["ms_per_frame"] else "",
-        }
-        | {f"{at}%": f"{1e4 * values['mse'][name][at]:.2f}" for at in budgets}
-        | {"excess area": _with_interval(values["excess_area"][name])}
-        for name in names
-    )
-
-
-def _with_interval(values: Mapping[str, float | None]) -> str:
-    if values["value"] is None:
-        return ""
-    if values["low"] is None or values["high"] is None:
-        return f"{values['value']:.3f}"
-    return f"{values['value']:.3f} ({values['low']:.3f} to {values['high']:.3f})"
 
 
 def claims_table(claims: Mapping[str, Any]) -> pd.DataFrame:
