@@ -33,7 +33,7 @@ from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.chosen import fine_rays
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
@@ -57,8 +57,6 @@ def estimators():
 
 def view(coded, size_px=(75, 40), needs=ALL, **settings):
     camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=size_px)
-    if "kind" in settings:
-        camera = replace(camera, kind=settings.pop("kind"), half_x=0.8, half_y=0.8)
     return drain(trace_view(coded.octree, camera, [needs], coded=coded, reference=False, **settings))
 
 
@@ -90,13 +88,6 @@ def test_kernel_is_the_reference(name, size_px, coded, estimators):
     assert (found[~seen.active] == 0).all() and found.dtype == np.float32
 
 
-@pytest.mark.parametrize("kind", [ORTHOGRAPHIC])
-def test_orthographic_views(kind, coded, estimators):
-    seen = view(coded, (40, 40), kind=kind)
-    found = estimated_error(seen, estimators, FORMS["plus-4"])
-    assert np.isfinite(found).all() and (found[seen.active] > 0).all()
-
-
 def test_bands_and_whole_pictures_are_the_same(buffers, estimators, monkeypatch):
     whole = estimated_error(buffers, estimators, FORMS["plus-1"])
     monkeypatch.setattr(compiled, "_BAND_ROWS", 7)
@@ -109,11 +100,6 @@ def test_nothing_is_met(coded, estimators):
     assert not seen.hit.any()
     assert (estimated_error(seen, estimators, FORMS["plus-4"]) == 0).all()
     assert np.isfinite(reference(seen, estimators, FORMS["plus-4"])).all()
-
-
-def test_pixels_beside_the_surface_have_an_error(buffers, estimators):
-    beside = buffers.active & ~buffers.hit
-    assert beside.any() and (estimated_error(buffers, estimators, FORMS["plus-0"])[beside] > 0).all()
 
 
 def test_planes_and_their_border(buffers):
@@ -199,11 +185,6 @@ def test_other_files_are_refused(change, message, estimators, tmp_path):
     write_arrays(path, arrays, notes, KIND)
     with pytest.raises(WeightsFileError, match=message):
         load_estimators(path)
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(WeightsFileError, match="does not exist"):
-        load_estimators(tmp_path / "plus.safetensors")
 
 
 def test_strategies_score_what_they_say(coded):

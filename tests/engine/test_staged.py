@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -131,13 +130,6 @@ def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
     np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
 
 
-def test_chosen_pixels_are_decoded_as_all_are(coded, buffers):
-    pixels = np.flatnonzero(buffers.active)[::5]
-    part, whole = predict(coded, buffers.hits.part(pixels)), predict(coded, buffers.hits)[pixels]
-    for name in ("coverage", "luminance", "look_ahead"):
-        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
-
-
 def test_importance_decides_too(buffers, estimators):
     importance = np.ones(len(buffers.preview), np.float32)
     importance[: len(importance) // 2] = 0.0
@@ -155,11 +147,6 @@ def test_views_that_lack_something_are_refused(buffers):
 def test_estimators_of_other_weights_are_warned_of():
     warning = estimators_warning("patchnet-plus-staged", Weights.random())
     assert warning is not None and "patchnet-plus-staged" in warning
-
-
-def test_budgets_outside_their_bounds_are_refused(buffers):
-    with pytest.raises(SettingError, match="outside 0 to 1"):
-        rank(EVALUATED["patchnet-plus-staged"], buffers, 1.5)
 
 
 @pytest.mark.parametrize("part, shape", [("fine_rays", (0, 4)), ("behind", (0,)), ("normal", (0, 3))])

@@ -11,7 +11,6 @@ import pytest
 from patchnet.commands import main
 from patchnet.commands.benches import train, voxelize
 from patchnet.commands.benches.frame import STAGES
-from patchnet.patchnet_addon.network.encoders import MLP
 from patchnet.patchnet_addon.network.kinds import PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
@@ -124,11 +123,6 @@ def test_both_encoders_make_the_same_codes(threads, capsys):
     assert values["largest_difference"] <= 1e-3 * values["largest_code"]  # half floats differ in their last bit
     if HAS_TORCH:
         assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
-
-
-def test_other_weights_encode_in_words(capsys, tmp_path):
-    save_weights(Weights.random(2, encoder=MLP.of_width(64)), tmp_path / "narrow.safetensors")
-    assert "per second: ours" in shown(capsys, *ENCODE, "--weights", tmp_path / "narrow.safetensors")
 
 
 def test_all_rates_of_the_decoder(capsys):

@@ -71,15 +71,6 @@ def test_intervals_are_those_of_a_loop_over_frames(tracks: list[TrackErrors]) ->
             np.testing.assert_allclose(interval.high, high, rtol=1e-9, atol=1e-12)
 
 
-def test_strategies_share_their_draws(tracks: list[TrackErrors]) -> None:
-    """The ratio of a strategy to itself has no spread, though its error has."""
-    bootstrap = Bootstrap.of(tracks)
-    ratio = bootstrap.ratio("random", "random", [0.3])
-    assert ratio.low == ratio.value == ratio.high == 1.0
-    assert bootstrap.mse("random", [0.3]).low < bootstrap.mse("random", [0.3]).high
-    assert bootstrap.excess_area("optimal").low == bootstrap.excess_area("optimal").high == 0.0
-
-
 @pytest.mark.parametrize(
     "frames, length", [(2000, 50), (500, 50), (530, 50), (499, 49), (40, 4), (19, 1), (10, 1), (9, 1), (2, 1)]
 )

@@ -36,7 +36,7 @@ from patchnet.training.strategies.registry import EVALUATED
 
 torch = pytest.importorskip("torch")
 
-from patchnet.training.evaluation.networks import kuznetsov, train_maps, weiss  # noqa: E402
+from patchnet.training.evaluation.networks import kuznetsov, train_maps  # noqa: E402
 from patchnet.training.evaluation.networks.train_maps import batch_of_crops  # noqa: E402
 from patchnet.training.evaluation.networks.weiss import pull_push  # noqa: E402
 
@@ -273,15 +273,6 @@ def test_renderer_simulator_and_its_gradient():
     np.testing.assert_allclose(samples.grad, (1 - picture.detach()) / samples.detach(), rtol=1e-6)
 
 
-def test_loss_of_pictures_knows_edges():
-    flat = torch.full((1, 20, 20), 0.5)
-    assert kuznetsov.picture_loss(flat, flat) == 0
-    edge = flat.clone()
-    edge[:, :, 10:] = 0.6
-    level = kuznetsov.picture_loss(flat + 0.05, flat)
-    assert kuznetsov.picture_loss(edge, flat) > level > 0
-
-
 def test_pull_push_keeps_samples_and_fills_between():
     values = torch.rand(1, 13, 18, generator=torch.Generator().manual_seed(2))
     np.testing.assert_allclose(pull_push(values, torch.ones_like(values)), values, atol=1e-6)
@@ -294,18 +285,6 @@ def test_pull_push_keeps_samples_and_fills_between():
     weights = sparse.clone().requires_grad_(True)
     pull_push(values, weights).sum().backward()
     assert weights.grad is not None and weights.grad.isfinite().all() and weights.grad.abs().max() > 0
-
-
-def test_pattern_is_even_and_the_map_normalised():
-    thresholds = weiss.pattern(64, 64)
-    shares = [
-        (thresholds[row : row + 16, column : column + 16] < 0.2).float().mean() for row, column in ((0, 0), (5, 40))
-    ]
-    np.testing.assert_allclose(shares, 0.2, atol=0.03)
-    importance = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(3))
-    found = weiss.normalised(importance)
-    np.testing.assert_allclose(found.mean(dim=(1, 2)), 0.2, rtol=1e-4)
-    assert found.min() >= 0.01
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -148,22 +148,6 @@ def test_far_errors_need_more_look_ahead(table):
     assert missed[0] > 0.05 and max(missed[1:]) < 0.3 * missed[0]
 
 
-def test_pooled_errors_are_of_all_views(table):
-    octree = load_octree(table)
-    views = [drain(distance_view(octree, tables.table_camera(2.0, azimuth), tables.BOX_WORLD)) for azimuth in (70, 110)]
-    both, one, other = pooled_values(views), pooled_values(views[:1]), pooled_values(views[1:])
-    pixels = [each["region"]["pixels"] for each in (one, other)]
-    assert both["region"]["pixels"] == sum(pixels)
-    mse = np.average([each["region"]["mse"] for each in (one, other)], weights=pixels)
-    assert both["region"]["mse"] == pytest.approx(mse)
-
-
-def test_networks_are_scored_beside_the_exact_patches(table):
-    coded = drain(coded_octree(table, load_weights()))
-    view = drain(distance_view(coded.octree, tables.table_camera(4.0, 90.0), tables.BOX_WORLD, [coded]))
-    assert {"patchnet-behind 2", "patchnet 2", *LOOKS} <= view.scores.keys()
-
-
 def test_cameras_have_pixels_of_one_angle():
     for distance in tables.DISTANCES:
         camera = tables.table_camera(distance, 90.0)
