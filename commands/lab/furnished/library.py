@@ -174,7 +174,7 @@ UPRIGHT: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 class Piece:
     """Piece of furniture: a model and what the catalogue says of it.
 
-    library: file that it is from, None for what a script builds (`own_pieces.py`). model: its member of the archive.
+    library: file that it is from, None for what a script builds (`own_meshes.py`). model: its member of the archive.
     size: width, depth and height in metres, with the front towards -y. elevation: of its lower end above the floor, in
     metres. top: height at which things stand on it, None where nothing does. rotation: to be made before it is scaled.
     """
