@@ -125,7 +125,7 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     _write(args.out / TABLE, errors_of(results).to_csv(index=False, lineterminator="\n"))
     _write(args.out / TABLES, markdown_of(tables_of(results)))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
-    _draw(args.out / FIGURES, results, scenes)
+    _draw(args.out / FIGURES, results)
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -158,15 +158,12 @@ def _write(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
-def _draw(folder: Path, results: dict[str, Any], scenes: Sequence[SceneResult]) -> None:
+def _draw(folder: Path, results: dict[str, Any]) -> None:
     from ...training.evaluation.figures import draw_budgets, draw_generalisation, draw_overview, draw_times
-    from ...training.evaluation.panels import draw_patterns
 
-    for scene in scenes:
-        name, values = scene.name, results["scenes"][scene.name]
-        drain(draw_patterns(scene.coded, scene.hardest, folder, f"{name}-patterns"))
+    for name, values in results["scenes"].items():
         draw_budgets(values, folder, f"{name}-budget", name)
         draw_times(values, folder, f"{name}-time", name)
-    if len(scenes) > 1:
+    if len(results["scenes"]) > 1:
         draw_overview(results["scenes"], folder, "all-scenes")
     draw_generalisation(results["claims"].get("generalisation", {}), folder)

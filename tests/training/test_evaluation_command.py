@@ -104,7 +104,7 @@ def test_table_and_figures(done):
     assert float(half["ms_with_cycles"]) > float(half["ms_with_rays"]) > float(half["ms_per_frame"]) > 0
     assert all(row["psnr_db"] == "" for row in rows if row["budget"] == "1.0")
     names = {path.name for path in (out / "figures").iterdir()}
-    assert names == {f"shells-{kind}.{ending}" for kind in ("patterns", "budget", "time") for ending in ("png", "svg")}
+    assert names == {f"shells-{kind}.{ending}" for kind in ("budget", "time") for ending in ("png", "svg")}
 
 
 def test_tables_have_the_figures_of_the_results(done, results):

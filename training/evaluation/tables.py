@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..benchmarks.tables import markdown_table
-from .claims import ORACLES, VARIANCE
+from .claims import VARIANCE
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .results import POOLED
 from .strategies import network_name
@@ -125,7 +125,6 @@ def tables_of(results: Mapping[str, Any]) -> Tables:
          _predicted(scenes)),
         (f"Picture metrics at {BUDGET}%, means over scenes.",
          _quality([values["quality"] for values in scenes.values()])),
-        ("Claims of the paper.", claims_table(claims)),
     ]  # fmt: skip
     for score, matrix in claims.get("generalisation", {}).items():
         title = f"Generalisation of `{score}`, error at {BUDGET}% over that of `{VARIANCE}`"
@@ -357,33 +356,3 @@ def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         for metric in found[0]["metrics"]
     }
     return _by_strategy(pd.DataFrame(means).dropna(axis=1, how="any"), "{:.4f}")
-
-
-def claims_table(claims: Mapping[str, Any]) -> pd.DataFrame:
-    """Claims of `claims_of` by scene and strategy, what was found, and whether each holds."""
-    rows = []
-    for claim, text in (("lowest", "lowest of the paper's references"), ("lowest_of_more", "lowest of all references")):
-        for scene, found in claims[claim].items():
-            for name, values in shipped(found).items():
-                rows.append([scene, name, f"{text} from 13 % on", _start(values), _verdict(found, name)])
-    for scene, found in claims["half"].items():
-        for name, values in shipped(found).items():
-            rows.append([scene, name, f"half of {VARIANCE} at 30 %", _half(values), _verdict(found, name)])
-    return pd.DataFrame(rows, columns=["scene", "strategy", "claim", "found", "holds"])
-
-
-def _start(values: Mapping[str, Any]) -> str:
-    """Sentence on where a strategy is lowest, and which reference is where it is not."""
-    text = "never for good" if values["value"] is None else f"from {values['value']:.0%} on"
-    text += f"; at {values['share_of_budgets']:.0%} of these budgets"
-    better = [f"{name} at {float(budget):.0%}" for budget, name in values["lowest_reference"].items() if name]
-    return f"{text}; lower: {', '.join(better)}" if better else text
-
-
-def _verdict(found: Mapping[str, Any], name: str) -> str:
-    """Yes or no, and where the exact oracle of the same score was asked, whether the network or the score fails."""
-    oracle = found.get(ORACLES.get(name, ""))
-    if found[name]["holds"] or oracle is None:
-        return "yes" if found[name]["holds"] else "no"
-    cause = "the network: with exact patches it holds" if oracle["holds"] else "the score: exact patches fail as well"
-    return f"no, {cause}"
