@@ -37,7 +37,7 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.chosen import fine_rays
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.references.small import estimate_reference
+from patchnet.tests.references.small import estimate_reference, random_estimators
 from patchnet.training.strategies.registry import EVALUATED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
@@ -52,7 +52,7 @@ def coded():
 
 @pytest.fixture(scope="module")
 def estimators():
-    return Estimators.random(seed=5)
+    return random_estimators(seed=5)
 
 
 def view(coded, size_px=(75, 40), needs=ALL, **settings):
@@ -224,7 +224,7 @@ def test_estimators_belong_to_weights():
 
 def test_estimators_travel_in_the_weights_file(coded, tmp_path):
     """They rank where the file is used; codes do not depend on them, frames of an animation do."""
-    estimators = Estimators(Estimators.random(1).networks, {"patchnet": coded.weights_hash})
+    estimators = Estimators(random_estimators(1).networks, {"patchnet": coded.weights_hash})
     save_weights(with_estimators(coded.weights, estimators), tmp_path / "both.safetensors")
     read = load_weights(tmp_path / "both.safetensors")
     assert read.hash == coded.weights_hash and read.whole_hash != read.hash == coded.weights.whole_hash

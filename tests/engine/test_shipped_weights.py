@@ -20,10 +20,10 @@ from patchnet.patchnet_addon.sampling.errors import mse_at
 from patchnet.patchnet_addon.sampling.patchnet_plus import estimated_error
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
-from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.tests.references.small import random_estimators
 
 from .yard_scene import yard_cameras, yard_octree
 
@@ -128,7 +128,7 @@ def test_predicted_pictures_are_nearer_than_previews(views: list[PixelBuffers]) 
 
 
 def test_untrained_estimators_break_every_limit(views: list[PixelBuffers]) -> None:
-    untrained, of_variance = Estimators.random(1), STRATEGIES["ss-variance"]
+    untrained, of_variance = random_estimators(1), STRATEGIES["ss-variance"]
     (left,) = pooled_mse(views, [of_variance.scores(view) for view in views], [0.3])
     for name, form in zip(PLUS_LIMITS, ("plus-4", "plus-1", "plus-0"), strict=True):
         scores = [estimated_error(view, untrained, FORMS[form]) for view in views]

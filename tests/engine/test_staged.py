@@ -15,7 +15,6 @@ from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
-from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
@@ -26,6 +25,7 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.small import random_estimators
 from patchnet.training.strategies.registry import EVALUATED, STAGED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
@@ -45,7 +45,7 @@ def buffers(coded):
 
 @pytest.fixture(scope="module")
 def estimators():
-    return Estimators.random(seed=5)
+    return random_estimators(seed=5)
 
 
 @pytest.fixture(scope="module")
