@@ -16,20 +16,20 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ...operators.cycles.camera_render import combined_light
+from ...operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
+from ...operators.scene_access.overrides import changed
+from ...operators.scene_access.temporary import scene_copy, temporary
+from ...operators.schema.table import VISIBLE
+from ...operators.session import results
+from ...operators.session.scene_result import SceneResult
+from ...operators.settings.job_settings import JobSettings
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.camera_render import combined_light
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
-from ..scene_access.overrides import changed
-from ..scene_access.temporary import scene_copy, temporary
-from ..schema.table import VISIBLE
-from ..session import results
-from ..session.scene_result import SceneResult
-from ..settings.job_settings import JobSettings
 
 ENGINE = "PATCHNET"
 FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
