@@ -8,8 +8,10 @@ as the page before them, from cameras that are placed in the scene. Beside that:
 from __future__ import annotations
 
 import argparse
+import time
+from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +19,19 @@ import bpy
 import numpy as np
 
 from ...operators.cycles.bake.bake import page_side
+from ...operators.cycles.bake.baker import Baker, lift_world
+from ...operators.cycles.bake.two_sided_surfaces import plan_sides
 from ...operators.cycles.daylight import daylight, has_light
+from ...operators.cycles.scene_copy import prepared
 from ...operators.scene.read import read_scene
 from ...operators.scene.scene_mesh import SceneMesh
-from ...operators.verify_light.rates import measure_rates, rate
+from ...operators.settings.groups import LightSettings
 from ...patchnet_addon.lightmap.chart_lookup import texel_owners
 from ...patchnet_addon.lightmap.charts import Charts, layout_charts
 from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.progress import Steps, drain
+from ...patchnet_addon.runtime.interrupt import interrupts_wait
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.surface.shading import two_lights_shade
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.viewpoints import viewpoints
@@ -35,6 +41,7 @@ from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
 
 _VIEWS = 8
+_MIN_PX, _MAX_PX = 64, 2048
 
 
 def measure(args: argparse.Namespace) -> Comparison:
@@ -79,6 +86,73 @@ def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
     """Cameras in free space; the octree for it is a coarse one in plain light."""
     octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
     return (yield from viewpoints(octree, _VIEWS, (64, 64)))
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Page that was baked, or a picture: paths, and processor and wall seconds of the whole call."""
+
+    paths: int
+    processor_s: float
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Cost of pages, and of the render after each of them, reading the scene included."""
+
+    pages: tuple[Turn, ...]
+    renders: tuple[Turn, ...]
+
+
+def rate(turns: Sequence[Turn]) -> float:
+    """Paths per processor second, of all cores together: other programs' load changes it least."""
+    return sum(turn.paths for turn in turns) / sum(turn.processor_s for turn in turns)
+
+
+def measure_rates(
+    context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
+) -> Steps[Rates]:
+    """Bake each page with something on it, and render about as many paths through one camera after the other."""
+    light = LightSettings(color=False)
+    plan = yield from plan_sides(context, source, cameras, light, lift_world(source, charts))
+    baker = Baker(context, source, charts, light, plan, seed=seed)
+    pages: list[Turn] = []
+    renders: list[Turn] = []
+    for page in range(charts.page_count):
+        yield Progress(page, charts.page_count, "Measuring")
+        clock = _Clock()
+        drain(baker.page(page))
+        if not baker.paths_traced:
+            continue
+        pages.append(clock.turn(baker.paths_traced))
+        samples = int(charts.page_samples[page])
+        camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
+        with prepared(context, camera, samples, page, Path()) as (scene, _):
+            clock = _Clock()
+            with interrupts_wait():
+                bpy.ops.render.render(scene=scene.name)
+            renders.append(clock.turn(camera.width_px * camera.height_px * samples))
+    return Rates(tuple(pages), tuple(renders))
+
+
+class _Clock:
+    """Clock that measures from now on."""
+
+    def __init__(self) -> None:
+        self._wall, self._processor = time.perf_counter(), time.process_time()
+
+    def turn(self, paths: int) -> Turn:
+        return Turn(paths, time.process_time() - self._processor, time.perf_counter() - self._wall)
+
+
+def _with_pixels(camera: Camera, pixels: float) -> Camera:
+    """Camera with a square picture of about so many pixels."""
+    side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
+    target = camera.position_world + camera.forward
+    return Camera.look_at(
+        camera.position_world, target, fov=2.0 * float(np.arctan(camera.half_y)), size_px=(side, side), name=camera.name
+    )
 
 
 def text(values: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
 from ...patchnet_addon.tracing.viewpoints import FOV, grown, occupied_cells, viewpoints
+from ...training.evaluation.explorations import catmull_rom
 
 _VIEWS = 16  # whose sights are tried
 _SKY = 0.02  # of what is above, from which on a place is under the sky and not in a hollow wall
@@ -79,3 +81,22 @@ def _way(octree: Octree, view: Camera) -> tuple[np.ndarray, np.ndarray]:
         last = int(np.argmin(free)) - 1 if not free.all() else _STEPS - 1
         ends.append(points[max(last, 0)])
     return ends[0], ends[1]
+
+
+def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
+    """Cameras of a walk from key to key, evenly in time and without a halt, with the lens of the first.
+
+    Positions and targets, which are 1 from the position, follow a Catmull-Rom spline.
+    """
+    times = np.linspace(0.0, len(keys) - 1.0, frames)
+    places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])
+    along = catmull_rom(np.arange(float(len(keys))), places, times)
+    fov = 2.0 * np.arctan(keys[0].half_x * size[1] / size[0]) if size[0] > size[1] else 2.0 * np.arctan(keys[0].half_y)
+    return [
+        replace(
+            Camera.look_at(spot[:3], spot[:3] + spot[3:], fov=fov, size_px=size, name="Walk"),
+            clip_start=keys[0].clip_start,
+            clip_end=keys[0].clip_end,
+        )
+        for spot in along
+    ]

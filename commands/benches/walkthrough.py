@@ -24,7 +24,6 @@ from ...operators.pipeline.lit_octree import build_lit_octree
 from ...operators.scene.cameras import choose_cameras
 from ...operators.scene.read import read_scene
 from ...operators.settings.job_settings import JobSettings
-from ...operators.verify_light.walkthrough import Plan, Walk, walk, walk_cameras
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
@@ -35,7 +34,8 @@ from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_path import walk_keys
+from .walk_path import walk_cameras, walk_keys
+from .walk_renders import Plan, Walk, walk
 
 _PATH_DEPTH = 7  # of the voxels between which the way is found
 

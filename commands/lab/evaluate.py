@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost, with intervals,
-figures and a report. What is done is skipped in a later run.
+"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost, with intervals
+and figures. What is done is skipped in a later run.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_REPORT, EVALUATION_TABLE, EVALUATION_TABLES
+from ...patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
@@ -25,8 +25,8 @@ from .scene_arguments import add_scenes, add_track, scenes_named, stated
 if TYPE_CHECKING:
     from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
 
-RESULTS, TABLE, TABLES, REPORT, FIGURES = "results.json", "results.csv", "tables.md", "report.html", "figures"
-OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES, REPORT: EVALUATION_REPORT}
+RESULTS, TABLE, TABLES, FIGURES = "results.json", "results.csv", "tables.md", "figures"
+OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     share.add_argument(
         "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
     )
-    add_out(parser, "folder for results, figures and the report", required=True)
+    add_out(parser, "folder for results, tables and figures", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
             return 0
         scenes = drain(evaluate(octrees, settings, args.out), bars.show)
     _write_results(args, settings, scenes)
-    say_result(f"{args.out / REPORT}: {counted(len(scenes), 'scene')}", file=args.out / REPORT, scenes=len(scenes))
+    say_result(f"{args.out / TABLES}: {counted(len(scenes), 'scene')}", file=args.out / TABLES, scenes=len(scenes))
     return 0
 
 
@@ -113,7 +113,7 @@ def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
 
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:
-    """Write results, tables, figures and report."""
+    """Write results, tables and figures."""
     from ...training.evaluation.results import results_of
     from ...training.evaluation.strategies import map_names
     from ...training.evaluation.tables import errors_of, markdown_of, tables_of
@@ -125,7 +125,7 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     _write(args.out / TABLE, errors_of(results).to_csv(index=False, lineterminator="\n"))
     _write(args.out / TABLES, markdown_of(tables_of(results)))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
-    _write(args.out / REPORT, _report(args, results, scenes))
+    _draw(args.out / FIGURES, results)
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -158,39 +158,12 @@ def _write(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
-def _report(args: argparse.Namespace, results: dict[str, Any], scenes: Sequence[SceneResult]) -> str:
-    """Draw the figures; returns the report with them."""
+def _draw(folder: Path, results: dict[str, Any]) -> None:
     from ...training.evaluation.figures import draw_budgets, draw_generalisation, draw_overview, draw_times
-    from ...training.evaluation.panels import draw_patterns
-    from ...training.evaluation.report import report_html
-    from ...training.evaluation.results import POOLED
 
-    figures = {}
-    for scene in scenes:
-        name, values = scene.name, results["scenes"][scene.name]
-        drawn = drain(draw_patterns(scene.coded, scene.hardest, args.out / FIGURES, f"{name}-patterns"))
-        drawn += draw_budgets(values, args.out / FIGURES, f"{name}-budget", name)
-        drawn += draw_times(values, args.out / FIGURES, f"{name}-time", name)
-        figures[name] = _drawings(drawn)
-    if len(scenes) > 1:
-        figures[POOLED] = _drawings(draw_overview(results["scenes"], args.out / FIGURES, "all-scenes"))
-    matrix = draw_generalisation(results["claims"].get("generalisation", {}), args.out / FIGURES)
-    notes = [
-        f"{args.frames} frames a track, every {args.every}th of them at {args.size[0]} x {args.size[1]}; errors are of "
-        "linear luminance against 32 x 32 rays in each pixel, pooled over the active pixels of all frames. Costs are "
-        "processor milliseconds of one thread for whole frames, from camera to order."
-    ]
-    notes += [f"{name}: {description}." for name, description in results["maps"].items()]
-    notes += [_note(name, network) for name, network in results["networks"].items()]
-    return report_html(results, figures, notes, _drawings(matrix))
-
-
-def _drawings(paths: Sequence[Path]) -> list[Path]:
-    return [path for path in paths if path.suffix == ".svg"]
-
-
-def _note(name: str, network: dict[str, Any]) -> str:
-    return (
-        f"pn-{name}, pn-{name}-behind: the scores of patchnet and patchnet-behind by another network; sample passes "
-        f"that its weights state: {network['sample_passes']:,}, octrees: {len(network['octrees'])}."
-    )
+    for name, values in results["scenes"].items():
+        draw_budgets(values, folder, f"{name}-budget", name)
+        draw_times(values, folder, f"{name}-time", name)
+    if len(results["scenes"]) > 1:
+        draw_overview(results["scenes"], folder, "all-scenes")
+    draw_generalisation(results["claims"].get("generalisation", {}), folder)

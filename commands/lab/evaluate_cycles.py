@@ -93,7 +93,6 @@ def _measured(
     import bpy
 
     from ...operators.scene.render_geometry import hide_from_renders
-    from ...operators.verify_light.octree_light import as_in_octree
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.surface.shading import AXES
     from ...training.evaluation.catalogue import scene_octree
@@ -102,6 +101,7 @@ def _measured(
     from ...training.evaluation.tracks import camera_track
     from ..shared.quiet import quiet_stdout
     from ..shared.scene_argument import open_or_build
+    from .octree_light import as_in_octree
 
     octree = load_octree(given or scene_octree(scene, args.out / "octrees"))
     open_or_build(str(scene.path()))

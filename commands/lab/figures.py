@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet lab figures`: draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from
 several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the folder
-PATCHNET_SCENES. With octree files: where on their tracks the network is farthest from the patch.
+PATCHNET_SCENES.
 """
 
 from __future__ import annotations
@@ -9,24 +9,18 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
-from ..shared.arguments import add_number, add_out, check_octrees, named_file
+from ..shared.arguments import add_out, named_file
 from ..shared.lines import say_result
 
 SPLIT, LOOK_AHEAD = FIGURES = ("split", "look-ahead")
-FAILURES = "failures"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("failures", nargs="*", type=Path, metavar="OCTREE", help="octree files to draw failures of")
     parser.add_argument("--only", choices=FIGURES, help="draw one figure of the paper (both)")
-    add_number(
-        parser, "--every", bounds.TRACK_FRAMES, default=50, help="of the frames that failures are looked for in (50)"
-    )
     parser.add_argument(
         "--octrees", type=Path, metavar="DIR", help="folder where octrees and codes are found and kept (OUT/octrees)"
     )
@@ -43,8 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draw and say where; returns 0; raises PatchNetError."""
-    if args.failures:
-        return _draw_failures(args)
     from ...training.encoders import load_weights
     from ...training.evaluation import require_reports
     from ...training.evaluation.catalogue import scene_octree
@@ -77,30 +69,6 @@ def run(args: argparse.Namespace) -> int:
         if LOOK_AHEAD in paths:
             drawn += drain(make_look_ahead(paths[LOOK_AHEAD], shown, args.out), bars.show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
-    return 0
-
-
-def _draw_failures(args: argparse.Namespace) -> int:
-    from ...patchnet_addon.runtime.file_kinds import PNG, SVG
-    from ...training.encoders import load_weights
-    from ...training.evaluation import require_reports
-    from ...training.evaluation.failures import make_failures
-    from ..shared.progress_bars import ProgressBars
-
-    if args.only or args.networks or len(args.weights) > 1:
-        raise SettingError(
-            "Octree files are for the figure of failures alone, of one network: leave out --only and --networks, and "
-            "give one file as --weights"
-        )
-    check_octrees(args.failures)
-    weights = args.weights[0] if args.weights else None
-    files = {args.out / f"{FAILURES}.png": PNG, args.out / f"{FAILURES}.svg": SVG}
-    check_outputs(files, [*args.failures, *args.weights], folder=args.out)
-    require_reports()
-    args.out.mkdir(parents=True, exist_ok=True)
-    with ProgressBars() as bars:
-        drawn = drain(make_failures(args.failures, load_weights(weights), args.every, args.out), bars.show)
-    say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=[FAILURES])
     return 0
 
 

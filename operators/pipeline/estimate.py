@@ -28,7 +28,7 @@ from ..state.scene_state import VIEW, Change, SceneState
 from ..state.watch import read_state
 from .encoder import encoder_text
 from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
-from .stages import GridChoice, lookahead_of
+from .stages import GridChoice, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
 
@@ -106,7 +106,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
 
     surface, light = settings.surface, settings.light
-    bounds, lookahead = surface.bounds_world(source), lookahead_of(settings.network)
+    bounds, lookahead = surface.bounds_world(source), load_network(settings.network).lookahead
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
     free = settings.compute.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")

@@ -78,7 +78,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
         choose_depth(coarse, cameras, grid.depth, memory, color=color, sides=sides)
         return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color, sides=sides)[0])
     # A given depth asks for no look-ahead, and needs no weights yet.
-    lookahead = lookahead_of(settings.network) if surface.depth is None else DEFAULT_LOOKAHEAD
+    lookahead = load_network(settings.network).lookahead if surface.depth is None else DEFAULT_LOOKAHEAD
     choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, sides=sides, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
@@ -99,7 +99,7 @@ def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSet
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.compute.memory_bytes or available_memory()
     most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color, sides=settings.light.has_sides)
-    lookahead = lookahead_of(settings.network)
+    lookahead = load_network(settings.network).lookahead
     shade = opacity_shade(source)
     fitted = yield from fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
@@ -228,11 +228,6 @@ def load_network(network: NetworkSettings) -> Weights:
     from ...patchnet_addon.network.weights import load_weights
 
     return load_weights(network.weights)
-
-
-def lookahead_of(network: NetworkSettings) -> int:
-    """Levels that the weights of the settings look ahead, for which depths are chosen; raises WeightsFileError."""
-    return load_network(network).lookahead
 
 
 def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:

@@ -120,8 +120,3 @@ class SceneResult:
     def is_stale_by_gloss_alone(self) -> bool:
         """Whether all that does not fit is where gloss is seen from: all else of the light is as it would be now."""
         return self.stale == {"light"} and set(self.reasons["light"]) == {GLOSS_MOVED}
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes that the result holds."""
-        return self.octree.nbytes + (self.coded.nbytes if self.coded else 0)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.contract import has_lookahead
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
@@ -58,25 +59,7 @@ def _mark(first, last, nodes, lookahead, end, bits, counts):  # type: ignore[no-
     for word in range(first, last):
         found = np.uint64(0)
         for node in range(64 * word, min(64 * (word + 1), end)):
-            if _has_descendants(nodes, node, lookahead):
+            if has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead):
                 found |= np.uint64(1) << np.uint64(node & 63)
         bits[word] = found
         counts[word] = count_ones(found)
-
-
-@device
-def _has_descendants(nodes, node, levels):  # type: ignore[no-untyped-def]
-    """Return whether a node has descendants so many levels, 1 to 3, further down."""
-    count = count_ones(np.uint64(nodes.child_mask[node]))
-    if count == 0 or levels == 1:
-        return count > 0
-    first = np.int64(nodes.first_child[node])
-    for child in range(first, first + count):
-        children = count_ones(np.uint64(nodes.child_mask[child]))
-        if levels == 2 and children > 0:
-            return True
-        first_grandchild = np.int64(nodes.first_child[child])
-        for grandchild in range(first_grandchild, first_grandchild + children):
-            if nodes.child_mask[grandchild] != 0:
-                return True
-    return False

@@ -29,11 +29,6 @@ class CubeMap:
 
     faces: np.ndarray
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes that the map holds."""
-        return int(self.faces.nbytes)
-
     def look(self, directions: np.ndarray) -> np.ndarray:
         """Light (N, 3) float32 of directions (N, 3), of any length, between the nearest four texels of a face."""
         axis = np.abs(directions).argmax(axis=1)

@@ -129,7 +129,6 @@ NODES = Bounds("Nodes", 1, 2**28, True)
 THREADS = Bounds("Threads", 1, 1024, True)
 TRACK_FRAMES = Bounds("Frames of a track", 1, 10**6, True)
 DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
-SECONDS = Bounds("Seconds", 0, 1e6)
 
 
 INT32_COUNT = 2**31  # numbers from 0 on that an int32 has

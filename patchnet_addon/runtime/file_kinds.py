@@ -123,11 +123,6 @@ CYCLES_EVALUATION = FileKind(
 )
 EVALUATION_TABLE = FileKind("a table of an evaluation", (".csv",), _begins(b"scene,strategy,group,rays_per_pixel,"))
 EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Tables of an evaluation"))
-EVALUATION_REPORT = FileKind(
-    "a report of an evaluation",
-    (".html",),
-    _begins(b"<!doctype html><html lang='en'><head><title>PatchNet: evaluation"),
-)
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
 ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))
 NETWORKS = FileKind("values of networks of the paper", (".json",), _begins(b'{\n "networks_of_paper": {'))

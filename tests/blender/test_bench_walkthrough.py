@@ -9,7 +9,8 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.benches import walkthrough
-from patchnet.operators.verify_light.walkthrough import Measured, Walk, frames_until_ahead, walk_cameras
+from patchnet.commands.benches.walk_path import walk_cameras
+from patchnet.commands.benches.walk_renders import Measured, Walk, frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "2"]

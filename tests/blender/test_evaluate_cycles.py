@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from patchnet import commands
+from patchnet.commands.lab.octree_light import as_in_octree, cut_for_camera, two_lights
 from patchnet.operators.cycles.camera_render import render_halves
-from patchnet.operators.cycles.plane_cut import cut_for_camera
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.verify_light.octree_light import as_in_octree, two_lights
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain

@@ -25,7 +25,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.render import seen_above_white
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, camera, kept, rendered
-from patchnet.tests.blender.job_scene import QUICK, SMALL, pixels_in, view_of
+from patchnet.tests.blender.job_scene import SMALL, pixels_in, view_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -113,23 +113,6 @@ def test_it_stands_beside_pixels_by_cycles(
     assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in printed
     assert "Cycles on" in printed and "full Cycles render" in printed
     assert 0 < (pixels_in(out / "Eye" / "cycles_mask.png")[..., :3] == 0).mean() < 1
-
-
-def test_frames_have_it_too(scene_file: Path, tmp_path: Path, weights: Path) -> None:
-    out = tmp_path / "out"
-    words = ["run", str(scene_file), "--weights", str(weights), *QUICK, "--frames", "1", "--out", str(out)]
-    words.append("--reference")
-    assert commands.main([*words, "--unrefined", "predicted"]) == 0
-    (frame,) = json.loads((out / "report.json").read_text())["frames"]
-    (own,) = json.loads((out / "frame-0001" / "report.json").read_text())["frames"]
-    (summary,) = frame["views"]
-    assert summary["unrefined"] == "predicted" and summary["mse_unrefined"] == own["mse_unrefined"]
-    assert summary["predicted"] == {
-        "mse_unrefined": own["predicted"]["mse_unrefined"], "mse": own["predicted"]["mse"][DEFAULT],
-    }  # fmt: skip
-    first = (out / "frame-0001" / "Eye" / "refined.png").read_bytes()
-    assert commands.main(words) == 0, "another setting, so the frame is made again"
-    assert (out / "frame-0001" / "Eye" / "refined.png").read_bytes() != first
 
 
 @pytest.mark.parametrize("transparent", [False, True])

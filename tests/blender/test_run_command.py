@@ -94,11 +94,6 @@ def test_devices_that_are_not_there(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_cpu_is_a_device(scene_file: Path, tmp_path: Path, weights: Path) -> None:
-    assert run(scene_file, tmp_path / "out", weights, "--device", "cpu") == 0
-    assert json.loads((tmp_path / "out" / "report.json").read_text())["encoder"] == "own kernels on the CPU"
-
-
 def damaged(path: Path) -> Path:
     path.write_bytes(b"this is no scene, whatever its name says" * 20)
     return path

@@ -157,13 +157,3 @@ def test_what_is_baked_is_deleted_meanwhile(tmp_path: Path) -> None:
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(delete)
     assert_unchanged(before)
-
-
-def test_folder_for_files_is_in_the_way(weights: Path, tmp_path: Path) -> None:
-    build_full(tmp_path, "SCULPT")
-    occupied = tmp_path / "file"
-    occupied.write_text("in the way")
-    before = scene_snapshot()
-    with pytest.raises(RuntimeError):
-        bpy.ops.patchnet.run_all(depth=5, samples=1, size=(16, 16), weights=str(weights), out=str(occupied / "out"))
-    assert_unchanged(before)

@@ -14,7 +14,7 @@ from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
+from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.textures import luminance
@@ -84,17 +84,6 @@ def test_a_picture_in_bands_is_the_picture_at_once(with_color: bool) -> None:
     np.testing.assert_allclose(in_bands.ranking.score, at_once.ranking.score, atol=1e-6)
     np.testing.assert_array_equal(in_bands.colors, at_once.colors)
     assert (at_once.samples == 1).all()
-
-
-def test_a_refined_picture_is_that_of_the_budget() -> None:
-    octree, eye = random_octree(), camera()
-    picture = AdaptivePicture(octree, eye, CHOSEN)
-    drain(picture.trace())
-    drain(picture.refine(0.4, pace=Pace(batch_rays=3000)))
-    buffers = drain(trace_view(octree, eye, [CHOSEN]))
-    mask = refined_mask(buffers, refinement_order(buffers, CHOSEN.scores(buffers)), 0.4)
-    np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
-    np.testing.assert_allclose(picture.colors[:, 0], refined_picture(buffers, mask), rtol=1e-6)
 
 
 def test_the_most_urgent_pixels_come_first() -> None:

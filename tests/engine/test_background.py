@@ -70,4 +70,4 @@ def test_a_cube_map_is_looked_up_on_all_faces(side: int) -> None:
         np.abs(on_cube) == 1.0, on_cube, on_cube.clip(-inside, inside)), atol=2e-3)  # fmt: skip
     for _, _, forward in FACES:
         np.testing.assert_array_equal(known.look(2.0 * forward[None]).round(2), forward[None])
-    assert known.look(np.empty((0, 3))).shape == (0, 3) and known.nbytes == 6 * side * side * 3 * 2
+    assert known.look(np.empty((0, 3))).shape == (0, 3)

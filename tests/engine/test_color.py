@@ -92,16 +92,6 @@ def test_luminance_is_that_of_an_octree_without_colour(gray: Octree, octree: Oct
     np.testing.assert_array_equal(gray.color_float(everything)[:, 1], gray.luminance_float(everything))
 
 
-@pytest.mark.parametrize("parts, block_fragments", [(1, 10**9), (7, 10**9), (3, 2_000), (7, 100)])
-def test_bits_do_not_depend_on_order_batches_or_passes(octree: Octree, parts: int, block_fragments: int) -> None:
-    rng = np.random.default_rng(parts + block_fragments)
-    cuts = sorted(rng.choice(np.arange(1, 150), parts - 1, replace=False).tolist())
-    mesh = soup(rng.permutation(150), cuts)
-    found = drain(build_octree(mesh, GRID, color_shade, exposure=1.5, block_fragments=block_fragments))
-    for name, values in octree_arrays(octree).items():
-        np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)
-
-
 @pytest.mark.parametrize("bits", [12, 30], ids=["many in a leaf", "thousands of new bricks at once"])
 def test_leaves_hold_means_over_their_surface(bits: int) -> None:
     """Against a plain sum over fragments; luminance of any size, and what is no number, is gray."""

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.patchnet_addon.runtime import compiling
 from patchnet.patchnet_addon.runtime.eta import Eta, FramesEta, JobEta, duration_text, left_text
-from patchnet.patchnet_addon.runtime.progress import Progress, Steps, changed, drain
+from patchnet.patchnet_addon.runtime.progress import Progress
 
 
 class Clock:
@@ -140,25 +140,6 @@ def test_nothing_is_said_before_something_is_known_nor_of_stages_that_are_over()
     assert job.compiled == {"light"}
 
 
-def test_steps_keep_their_result_and_are_closed() -> None:
-    closed = []
-
-    def steps() -> Steps[int]:
-        try:
-            yield Progress(0, 1, "Reading")
-            yield Progress(1, 1, "Reading")
-            return 7
-        finally:
-            closed.append(True)
-
-    job = JobEta()
-    job.expect({"read": 1.0})
-    reports: list[Progress] = []
-    assert drain(changed(steps(), lambda report: job.see("read", report)), reports.append) == 7
-    assert closed == [True] and [report.label for report in reports] == ["Reading"] * 2
-    assert all(0.0 <= report.whole <= 1.0 for report in reports)
-
-
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [(0.2, "1 s"), (40.0, "40 s"), (99.0, "99 s"), (150.0, "2 min"), (720.0, "12 min"), (9000.0, "2.5 h")],
@@ -244,13 +225,6 @@ def test_even_frames_say_the_time_of_all(own: bool) -> None:
     said = [report.left_s for report in found[known]]
     np.testing.assert_allclose(said, left[known], rtol=0.02, atol=0.4)
     np.testing.assert_allclose(whole[known], 1.0 - left[known] / 96.0, atol=0.01)
-
-
-def test_a_slow_first_frame_is_forgotten_and_the_bar_never_falls() -> None:
-    found, left = seen_frames([60.0] + [6.0] * 9, own=False)
-    whole = np.array([report.whole for report in found])
-    assert (np.diff(whole) >= 0).all()
-    assert found[-25].left_s == pytest.approx(left[-25], rel=0.1)
 
 
 def test_what_the_first_frame_compiled_is_none_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:

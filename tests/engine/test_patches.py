@@ -15,19 +15,6 @@ def octree(request):
     return with_boxes(octree) if request.param else octree
 
 
-def levels(octree):
-    return range(octree.depth + 1)
-
-
-def test_blocks_are_cut_from_the_dense_grid(octree):
-    for level in levels(octree):
-        dense = dense_cells(octree, level + 2)
-        nodes = np.arange(octree.level_start[level], octree.level_start[level + 1])
-        blocks = voxel_blocks(octree, nodes)
-        for block, (x, y, z) in zip(blocks, 4 * octree.cells(level), strict=True):
-            np.testing.assert_allclose(block, dense[z : z + 4, y : y + 4, x : x + 4], atol=1e-7)
-
-
 def test_missing_node_has_an_empty_block(octree):
     assert not voxel_blocks(octree, np.array([-1])).any()
 

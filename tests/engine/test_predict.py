@@ -73,12 +73,6 @@ def test_prediction_is_numpys(coded, count):
     check(coded, sample_hits(coded, count))
 
 
-@pytest.mark.parametrize("count", [1, TILE, 2 * TILE + 5])
-def test_pixels_that_all_have_look_ahead_and_pixels_that_have_none(coded, count):
-    assert check(coded, sample_hits(coded, count, seeing=True)).look_ahead.all()
-    assert not check(coded, sample_hits(coded, count, seeing=False)).look_ahead.any()
-
-
 def test_octree_without_codes():
     shallow = drain(encode_octree(random_octree(depth=1, count=5), Weights.random()))
     assert not check(shallow, sample_hits(shallow, 100)).look_ahead.any()
@@ -94,14 +88,6 @@ def test_a_pixel_has_the_same_bits_in_any_company_and_number_of_threads(coded):
         other = predict(coded, hits)
     np.testing.assert_array_equal(other.coverage, whole.coverage)
     np.testing.assert_array_equal(other.luminance, whole.luminance)
-
-
-def test_arrays_of_other_types_and_orders(coded):
-    hits = sample_hits(coded, 300)
-    others = SimpleNamespace(**vars(hits))
-    others.node, others.ratio = hits.node.astype(np.int32), hits.ratio.astype(np.float64)
-    others.direction = np.asfortranarray(hits.direction)
-    np.testing.assert_array_equal(predict(coded, others).coverage, predict(coded, hits).coverage)
 
 
 def test_far_values_saturate(coded):

@@ -119,13 +119,6 @@ def test_errors_are_those_of_the_shown_picture(view: PixelBuffers) -> None:
     np.testing.assert_array_equal(refined_picture(view, mask), np.where(mask, view.reference, view.predicted))
 
 
-def test_the_preview_and_its_scores_are_what_they_were(coded: CodedOctree, view: PixelBuffers) -> None:
-    plain = drain(trace_view(coded.octree, camera(), STRATEGIES.values(), coded=coded))
-    back = replace(view, unrefined=PREVIEW)
-    for name in ("patchnet-behind", "patchnet", "ss-variance", "optimal", "random"):
-        np.testing.assert_array_equal(STRATEGIES[name].scores(back), STRATEGIES[name].scores(plain))
-
-
 def test_a_picture_in_bands_is_the_picture_at_once(coded: CodedOctree, view: PixelBuffers) -> None:
     picture = AdaptivePicture(coded.octree, camera(), CHOSEN, coded, unrefined=PREDICTED)
     drain(picture.trace(Pace(band_pixels=50)))

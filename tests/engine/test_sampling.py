@@ -102,12 +102,6 @@ def test_mse_is_that_of_the_refined_picture(name: str) -> None:
     assert mse_at(buffers, score, [0.3])[0] == pytest.approx(error.mean(), rel=1e-12)
 
 
-def test_optimal_curve_is_convex() -> None:
-    buffers = random_buffers(5)
-    counts = np.arange(buffers.active.sum() + 1) / buffers.active.sum()
-    assert np.all(np.diff(mse_at(buffers, STRATEGIES["optimal"].scores(buffers), counts), 2) >= -1e-15)
-
-
 def test_random_removes_its_share_on_average() -> None:
     ratios = []
     for seed in range(60):
@@ -153,16 +147,6 @@ def test_active_pixels_by_hand() -> None:
     expected = np.zeros_like(hit)
     expected[0:2, 0:2] = expected[2:5, 3:6] = True
     np.testing.assert_array_equal(active_pixels(hit), expected)
-
-
-def test_ties_follow_the_hash() -> None:
-    buffers = random_buffers(6)
-    order = refinement_order(buffers, np.ones(17 * 23, np.float32))
-    assert sorted(order) == list(np.flatnonzero(buffers.active))
-    hashes = pixel_hash(17 * 23)
-    assert len(set(hashes.tolist())) == len(hashes)
-    assert np.all(hashes[order][1:] > hashes[order][:-1])
-    assert not np.array_equal(order, np.sort(order))
 
 
 def test_urgency_follows_the_order() -> None:

@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable, cut_coverage
+from patchnet.tests.references.footprint import bilinear_reference
 
 WHITE = (1.0, 1.0, 1.0)
 REC709 = np.array([0.2126, 0.7152, 0.0722])
@@ -42,33 +43,6 @@ def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
     return np.einsum("fc,fcx->fx", weights, batch.corners_world[fragments.triangle])[:, :2]
 
 
-def wrapped(index: np.ndarray, size: int, wrap: str) -> tuple[np.ndarray, np.ndarray]:
-    """Reference: texel of an index, and whether there is one."""
-    inside = (index >= 0) & (index < size)
-    if wrap == "EXTEND":
-        return np.clip(index, 0, size - 1), np.ones_like(inside)
-    if wrap == "CLIP":
-        return np.clip(index, 0, size - 1), inside
-    if wrap == "MIRROR":
-        index = index % (2 * size)
-        return np.where(index < size, index, 2 * size - 1 - index), np.ones_like(inside)
-    return index % size, np.ones_like(inside)
-
-
-def bilinear(pixels: np.ndarray, uv: np.ndarray, wrap: str) -> np.ndarray:
-    """Reference lookup (F, C)."""
-    height, width, channels = pixels.shape
-    x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
-    total = np.zeros((len(uv), channels))
-    for dy in (0, 1):
-        for dx in (0, 1):
-            column, there_x = wrapped(np.floor(x).astype(int) + dx, width, wrap)
-            row, there_y = wrapped(np.floor(y).astype(int) + dy, height, wrap)
-            weight = (1 - abs(x - np.floor(x) - dx)) * (1 - abs(y - np.floor(y) - dy)) * there_x * there_y
-            total += weight[:, None] * pixels[row, column]
-    return total
-
-
 @pytest.mark.parametrize("wrap", ["REPEAT", "EXTEND", "MIRROR", "CLIP"])
 @pytest.mark.parametrize("transform", [None, ((0.0, -1.5, 0.25), (2.0, 0.0, -0.5))])
 def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | None) -> None:
@@ -82,7 +56,7 @@ def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | No
     uv = points(batch, fragments) * 2.5
     if transform is not None:
         uv = np.column_stack([uv, np.ones(len(uv))]) @ np.array(transform).T
-    expected = bilinear(pixels, uv, wrap) @ (REC709 * (0.5, 1.0, 0.25))
+    expected = bilinear_reference(pixels, uv, wrap) @ (REC709 * (0.5, 1.0, 0.25))
     np.testing.assert_allclose(values, expected, atol=1e-5, err_msg="outside of a clipped colour it is black")
     np.testing.assert_allclose(opacity, 1.0, rtol=1e-6)
 

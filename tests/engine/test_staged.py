@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -16,7 +15,6 @@ from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
 from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
-from patchnet.patchnet_addon.sampling.plus.weights import Estimators
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
@@ -27,6 +25,7 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.references.small import random_estimators
 from patchnet.training.strategies.registry import EVALUATED, STAGED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
@@ -46,7 +45,7 @@ def buffers(coded):
 
 @pytest.fixture(scope="module")
 def estimators():
-    return Estimators.random(seed=5)
+    return random_estimators(seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -131,13 +130,6 @@ def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
     np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
 
 
-def test_chosen_pixels_are_decoded_as_all_are(coded, buffers):
-    pixels = np.flatnonzero(buffers.active)[::5]
-    part, whole = predict(coded, buffers.hits.part(pixels)), predict(coded, buffers.hits)[pixels]
-    for name in ("coverage", "luminance", "look_ahead"):
-        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name))
-
-
 def test_importance_decides_too(buffers, estimators):
     importance = np.ones(len(buffers.preview), np.float32)
     importance[: len(importance) // 2] = 0.0
@@ -155,11 +147,6 @@ def test_views_that_lack_something_are_refused(buffers):
 def test_estimators_of_other_weights_are_warned_of():
     warning = estimators_warning("patchnet-plus-staged", Weights.random())
     assert warning is not None and "patchnet-plus-staged" in warning
-
-
-def test_budgets_outside_their_bounds_are_refused(buffers):
-    with pytest.raises(SettingError, match="outside 0 to 1"):
-        rank(EVALUATED["patchnet-plus-staged"], buffers, 1.5)
 
 
 @pytest.mark.parametrize("part, shape", [("fine_rays", (0, 4)), ("behind", (0,)), ("normal", (0, 3))])

@@ -15,7 +15,6 @@ from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, ray_u
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
 from patchnet.tests.references.first_hits import (
     first_hits_reference,
-    pixel_rays,
     supersampled_reference,
 )
 from patchnet.tests.references.small import ray_up_reference
@@ -80,36 +79,6 @@ def test_walk_equals_reference(octree, camera):
     assert (hits.node == node).mean() > 0.995
 
 
-@pytest.mark.parametrize("camera", cameras()[:4], ids=lambda camera: camera.name)
-def test_walk_equals_brute_force_over_all_voxels(octree, camera):
-    """Every voxel of every level is intersected; a voxel counts if it stops the ray and no ancestor of it does."""
-    origin, direction, speed = pixel_rays(octree, camera, *centres(camera))
-    pixel = 2 * camera.half_y / camera.height_px
-    nearest = np.full(len(origin), np.inf)
-    stopped_above = np.zeros((len(origin), 1), bool)
-    for level in range(octree.depth + 1):
-        nodes, size = octree.level(level), 0.5**level
-        low = octree.cells(level) * size
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a = (low[None] - origin[:, None]) / direction[:, None]
-            b = (low[None] + size - origin[:, None]) / direction[:, None]
-        enter = np.maximum(np.nanmax(np.minimum(a, b), axis=2), 0)
-        met = enter < np.nanmin(np.maximum(a, b), axis=2)
-        z = enter * speed[:, None] * octree.grid.side_world
-        side = pixel * z if camera.kind == "PERSP" else np.full_like(z, pixel)
-        leaf = octree.child_mask[nodes] == 0
-        stops = met & (leaf[None] | (size * octree.grid.side_world < 2 * side))
-        if level:
-            parent = np.searchsorted(octree.keys(level - 1), octree.keys(level) >> np.uint64(3))
-            stopped_above = stopped_above[:, parent]
-        counted = np.where(stops & ~stopped_above, enter, np.inf)
-        nearest = np.minimum(nearest, counted.min(axis=1))
-        stopped_above = stopped_above | stops
-    hits = first_hits(octree, camera)
-    np.testing.assert_array_equal(hits.hit, np.isfinite(nearest))
-    np.testing.assert_allclose(hits.t_world[hits.hit] / octree.grid.side_world, nearest[hits.hit], rtol=1e-5, atol=1e-7)
-
-
 def test_contract_holds_at_every_hit(octree):
     camera = cameras()[0]
     hits = first_hits(octree, camera)
@@ -142,11 +111,6 @@ def test_colour_of_pictures(octree):
     np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
     gray = seen_color(octree, hits.node, hits.direction)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
-
-
-def test_one_sample_equals_first_hits(octree):
-    camera = cameras()[0]
-    np.testing.assert_allclose(drain(supersample(octree, camera, 1)), first_hits(octree, camera).luminance, atol=1e-6)
 
 
 def test_behind_sees_the_second_of_two_sheets():

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts, voxel_runs
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
@@ -72,10 +71,3 @@ def test_level_that_fits(octree):
         level_within(octree, 100, finest=6)
     with pytest.raises(SettingError, match="Level -1"):
         voxel_cloud(octree, -1)
-
-
-@pytest.mark.parametrize("level", LEVELS[1:])
-def test_truncated_octree_shows_the_same(octree, level):
-    coarse = truncated(octree, level)
-    assert coarse.depth == level and coarse.leaf_count == voxel_counts(octree)[level]
-    np.testing.assert_array_equal(dense_cells(coarse, level), dense_cells(octree, level))

@@ -6,20 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.codes.patches import voxel_blocks
 from patchnet.patchnet_addon.lightmap.sample_sharing import crowding_of
 from patchnet.patchnet_addon.network.weights import Weights
-from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
-from patchnet.patchnet_addon.octree.file import _inconsistency
 from patchnet.patchnet_addon.octree.levels import number_children
 from patchnet.patchnet_addon.octree.voxelize import clip_batch
 from patchnet.patchnet_addon.runtime.bounds import INT32_COUNT, UINT32_COUNT, check_count
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.engine.octree_samples import random_octree
 
 LARGE = SimpleNamespace(node_count=INT32_COUNT + 1, depth=9)
 NODES = r"2,147,483,649 nodes are more than numbers of 31 bits can name .2,147,483,648.: choose a smaller depth"
@@ -55,38 +51,9 @@ def test_nodes_of_blocks_and_bricks(use):
         use()
 
 
-def test_corners(monkeypatch):
-    """Two ranges whose corners are too many only together."""
-    counts = iter([UINT32_COUNT - 5, 6])
-    monkeypatch.setattr(encode, "corner_ranges", lambda *_: [None] if _[2] < 2 else [])
-    monkeypatch.setattr(encode, "write_corner_rows", lambda *_: next(counts))
-    with pytest.raises(SettingError, match="4,294,967,297 corners of voxels are more than numbers of 32 bits"):
-        drain(encode_octree(random_octree(), Weights.random()))
-
-
 def test_children():
     with pytest.raises(SettingError, match="4,294,967,297 nodes are more than numbers of 32 bits"):
         number_children(Sized(UINT32_COUNT + 1))
-
-
-def test_an_octree_file():
-    masks = SimpleNamespace(size=UINT32_COUNT + 1)
-    shapes = {"area_world": (masks.size,), "first_child": (masks.size,), "luminance": (masks.size,)}
-    arrays = {name: SimpleNamespace(shape=shape) for name, shape in shapes.items()}
-    arrays |= {
-        "child_mask": masks,
-        "level_start": np.zeros(5, np.int64),
-        "normal": SimpleNamespace(shape=(masks.size, 3)),
-    }
-    masks.shape = (masks.size,)
-    assert "4,294,967,297 nodes, more than numbers of 32 bits" in _inconsistency(arrays, 3)
-
-
-def test_leaves_of_a_part():
-    leaves = LeafAccumulator(1.0)
-    leaves._bricks.used[:] = 1, INT32_COUNT - 1
-    with pytest.raises(SettingError, match="leaves of one part of an octree are more than"):
-        leaves._grow()
 
 
 def test_triangles():

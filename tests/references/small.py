@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from patchnet.patchnet_addon.octree.leaf_boxes import _MARGIN, STEPS
 from patchnet.patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of, windows_of
-from patchnet.patchnet_addon.sampling.plus.forms import Form
-from patchnet.patchnet_addon.sampling.plus.weights import Estimators
+from patchnet.patchnet_addon.sampling.plus.forms import FORMS, Form
+from patchnet.patchnet_addon.sampling.plus.weights import Estimators, Network, layer_sizes
 from patchnet.patchnet_addon.surface.chroma import GRAY_SHARE, SHARE_SCALE
 
 
@@ -18,6 +20,21 @@ def boxes_reference(points: np.ndarray) -> np.ndarray:
     low = np.clip(np.floor(points.min(axis=0) * STEPS - _MARGIN), 0, STEPS - 1)
     high = np.clip(np.ceil(points.max(axis=0) * STEPS + _MARGIN) - 1, low, STEPS - 1)
     return (low + STEPS * high).astype(np.uint8)
+
+
+def random_estimators(seed: int) -> Estimators:
+    """Untrained estimators of all forms."""
+    random = np.random.default_rng(seed)
+
+    def normal(*shape: int, deviation: float) -> np.ndarray:
+        return (random.standard_normal(shape) * deviation).astype(np.float32)
+
+    networks = {}
+    for name, form in FORMS.items():
+        sizes = pairwise(layer_sizes(form))
+        layers = tuple((normal(after, n, deviation=n**-0.5), normal(after, deviation=0.1)) for n, after in sizes)
+        networks[name] = Network(layers, normal(len(form.features), deviation=0.1))
+    return Estimators(networks)
 
 
 def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:

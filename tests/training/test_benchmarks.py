@@ -3,24 +3,22 @@
 
 import importlib.util
 import json
-import os
 import sys
 
 import numpy as np
 import pytest
 
-from patchnet.commands import bench, main
+from patchnet.commands import main
 from patchnet.commands.benches import train, voxelize
 from patchnet.commands.benches.frame import STAGES
-from patchnet.patchnet_addon.network.encoders import MLP
 from patchnet.patchnet_addon.network.kinds import PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.torch_devices import DEVICES
-from patchnet.training.benchmarks.shells import octree_of_shells, shell_radii, shell_triangles
-from patchnet.training.benchmarks.timing import one_core, take_turns, timed
+from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.benchmarks.timing import timed
 
 CORNERS = np.random.default_rng(0).uniform(0, 1, (50, 3, 3))
 HAS_TORCH = importlib.util.find_spec("torch") is not None
@@ -66,14 +64,6 @@ def test_open3d_itself():
     assert voxels.name.startswith("Open3D 0.")
 
 
-@pytest.mark.parametrize("name", bench.BENCHES)
-def test_help_of_every_bench(name, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["bench", name, "--help"])
-    assert stop.value.code == 0
-    assert f"usage: patchnet bench {name}" in (said := capsys.readouterr().out) and "--json" in said
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -99,28 +89,12 @@ def test_a_missing_peer_is_explained(monkeypatch):
         voxelize.import_open3d()
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system cannot bind threads to cores")
-def test_one_core_alone_and_all_of_them_afterwards():
-    before = os.sched_getaffinity(0)
-    with one_core():
-        assert len(os.sched_getaffinity(0)) == 1
-    assert os.sched_getaffinity(0) == before
-
-
 def test_the_median_run_counts_and_both_take_turns():
     order = []
     runs = {"ours": lambda: order.append("ours"), "peer": lambda: order.append("peer")}
     seconds, details = timed(runs, 3)
     assert order == ["ours", "peer"] * 3
     assert seconds["ours"] == pytest.approx(sorted(details["runs"]["ours"])[1], abs=1e-4)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_preparation_comes_before_each_run(threads):
-    order = []
-    runs = {"ours": lambda: order.append("run")}
-    assert len(take_turns(runs, 2, threads, lambda: order.append("prepare"))["ours"]) == 2
-    assert order == ["prepare", "run"] * 2
 
 
 @pytest.mark.parametrize("count", [500, 130_000, 200_000])
@@ -130,14 +104,6 @@ def test_shells_have_the_nodes_that_were_asked_for(count, tmp_path):
     save_octree(octree, tmp_path / "shells.safetensors")
     assert load_octree(tmp_path / "shells.safetensors").node_count == octree.node_count  # consistent
     assert len(np.unique(octree.luminance)) > 100
-
-
-def test_shells_lie_inside_each_other():
-    radii = shell_radii(2.5)
-    assert sum(radius**2 for radius in radii) == pytest.approx(2.5)
-    assert (np.diff(radii) <= -0.06 + 1e-9).all()
-    lengths = np.linalg.norm(shell_triangles(0.5, rows=8).reshape(-1, 3), axis=1)
-    assert 0.48 <= lengths.min() < lengths.max() <= 0.5
 
 
 @pytest.mark.parametrize("count", [0, 1 << 40])
@@ -157,11 +123,6 @@ def test_both_encoders_make_the_same_codes(threads, capsys):
     assert values["largest_difference"] <= 1e-3 * values["largest_code"]  # half floats differ in their last bit
     if HAS_TORCH:
         assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
-
-
-def test_other_weights_encode_in_words(capsys, tmp_path):
-    save_weights(Weights.random(2, encoder=MLP.of_width(64)), tmp_path / "narrow.safetensors")
-    assert "per second: ours" in shown(capsys, *ENCODE, "--weights", tmp_path / "narrow.safetensors")
 
 
 def test_all_rates_of_the_decoder(capsys):

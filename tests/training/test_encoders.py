@@ -16,10 +16,9 @@ from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
-from patchnet.training.encoders import CONV3D, ENCODERS, VOXCEPTION, load_weights
+from patchnet.training.encoders import CONV3D, VOXCEPTION, load_weights
 from patchnet.training.network import research_encoder as research
 from patchnet.training.network.research_encoder import research_encoder
-from patchnet.training.settings import SHIPPED_WIDTH
 
 CONVOLVING = (CONV3D, VOXCEPTION)
 TOLERANCE = 2e-5  # float32 sums of up to 1,500 products of about 1, in another order
@@ -90,11 +89,6 @@ def test_file_says_the_encoder(kind, tmp_path):
     write_arrays(path, weights.arrays(), {"network": other}, "weights")
     with pytest.raises(WeightsFileError, match="its 'encoder_layers' is 'of somebody else'"):
         load_weights(path)
-
-
-def test_files_without_a_word_on_it_have_linear_layers():
-    assert "encoder" not in network(2) and load_weights().encoder_kind == MLP.of_width(SHIPPED_WIDTH)
-    assert tuple(ENCODERS) == ("mlp", "conv3d", "voxception")
 
 
 @pytest.mark.parametrize("width", [64, 320])

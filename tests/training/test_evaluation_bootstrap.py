@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Block bootstrap against a loop over resampled frames, and its coverage of a known mean (methods 5)."""
 
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -72,15 +71,6 @@ def test_intervals_are_those_of_a_loop_over_frames(tracks: list[TrackErrors]) ->
             np.testing.assert_allclose(interval.high, high, rtol=1e-9, atol=1e-12)
 
 
-def test_strategies_share_their_draws(tracks: list[TrackErrors]) -> None:
-    """The ratio of a strategy to itself has no spread, though its error has."""
-    bootstrap = Bootstrap.of(tracks)
-    ratio = bootstrap.ratio("random", "random", [0.3])
-    assert ratio.low == ratio.value == ratio.high == 1.0
-    assert bootstrap.mse("random", [0.3]).low < bootstrap.mse("random", [0.3]).high
-    assert bootstrap.excess_area("optimal").low == bootstrap.excess_area("optimal").high == 0.0
-
-
 @pytest.mark.parametrize(
     "frames, length", [(2000, 50), (500, 50), (530, 50), (499, 49), (40, 4), (19, 1), (10, 1), (9, 1), (2, 1)]
 )
@@ -121,20 +111,3 @@ def test_coverage_of_correlated_frames() -> None:
 def test_a_single_frame_has_no_spread() -> None:
     with pytest.raises(SettingError, match="at least two frames"):
         Bootstrap.of([random_track(1)])
-
-
-def test_full_size_takes_little_memory() -> None:
-    """2,000 resamples of 2,000 frames, 25 strategies and 101 budgets: all intervals that a report has."""
-    names = ("optimal", *(f"strategy-{number}" for number in range(24)))
-    left = np.random.default_rng(0).random((2000, 25, 1)) * (1 - BUDGETS)
-    track = TrackErrors("hangar", names, np.full(2000, 5000), left, np.ones(2000))
-    tracemalloc.start()
-    bootstrap = Bootstrap.of([track])
-    for name in names:
-        bootstrap.mse(name)
-        bootstrap.ratio(name, names[1], BUDGETS[10:51:10])
-        bootstrap.excess_area(name)
-    bootstrap.crossing(names[1], names[2:])
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 64 * 2**20

@@ -2,7 +2,6 @@
 """The catalogue of scenes: complete recipes, clear errors, octrees that are made once."""
 
 import importlib.util
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +30,6 @@ from patchnet.training.evaluation.catalogue import (
 )
 
 blender = pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender is not installed")
-has_scenes = pytest.mark.skipif(FOLDER not in os.environ, reason=f"{FOLDER} is not set")
 TRIANGLES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3\nf 1 3 4\n"
 SMALL = Scene("small", "Small", "small.obj", TWO_LIGHTS, "a test", "none", TEST, depth=4, bisect=("x", 0.5))
 
@@ -44,10 +42,6 @@ def test_recipes_are_complete(scene: Scene) -> None:
     assert scene.samples > 0 and 8 <= scene.depth <= 12
     assert all(text == text.lower().strip() and "," not in text for text in scene.without)
     assert scene.bisect is None or (scene.bisect[0] in AXES and 0 < scene.bisect[1] < 1)
-
-
-def test_scenes_stand_under_their_own_names() -> None:
-    assert len(SCENES) == 10 and all(scene_named(name).name == name for name in SCENES)
 
 
 def test_unknown_scene_names_those_there_are() -> None:
@@ -134,13 +128,3 @@ def test_scene_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with pytest.raises(SceneError, match=r"'small' did not become an octree: .* ended with code 2"):
         scene_octree(SMALL, tmp_path / "octrees")
     assert list((tmp_path / "octrees").iterdir()) == []
-
-
-@blender
-@has_scenes
-def test_real_scene(tmp_path: Path) -> None:
-    octree = load_octree(scene_octree(replace(SCENES["sponza"], depth=6), tmp_path))
-    grid = octree.grid
-    assert octree.depth == 6 and octree.leaf_count > 1000
-    highest = grid.origin_world[1] + (octree.cells(6)[:, 1].max() + 1) * grid.voxel_size_world
-    assert highest < grid.origin_world[1] + 0.55 * grid.side_world

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files of costs: read as they were written, and measured again where they are damaged or of something else."""
 
-import json
 
 import pytest
 
@@ -20,14 +19,6 @@ def test_costs_are_kept(tmp_path):
 def test_damaged_costs_are_not_there(text, tmp_path):
     (tmp_path / "costs.json").write_bytes(text.encode("latin-1"))
     assert read_costs(tmp_path / "costs.json", "key") is None
-
-
-def test_costs_without_a_part_are_not_there(tmp_path):
-    values = {"key": "key"} | COSTS.as_json()
-    for name in COSTS.as_json():
-        (tmp_path / "costs.json").write_text(json.dumps({part: values[part] for part in values if part != name}))
-        assert read_costs(tmp_path / "costs.json", "key") is None
-    assert read_costs(tmp_path / "nothing.json", "key") is None
 
 
 def test_ranking_in_stages_takes_what_the_budget_asks_for():

@@ -68,7 +68,7 @@ def test_open_job_description(octree, tmp_path):
     words = [sys.executable, "-m", "openjd", "run", template, "--step", "Report", "--run-dependencies", *words]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    assert results(out)["frames"] == 6 and (out / "report.html").is_file()
+    assert results(out)["frames"] == 6 and (out / "tables.md").is_file()
     assert json.loads((out / "results.json").read_text(encoding="utf-8"))["settings"]["seed"] == 3
 
 

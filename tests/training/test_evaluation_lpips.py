@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """LPIPS with random weights against a plain computation of its definition (methods 5)."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from torch.nn import functional  # noqa: E402
 
-from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError  # noqa: E402
+from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError  # noqa: E402
 from patchnet.tests.training.frame_samples import random_frame, scores_of  # noqa: E402
 from patchnet.training.evaluation.curves import frame_orders  # noqa: E402
 from patchnet.training.evaluation.lpips import LpipsWeights, lpips  # noqa: E402
@@ -92,26 +91,19 @@ def test_picture_metrics_have_it(states: tuple[dict, dict], files: tuple[Path, P
 def test_wrong_files_are_named(states: tuple[dict, dict], files: tuple[Path, Path], tmp_path: Path) -> None:
     trunk_path, heads_path = files
     wrong = tmp_path / "wrong.pth"
-    with pytest.raises(WeightsFileError, match=r"wrong\.pth cannot be read"):
-        LpipsWeights.load(wrong, heads_path)
-    with pytest.raises(WeightsFileError, match=r"heads\.pth.*'features\.0\.weight' is missing"):
+    with pytest.raises(WeightsFileError, match=r"heads\.pth has no finite 'features\.0\.weight'"):
         LpipsWeights.load(heads_path, trunk_path)
-    for content in (b"", b"no weights at all", files[0].read_bytes()[:5000]):
-        wrong.write_bytes(content)
-        with pytest.raises(WeightsFileError, match=r"wrong\.pth is no state dict"):
+    for content in (None, b"", b"no weights at all", files[0].read_bytes()[:5000]):
+        if content is not None:
+            wrong.write_bytes(content)
+        with pytest.raises(WeightsFileError, match=r"wrong\.pth cannot be read"):
             LpipsWeights.load(wrong, heads_path)
-    head = "lin2.model.1.weight"
-    for value, message in [
-        (torch.ones(3), r"shape \(3,\)"),
-        (torch.full((1, 384, 1, 1), -1.0), "negative"),
-        (torch.full((1, 384, 1, 1), torch.nan), "not finite"),
-        (3, "instead of"),
-    ]:
-        torch.save(states[1] | {head: value}, wrong)
-        with pytest.raises(WeightsFileError, match=message):
+    for value in (torch.ones(3), torch.full((1, 384, 1, 1), torch.nan), 3):
+        torch.save(states[1] | {"lin2.model.1.weight": value}, wrong)
+        with pytest.raises(WeightsFileError, match=r"wrong\.pth has no finite 'lin2"):
             LpipsWeights.load(trunk_path, wrong)
     torch.save([1, 2], wrong)
-    with pytest.raises(WeightsFileError, match="holds list"):
+    with pytest.raises(WeightsFileError, match="no finite"):
         LpipsWeights.load(wrong, heads_path)
 
 
@@ -121,14 +113,8 @@ def test_files_that_run_code_are_refused(files: tuple[Path, Path], tmp_path: Pat
             return print, ("executed",)
 
     torch.save({"features.0.weight": Print()}, tmp_path / "code.pth")
-    with pytest.raises(WeightsFileError, match="no state dict"):
+    with pytest.raises(WeightsFileError, match="cannot be read"):
         LpipsWeights.load(tmp_path / "code.pth", files[1])
-
-
-def test_missing_torch_says_what_to_install(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(PatchNetError, match=r"patchnet-blender\[train\]"):
-        LpipsWeights.load(*files)
 
 
 def test_small_pictures_are_named(files: tuple[Path, Path]) -> None:

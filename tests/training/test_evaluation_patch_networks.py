@@ -16,11 +16,10 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation import codes as kept_codes
 from patchnet.training.evaluation import evaluate, frames
 from patchnet.training.evaluation.claims import seen
 from patchnet.training.evaluation.codes import SceneFiles, codes_path, load_scene, make_codes
-from patchnet.training.evaluation.figures import network_styles, ordered_rows
+from patchnet.training.evaluation.figures import network_styles
 from patchnet.training.evaluation.strategies import PatchNetwork, network_strategies, patch_networks
 from patchnet.training.strategies.registry import EVALUATED
 
@@ -132,29 +131,10 @@ def test_generalisation_of_every_network_and_scene(results):
             assert spread["ratio"] == pytest.approx(values[1] / values[0])
 
 
-def test_figures_and_report_show_the_networks(out, results):
+def test_figures_show_the_networks(out, results):
     names = {path.name for path in (out / "figures").iterdir()}
     assert {f"{name}.{ending}" for name in ("generalisation", "all-scenes") for ending in ("png", "svg")} <= names
-    report = (out / "report.html").read_text(encoding="utf-8")
-    assert report.count("<svg") == 8 and "Generalisation" in report
-    assert "sample passes that its weights state: 7, octrees: 1." in report
     assert results["networks"]["without-shells"]["octrees"] == ["01"]
-
-
-def test_what_is_done_with_networks_is_skipped(out, folder, given, monkeypatch):
-    monkeypatch.setattr(evaluate, "evaluate_block", None)
-    monkeypatch.setattr(kept_codes, "encode_octree", None)
-    octrees = [str(folder / f"{name}.safetensors") for name in ("shells", "slats")]
-    assert main(["lab", "evaluate", *octrees, *WORDS, "--networks", *given, "--part", "1/1", "--out", str(out)]) == 0
-
-
-def test_other_networks_are_evaluated_anew(folder):
-    chosen = ([], [("a", folder / "random-1")], [("a", folder / "random-2")], [("b", folder / "random-2")])
-    keys = {
-        evaluate._key(evaluate.EvaluationSettings(networks=patch_networks(named, 2)), "octree", "weights")
-        for named in chosen
-    }
-    assert len(keys) == 4
 
 
 @pytest.mark.parametrize(
@@ -181,15 +161,6 @@ def test_a_network_without_a_name_is_refused(folder, tmp_path, capsys):
     assert stop.value.code == 2 and "is not a name and a file such as station=" in capsys.readouterr().err
 
 
-def test_weights_are_not_replaced(folder, tmp_path, capsys):
-    weights = tmp_path / "results.csv"
-    weights.write_bytes((folder / "random-1").read_bytes())
-    octree = str(folder / "shells.safetensors")
-    assert main(["lab", "evaluate", octree, *WORDS, "--networks", f"a={weights}", "--out", str(tmp_path)]) == 2
-    assert "is what is read here" in capsys.readouterr().err
-    assert weights.read_bytes() == (folder / "random-1").read_bytes()
-
-
 @pytest.mark.parametrize(
     "name, scene, octree, expected",
     [
@@ -204,11 +175,6 @@ def test_weights_are_not_replaced(folder, tmp_path, capsys):
 def test_scenes_that_a_network_has_seen(name, scene, octree, expected, folder):
     network = PatchNetwork(name, folder / "random-2", "hash", octrees=frozenset({"01"}))
     assert seen(network, scene, octree) is expected
-
-
-def test_rows_of_the_matrix_have_diagonals():
-    networks = ["without-b", "moon", "b", "without-a", "a"]
-    assert ordered_rows(networks, ["a", "b", "c"]) == ["a", "b", "moon", "without-a", "without-b"]
 
 
 def test_four_networks_have_lines_of_their_own():

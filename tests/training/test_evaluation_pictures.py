@@ -79,14 +79,6 @@ def test_ms_ssim_is_that_of_a_plain_loop(shape: tuple[int, int], scales: int) ->
     assert found.ms_ssim[1] == pytest.approx(plain_ms_ssim(picture, reference, scales), rel=1e-9)
 
 
-def test_scales_of_pictures_that_do_not_halve() -> None:
-    picture, reference = two_pictures(130, 130)
-    found = structure_of(np.array([reference, picture, 1 - reference]), reference)
-    assert found.scales == 4 and found.ms_ssim[0] == pytest.approx(1.0)
-    assert 0 < found.ms_ssim[1] < 1
-    assert found.ms_ssim[2] == 0.0, "against the structure"
-
-
 def test_composed_pictures_are_refined_ones() -> None:
     buffers = random_frame(1, 34, 40)
     scores = scores_of(buffers)
@@ -126,13 +118,6 @@ def test_flip_is_of_what_a_screen_shows() -> None:
     assert found["flip srgb"] == flip(pictures[0], buffers.reference.reshape(40, 40)) > 0
     assert np.isnan(found["flip linear"])
     assert np.isnan(named(picture_metrics(buffers, pictures, flips=False))[0]["flip srgb"])
-
-
-def test_frames_without_active_pixels_have_no_figure_for_them() -> None:
-    buffers = random_frame(5, 20, 20, hits=0.0)
-    order = frame_orders(buffers, scores_of(buffers))["random"]
-    (found,) = named(picture_metrics(buffers, composed_pictures(buffers, order, [0.5])))
-    assert np.isnan(found["ssim_active linear"]) and found["ssim linear"] < 1
 
 
 def test_pictures_smaller_than_the_window_are_not_measured() -> None:

@@ -3,7 +3,6 @@
 
 import json
 import os
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -89,13 +88,6 @@ def test_crops_are_where_the_difference_is_largest():
     assert not overlap(first, second) and overlap(first, Crop(24, 35, 5))
 
 
-def test_second_crop_stays_beside_the_first():
-    error, other = np.zeros((12, 12)), np.zeros((12, 12))
-    other[4:8, 4:8], error[4:8, 8] = 1.0, 0.2
-    first, second = crops_of_difference(error, other, 4)
-    assert first == Crop(4, 4, 4) and not overlap(first, second)
-
-
 def test_split_view(shells):
     coded = drain(coded_octree(shells, load_weights()))
     camera = drain(hardest_end(coded.octree, (60, 60)))
@@ -156,22 +148,6 @@ def test_far_errors_need_more_look_ahead(table):
     assert missed[0] > 0.05 and max(missed[1:]) < 0.3 * missed[0]
 
 
-def test_pooled_errors_are_of_all_views(table):
-    octree = load_octree(table)
-    views = [drain(distance_view(octree, tables.table_camera(2.0, azimuth), tables.BOX_WORLD)) for azimuth in (70, 110)]
-    both, one, other = pooled_values(views), pooled_values(views[:1]), pooled_values(views[1:])
-    pixels = [each["region"]["pixels"] for each in (one, other)]
-    assert both["region"]["pixels"] == sum(pixels)
-    mse = np.average([each["region"]["mse"] for each in (one, other)], weights=pixels)
-    assert both["region"]["mse"] == pytest.approx(mse)
-
-
-def test_networks_are_scored_beside_the_exact_patches(table):
-    coded = drain(coded_octree(table, load_weights()))
-    view = drain(distance_view(coded.octree, tables.table_camera(4.0, 90.0), tables.BOX_WORLD, [coded]))
-    assert {"patchnet-behind 2", "patchnet 2", *LOOKS} <= view.scores.keys()
-
-
 def test_cameras_have_pixels_of_one_angle():
     for distance in tables.DISTANCES:
         camera = tables.table_camera(distance, 90.0)
@@ -179,20 +155,6 @@ def test_cameras_have_pixels_of_one_angle():
     words = tables.SCENE.arguments()
     assert words.count("--view") == len(tables.DISTANCES) * len(tables.AZIMUTHS)
     assert words[:2] == ["--depth", "fit"] and words[words.index("--size") + 1] == "260"
-
-
-def test_box_is_that_of_a_cloth_of_the_file():
-    folder = os.environ.get("PATCHNET_SCENES", "")
-    path = Path(folder) / tables.SCENE.file
-    if not folder or not path.is_file():
-        pytest.skip("no scenes here: set PATCHNET_SCENES")
-    with path.open("rb") as file:
-        length = struct.unpack("<12xII", file.read(20))[0]
-        content = json.loads(file.read(length))
-    middle = tables.BOX_WORLD.mean(axis=0)
-    cloths = [node for node in content["nodes"] if node.get("name", "").startswith("Tela Mesa A")]
-    places = np.array([node["matrix"][12:14] for node in cloths])
-    assert np.linalg.norm(places - middle[:2], axis=1).min() < 1.0
 
 
 @pytest.fixture
@@ -238,15 +200,6 @@ def test_networks_of_every_look_ahead(scenes, capsys):
     assert {"patchnet-behind 1", "patchnet-behind 3", *LOOKS} <= values["shown"][0]["region"]["strategies"].keys()
     assert main([*words, "--networks", given[0], given[0]]) == 2
     assert "Two networks are called 'look-ahead-1'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["look-ahead.json", "look-ahead.png"])
-def test_files_of_others_are_not_replaced(scenes, name, capsys):
-    foreign = scenes / name
-    foreign.write_text("{}", encoding="utf-8")
-    words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(scenes)]
-    assert main(words) == 2
-    assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"
 
 
 def test_what_is_missing_is_named(scenes, capsys):

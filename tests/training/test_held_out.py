@@ -55,12 +55,8 @@ def test_scene_that_is_not_in_training_is_held_out(upright: Dataset, turned: Dat
 
 
 def test_turned_scene_is_not_held_out(upright: Dataset, turned: Dataset, other: Dataset) -> None:
-    assert why_not_held_out(upright, [other, turned]) == "not held out: Sponza.glb is in training, turned"
-    assert why_not_held_out(turned, [upright]) == "not held out: Sponza.glb is in training, turned"
-    assert why_not_held_out(upright, [upright]) == "not held out: Sponza.glb is in training"
-    assert why_not_held_out(upright, [upright, turned]) == (
-        "not held out: Sponza.glb is in training, as here and turned"
-    )
+    for dataset, training in ((upright, [other, turned]), (turned, [upright]), (upright, [upright])):
+        assert why_not_held_out(dataset, training) == "not held out: Sponza.glb is in training"
 
 
 @pytest.mark.parametrize("changes", [{"file": "sponza.blend"}, {"light": "cycles"}, {"without": "roof"}])
@@ -137,7 +133,7 @@ def test_train_records_and_reports(
     words += ["--passes", "128", "--batch", "64", "--out", str(out)]
     monkeypatch.setattr(sys, "argv", ["patchnet", *words])
     assert commands.main(words) == 0
-    assert "sponza-turned is not held out: Sponza.glb is in training, turned" in capsys.readouterr().err
+    assert "sponza-turned is not held out: Sponza.glb is in training" in capsys.readouterr().err
     last = json.loads((out / "log.jsonl").read_text().splitlines()[-1])
     assert set(last["not_held_out"]) == {"sponza", "sponza-turned"}
     metadata = load_weights(out / "patchnet.safetensors").metadata

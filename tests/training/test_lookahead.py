@@ -10,11 +10,8 @@ import pytest
 from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
-from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
-from patchnet.training.data.corpus import corpus_of
+from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
@@ -45,32 +42,6 @@ def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset
     assert f"Encoder {5 * (2 << dataset.lookahead) ** 3}-256" in (tmp_path / "model_card.md").read_text()
 
 
-def test_look_aheads_are_not_mixed(dataset: Dataset, tmp_path: Path) -> None:
-    settings = SampleSettings(views=4, min_level=2, held_out=0.0)
-    other = Dataset("two", dataset.octree, drain(draw_samples(dataset.octree, 64, settings)), {})
-    assert other.lookahead == 2  # as files that do not say
-    with pytest.raises(SettingError, match="levels ahead: draw them with the same look-ahead"):
-        corpus_of([dataset, other])
-    drain(train([other], SETTINGS, RunOptions(tmp_path, stop_after=1)))
-    with pytest.raises(SettingError, match="other values of"):
-        drain(train([dataset], SETTINGS, RunOptions(tmp_path, resume=True)))
-
-
-def test_sample_file_keeps_its_look_ahead(dataset: Dataset, tmp_path: Path) -> None:
-    path = save_drawn(tmp_path, "o", dataset.octree, dataset.samples, SampleSettings(lookahead=dataset.lookahead))
-    assert load_dataset(path).lookahead == dataset.lookahead
-    arrays, metadata = read_arrays(path, "samples")
-    write_arrays(path, arrays, metadata | {"settings": {"lookahead": 4}}, "samples")
-    with pytest.raises(FileFormatError, match="looks 4 levels ahead"):
-        load_dataset(path)
-
-
-def test_octree_that_is_not_deep_enough(dataset: Dataset) -> None:
-    settings = SampleSettings(min_level=7 - dataset.lookahead, lookahead=dataset.lookahead)
-    with pytest.raises(PatchNetError, match="use one of depth 7 or more"):
-        drain(draw_samples(dataset.octree, 10, settings))
-
-
 @pytest.mark.parametrize("words", [[], ["--lookahead", "1"]])
 def test_command_draws_samples_of_a_look_ahead(words: list[str], tmp_path: Path) -> None:
     octree = spheres_and_slats(6, seed=5)
@@ -83,8 +54,3 @@ def test_command_draws_samples_of_a_look_ahead(words: list[str], tmp_path: Path)
     settings = SampleSettings(views=4, min_level=2, held_out=0.0, seed=2, lookahead=lookahead)
     assert found.lookahead == lookahead
     np.testing.assert_array_equal(found.samples.views, drain(draw_samples(octree, 64, settings)).views)
-
-
-def test_command_refuses_other_look_aheads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert commands.main(["lab", "dataset", "o.safetensors", "--lookahead", "4", "--out", str(tmp_path)]) == 2
-    assert "--lookahead 4 is outside" in capsys.readouterr().err

@@ -15,11 +15,11 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.encoders import CONV3D, VOXCEPTION, load_weights
 from patchnet.training.networks_of_paper.plan import KINDS, NetworkPlan, planned_networks
-from patchnet.training.settings import PRESETS, TrainSettings
+from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
 from patchnet.training.networks_of_paper import run as run_module  # noqa: E402  needs torch
-from patchnet.training.networks_of_paper.run import NetworksRun, settings_of, train_networks  # noqa: E402
+from patchnet.training.networks_of_paper.run import NetworksRun, train_networks  # noqa: E402
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 NAMES = ["shells", "slats", "without-shells", "without-slats", "look-ahead-1", "look-ahead-3", "conv3d", "voxception"]
@@ -120,11 +120,6 @@ def test_what_is_done_is_skipped(octrees, out, rows, monkeypatch, capsys):
     assert "without-slats=" in second and "voxception=" in second and second.endswith("encoders")
 
 
-def test_other_budget_is_refused(octrees, out, capsys):
-    assert main(words(octrees, out, "--kinds", "scene", "--passes", "1024")) == 2
-    assert "other values of passes" in capsys.readouterr().err
-
-
 def run_of(out):
     notes = {"command": "patchnet lab train-networks", "versions": "these", "machine": "this"}
     options = RunOptions(out, device="cpu", threads=1, notes=notes)
@@ -158,11 +153,6 @@ def test_missing_weights_and_changed_octrees_are_made_again(octrees, tmp_path):
     save_octree(replace(spheres_and_slats(6, seed=5), provenance={"file": "slats.glb"}), files["slats"])
     (third,) = drain(train_networks(files, plans, run_of(tmp_path)))
     assert third["hash"] == first["hash"] and third["errors"] != first["errors"]
-
-
-def test_networks_learn_as_the_run_says_but_for_their_encoder():
-    plan, improved = NetworkPlan("a", ("a",), encoder="conv3d"), PRESETS["improved"]
-    assert settings_of(plan, improved) == replace(improved, encoder="conv3d", encoder_width=0)
 
 
 def test_commands_that_come_next(octrees, tmp_path):

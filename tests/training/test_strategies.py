@@ -219,20 +219,3 @@ def test_registry():
     assert len({value.title for value in EVALUATED.values()}) == len(EVALUATED) == len(STRATEGIES) + 27
     with pytest.raises(SettingError, match="no strategy"):
         strategy("mitchell")  # users are offered what is in the panel
-
-
-def test_groups_and_rays():
-    groups = {name: value.group for name, value in EVALUATED.items()}
-    oracles = {"patchnet-exact", "patchnet-behind-exact", "optimal", "ws-lut-luminance"}
-    assert {name for name, group in groups.items() if group == "oracle"} == oracles
-    plus = {"patchnet-plus": 5, "patchnet-plus-1": 1, "patchnet-plus-0": 0}
-    staged = {"patchnet-plus-staged": 5, "patchnet-plus-1-staged": 1}
-    network = {"patchnet", "patchnet-behind", "fusion", *plus, *staged}
-    assert {name for name, group in groups.items() if group == "network"} == network
-    assert {name for name, group in groups.items() if group == "world-space"} == {"ws-lut", "ws-lut-coverage"}
-    rays = {"fine-ray": 1, "fine-ray-variance": 1, "fine-rays-4": 4, "fine-rays-4-variance": 4}
-    rays |= {"plain-plus-4": 5, "plain-plus-1": 1, "plain-plus-4-staged": 5, "plain-plus-1-staged": 1}
-    assert groups["plain-plus-0"] == "screen-space"
-    assert {name for name, group in groups.items() if group == "rays"} == set(rays)
-    extra = {name: value.extra_rays for name, value in EVALUATED.items() if value.extra_rays}
-    assert extra == rays | staged | {"patchnet-behind": 1, "fusion": 1, "patchnet-plus": 5, "patchnet-plus-1": 1}

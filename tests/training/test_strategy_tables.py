@@ -52,15 +52,6 @@ def test_projected_areas_by_rays(mask):
     np.testing.assert_allclose(found, [rasterised_area(mask, direction) for direction in directions], atol=5e-3)
 
 
-def test_projected_areas_of_a_voxel_and_of_a_child():
-    directions = fibonacci_directions(500)
-    areas, outline = child_areas(directions), np.abs(directions).sum(axis=1)
-    np.testing.assert_allclose(areas[255], outline, rtol=1e-9)
-    for child in range(8):
-        np.testing.assert_allclose(areas[1 << child], outline / 4, rtol=1e-9)
-    assert not areas[0].any()
-
-
 def test_table_of_child_masks():
     """Exact areas fit a little better than the rasterised ones of methods 3.8, whose residual was 0.026."""
     table, directions = child_error_table(), fibonacci_directions(DIRECTIONS)

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.errors import FileFormatError, OutputError, PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.networks import NumpyEncoder, decode
@@ -134,23 +134,6 @@ def test_log_whose_last_line_was_cut(datasets: list[Dataset], tmp_path: Path) ->
     log.write_text("\n".join([lines[0], "{", *lines[1:]]) + "\n")
     with pytest.raises(FileFormatError, match=r"log\.jsonl is damaged in line 2"):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
-
-
-@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="no limit of a file's size here")
-def test_checkpoint_without_room(datasets: list[Dataset], tmp_path: Path) -> None:
-    """The one of before stays."""
-    import resource
-
-    drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
-    before = sorted(tmp_path.iterdir()), (tmp_path / "checkpoint.pt").read_bytes()
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
-    try:
-        with pytest.raises(OutputError, match=r"checkpoint\.pt cannot be written .*make room"):
-            drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert before == (sorted(tmp_path.iterdir()), (tmp_path / "checkpoint.pt").read_bytes())
 
 
 def test_a_finished_run_goes_on_for_more_passes(datasets: list[Dataset], tmp_path: Path) -> None:

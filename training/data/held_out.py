@@ -32,12 +32,8 @@ def why_not_held_out(dataset: Dataset, training: Sequence[Dataset]) -> str:
     scene = scene_of(dataset)
     if not scene:
         return f"not held out: the octree of {dataset.name} does not say its scene, which may be in training"
-    same = [other for other in training if scene_of(other) and _key(scene_of(other)) == _key(scene)]
-    if same:
-        poses = {_pose(other) for other in same}
-        both = " as here and" if len(poses) > 1 and _pose(dataset) in poses else ""
-        turned = f",{both} turned" if poses != {_pose(dataset)} else ""
-        return f"not held out: {scene} is in training{turned}"
+    if any(_key(scene_of(other)) == _key(scene) for other in training):
+        return f"not held out: {scene} is in training"
     unknown = [other.name for other in training if not scene_of(other)]
     if unknown:
         return f"not held out: the octree of {unknown[0]} in training does not say its scene, which may be {scene}"
@@ -46,8 +42,3 @@ def why_not_held_out(dataset: Dataset, training: Sequence[Dataset]) -> str:
 
 def _key(scene: str) -> str:
     return Path(scene).stem.casefold()
-
-
-def _pose(dataset: Dataset) -> object:
-    """Pose of the scene, of which only equality counts."""
-    return dataset.octree.provenance.get("rotation") or 0

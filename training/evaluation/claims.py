@@ -16,11 +16,10 @@ from .strategies import SCORES, PatchNetwork, strategy_name
 
 VARIANCE = "ss-variance"
 LOWEST_FROM = 0.13
-BUDGETS_SHOWN = (LOWEST_FROM, 0.2, 0.3, 0.5)
 RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5)
 HALF = 0.5
-ORACLES = {"patchnet": "patchnet-exact", "patchnet-behind": "patchnet-behind-exact"}
-"""Strategies of the network, and the same scores of exact patches, which say whether network or score is at fault."""
+_ORACLES = ("patchnet-exact", "patchnet-behind-exact")
+"""The network's scores of exact patches, which say whether network or score is at fault."""
 _REFERENCES = frozenset({"screen-space", "world-space"})
 _NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet", "plain-plus-0"})
 BUDGET = 0.3
@@ -30,54 +29,42 @@ def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> di
     """Claims by name, each with what was found on every scene, by name, with intervals (methods 5).
 
     lowest: the strategy is below all references of the paper from a budget on, which should be 13 % at most;
-    share_of_budgets: of those from 13 % on, where it is; lowest_reference: by budget, that with the least error, None
-    where the strategy's own is less. lowest_of_more: the same with references that the paper does not have.
+    share_of_budgets: of those from 13 % on, where it is.
     half: at 30 % the strategy leaves half of the error of screen-space variance.
     Each is asked of all strategies of the network and of the exact oracles of their scores.
     groups: of the strategies in use, by name.
     """
     return {
-        "lowest": {scene: _lowest(draw, _paper_references(draw, groups), groups) for scene, draw in draws.items()},
-        "lowest_of_more": {scene: _lowest(draw, _references(draw, groups), groups) for scene, draw in draws.items()},
+        "lowest": {scene: _lowest(draw, groups) for scene, draw in draws.items()},
         "half": {scene: _half(draw, groups) for scene, draw in draws.items()},
     }
 
 
-def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """Strategies among those that were measured that look at the screen or at the octree, at no further ray."""
-    return [name for name in draw.strategies if groups[name] in _REFERENCES and name != "random"]
-
-
-def _paper_references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """References among those that were measured that the paper compares with."""
-    return [name for name in _references(draw, groups) if name not in _NOT_IN_THE_PAPER]
-
-
-def _lowest(draw: Bootstrap, others: list[str], groups: Mapping[str, Group]) -> dict[str, Any]:
+def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
     found: dict[str, Any] = {}
+    others = _references(draw, groups)
     if not others:
         return found
     errors = np.array([draw.mse(other).value for other in others])
     for name in _asked(draw, groups):
         interval = draw.crossing(name, others)
-        own = np.asarray(draw.mse(name).value)
-        lowest = own < errors.min(axis=0)
-        at = {budget: round(100 * budget) for budget in BUDGETS_SHOWN}
+        lowest = np.asarray(draw.mse(name).value) < errors.min(axis=0)
         found[name] = number_with_interval(interval) | {
             "holds": bool(interval.value <= LOWEST_FROM),
             "share_of_budgets": float(lowest[(BUDGETS >= LOWEST_FROM) & (BUDGETS < 1)].mean()),
-            "lowest_reference": {
-                str(budget): None if lowest[place] else others[int(errors[:, place].argmin())]
-                for budget, place in at.items()
-            },
         }
     return found
+
+
+def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
+    """Strategies that the paper compares with: they look at the screen or at the octree, at no further ray."""
+    return [name for name in draw.strategies if groups[name] in _REFERENCES and name not in _NOT_IN_THE_PAPER]
 
 
 def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
     """Strategies of the network, then the exact oracles that were measured beside them."""
     networks = [name for name in draw.strategies if groups[name] == "network"]
-    return [*networks, *(name for name in ORACLES.values() if name in draw.strategies)]
+    return [*networks, *(name for name in _ORACLES if name in draw.strategies)]
 
 
 def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ from .curves import (
     pooled_mse,
     rank_staged,
 )
-from .panels import save_figure
+from .panels import save_figure, show_picture, show_values
 
 OCTREE, DIFFUSE, COMBINED = "octree", "diffuse", "combined"  # truths: G1, G2, and G2 with gloss and glass
 _TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse light", "|octree - Cycles|")
@@ -164,8 +164,8 @@ def _camera(result: CameraResult) -> dict[str, Any]:
     }
 
 
-def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> Path:
-    """Draw a row of pictures for each camera; returns the file; raises PatchNetError if it cannot be written."""
+def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> None:
+    """Draw a row of pictures for each camera; raises PatchNetError if it cannot be written."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
@@ -173,16 +173,9 @@ def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> Pa
     for axes, result in zip(rows, results, strict=True):
         buffers, cycles = result.buffers, result.truths[DIFFUSE].luminance
         assert buffers.reference is not None
-        pictures = [gray(buffers.picture(values)) for values in (buffers.preview, buffers.reference, cycles)]
-        for each, picture in zip(axes, pictures, strict=False):
-            each.imshow(np.clip(picture[::-1], 0.0, 1.0), interpolation="nearest")
-        difference = np.abs(buffers.picture(buffers.reference - cycles))
-        axes[-1].imshow(difference[::-1], cmap="magma", vmin=0.0, vmax=0.5, interpolation="nearest")
-        axes[-1].set_xlabel(f"bias {1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1):.1f}e-4")
-        axes[0].set_ylabel(result.camera.name)
-        for each, title in zip(axes, _TITLES, strict=True):
-            each.set_title(title, fontsize=9)
-            each.set(xticks=[], yticks=[])
-    path = folder / f"{name}.png"
-    save_figure(figure, path)
-    return path
+        for each, title, values in zip(axes, _TITLES, (buffers.preview, buffers.reference, cycles), strict=False):
+            show_picture(each, gray(buffers.picture(values)), f"{result.camera.name}: {title}")
+        bias = 1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1)
+        difference = buffers.picture(np.abs(buffers.reference - cycles))
+        show_values(axes[-1], difference, 0.5, f"{_TITLES[-1]}, bias {bias:.1f}e-4")
+    save_figure(figure, folder / f"{name}.png")

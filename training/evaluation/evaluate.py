@@ -14,8 +14,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
@@ -64,8 +62,7 @@ class EvaluationSettings:
 class SceneResult:
     """Results of a scene: frames of its track, and what they cost.
 
-    strategies: those in use by name, in the order of the results. coded: the octree with its codes. hardest: camera of
-    the frame that loses most without refinement.
+    strategies: those in use by name, in the order of the results. coded: the octree with its codes.
     """
 
     name: str
@@ -73,7 +70,6 @@ class SceneResult:
     frames: BlockResult
     costs: Costs
     coded: CodedOctree
-    hardest: Camera
 
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
@@ -182,15 +178,7 @@ def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> 
     found = [block for block in map(load_block, scene.blocks) if block is not None]
     codes = load_scene(scene.files)
     costs = _costs(scene, codes, strategies, out / "scenes" / scene.name / "costs.json")
-    frames = BlockResult.joined(found)
-    return SceneResult(
-        name=scene.name,
-        strategies=strategies,
-        frames=frames,
-        costs=costs,
-        coded=codes.coded,
-        hardest=scene.cameras[int(np.argmax(frames.left[:, 0, 0]))],
-    )
+    return SceneResult(scene.name, strategies, BlockResult.joined(found), costs, codes.coded)
 
 
 def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strategy], path: Path) -> Costs:

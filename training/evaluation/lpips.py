@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -39,8 +39,7 @@ _CHUNK = 16  # pictures at once, for memory
 class LpipsWeights:
     """Weights of LPIPS, float32.
 
-    trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1), none
-    negative.
+    trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1).
     """
 
     trunk: tuple[tuple[torch.Tensor, torch.Tensor], ...]
@@ -57,12 +56,7 @@ class LpipsWeights:
         for layer, (number, before, after, side, *_) in enumerate(_LAYERS):
             kernel = _entry(trunk_file, f"features.{number}.weight", (after, before, side, side), trunk_path)
             trunk.append((kernel, _entry(trunk_file, f"features.{number}.bias", (after,), trunk_path)))
-            head = _entry(heads_file, f"lin{layer}.model.1.weight", (1, after, 1, 1), heads_path)
-            if (head < 0).any():
-                raise WeightsFileError(
-                    f"{heads_path}: head {layer} has negative weights, so it is not that of LPIPS v0.1"
-                )
-            heads.append(head)
+            heads.append(_entry(heads_file, f"lin{layer}.model.1.weight", (1, after, 1, 1), heads_path))
         return cls(tuple(trunk), tuple(heads))
 
 
@@ -109,7 +103,7 @@ def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
     return features
 
 
-def _read(path: Path) -> dict[str, torch.Tensor]:
+def _read(path: Path) -> Any:
     """Read a state dict; nothing in the file is executed."""
     try:
         import torch
@@ -118,27 +112,16 @@ def _read(path: Path) -> dict[str, torch.Tensor]:
     from pickle import UnpicklingError
 
     try:
-        file = path.open("rb")
-    except OSError as cause:
-        raise WeightsFileError(f"{path} cannot be read ({cause.strerror}): give a file of weights") from cause
-    with file:
-        try:
-            found = torch.load(file, map_location="cpu", weights_only=True)
-        except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
-            raise WeightsFileError(f"{path} is no state dict of torch, or damaged: fetch the file again") from cause
-    if not isinstance(found, dict):
-        raise WeightsFileError(f"{path} holds {type(found).__name__} instead of a state dict")
-    return found
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
+        raise WeightsFileError(f"{path} cannot be read as a state dict of torch: fetch the file again") from cause
 
 
-def _entry(found: dict[str, torch.Tensor], name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
-    """Tensor of a state dict; raises WeightsFileError if it is not there or has another shape."""
-    value = found.get(name)
-    if value is None or tuple(getattr(value, "shape", ())) != shape:
-        has = "is missing" if value is None else f"has the shape {tuple(getattr(value, 'shape', ()))}"
+def _entry(found: Any, name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
+    """Tensor of a state dict; raises WeightsFileError if it is not there, has another shape, or is not finite."""
+    value: Any = found.get(name) if isinstance(found, dict) else None
+    if getattr(value, "shape", None) != shape or not value.isfinite().all():
         raise WeightsFileError(
-            f"{path}: {name!r} {has} instead of {shape}: give AlexNet's weights, then LPIPS v0.1's heads"
+            f"{path} has no finite {name!r} of shape {shape}: give AlexNet's weights, then LPIPS v0.1's heads"
         )
-    if not value.isfinite().all():
-        raise WeightsFileError(f"{path}: {name!r} has values that are not finite: fetch the file again")
     return value.float()

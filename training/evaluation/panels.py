@@ -10,17 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.heatmap import tint
-from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.runtime.file_kinds import PNG, SVG
-from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.replace import replaced_path
-from ...patchnet_addon.sampling.ranking import Ranking, rank
-from ...patchnet_addon.sampling.refine import refined_picture
-from ...patchnet_addon.sampling.trace import trace_view
-from ...patchnet_addon.tracing.camera import Camera
-from ..strategies.registry import EVALUATED
+from ...patchnet_addon.sampling.ranking import Ranking
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +22,6 @@ if TYPE_CHECKING:
 _KINDS = {".png": PNG, ".svg": SVG}
 # Told apart also without colour vision (Okabe and Ito).
 BLUE, ORANGE, GREEN, PURPLE, GRAY = "#0072b2", "#d55e00", "#009e73", "#aa4499", "0.45"
-PATTERN_STRATEGIES = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "fine-rays-4", "optimal")
 PATTERN_BUDGET = 0.3
 
 
@@ -99,30 +91,6 @@ def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tupl
 def _at(index: int, shape: tuple[int, ...], side: int) -> Crop:
     row, column = divmod(index, shape[1])
     return Crop(row, column, side)
-
-
-def draw_patterns(coded: CodedOctree, camera: Camera, folder: Path, name: str) -> Steps[list[Path]]:
-    """Draw what PATTERN_BUDGET refines of a frame, red is first, and the absolute errors that are left (Fig. 2).
-
-    Returns the files; raises PatchNetError if one cannot be written.
-    """
-    from matplotlib.figure import Figure
-
-    chosen = [EVALUATED[strategy] for strategy in PATTERN_STRATEGIES]
-    buffers = yield from trace_view(coded.octree, camera, chosen, coded=coded)
-    assert buffers.reference is not None
-    figure = Figure(figsize=(2.1 * (len(chosen) + 1), 4.8), dpi=100, layout="constrained")
-    above, below = figure.subplots(2, len(chosen) + 1)
-    largest = float(np.abs(buffers.preview - buffers.reference).max()) or 1.0
-    show_picture(above[0], gray(buffers.picture(buffers.preview)), "one ray a pixel")
-    show_picture(below[0], gray(buffers.picture(buffers.reference)), "32 x 32 rays")
-    for axes, error_axes, strategy in zip(above[1:], below[1:], chosen, strict=True):
-        ranking = rank(strategy, buffers, PATTERN_BUDGET)
-        show_picture(axes, pattern(ranking), strategy.name)
-        before, after = ranking.mse
-        error = np.abs(refined_picture(buffers, ranking.mask) - buffers.reference)
-        show_values(error_axes, buffers.picture(error), largest, f"{1e4 * after:.1f} of {1e4 * before:.1f} e-4")
-    return save_panels(figure, folder, name)
 
 
 def pattern(ranking: Ranking) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..benchmarks.tables import markdown_table
-from .claims import ORACLES, VARIANCE
+from .claims import VARIANCE
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .results import POOLED
 from .strategies import network_name
@@ -97,23 +97,23 @@ def tables_of(results: Mapping[str, Any]) -> Tables:
     )
     shown = [VARIANCE, *names]
     pooled = {"pooled": results["pooled"]} if "pooled" in results else {}
-    areas = pd.DataFrame({scene: {name: _area(values, name) for name in shown} for scene, values in scenes.items()})
     found = [
         ("Scenes; mean squared errors times 10,000.", _scenes(scenes)),
-        (f"Error at {BUDGET}% over that of `{VARIANCE}`.", _by_strategy(_ratios(scenes | pooled, BUDGET).loc[names])),
+        (f"Error at {BUDGET}% over that of `{VARIANCE}`.",
+         _by_strategy(variance_ratios(scenes | pooled, BUDGET).loc[names])),
     ]
     if pooled:
         title = f"All scenes pooled: error over that of `{VARIANCE}` at several budgets."
-        ratios = pd.DataFrame({f"{at}%": _ratios(pooled, at)["pooled"] for at in BUDGETS_SHOWN})
+        ratios = pd.DataFrame({f"{at}%": variance_ratios(pooled, at)["pooled"] for at in BUDGETS_SHOWN})
         found.append((title, _by_strategy(ratios.loc[names])))
     found += [
         (f"Strategies by further rays: geometric mean over scenes of the error over that of `{VARIANCE}`, by budget; "
          "excess area from the best scene to the worst; milliseconds of a frame on one thread, median over scenes.",
-         _over_all(scenes, areas)),
+         over_scenes(scenes, shown)),
         (f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget, and the largest ratio of "
          "both errors: at equal budgets, and in equal time where samples are own rays, or those of Cycles.",
          _ahead(scenes)),
-        ("Excess area: 0 is optimal, 1 is random.", _by_strategy(areas, "{:.3f}")),
+        ("Excess area: 0 is optimal, 1 is random.", _by_strategy(excess_areas(scenes, shown), "{:.3f}")),
         ("Cost: rays a pixel, and milliseconds of a frame on one thread, median over scenes and by scene.",
          _costs(scenes, shown)),
         (f"Intervals of 95 % of the ratio to `{VARIANCE}` at {BUDGET}%.",
@@ -180,8 +180,8 @@ def _mse(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
     return pd.DataFrame({scene: {name: curve[at] for name, curve in found} for scene, found in curves.items()})
 
 
-def _ratios(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
-    """Errors of strategies in scenes over those of the variance; NaN where it leaves none."""
+def variance_ratios(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
+    """Errors of strategies in scenes over those of the variance, at a budget in percent; NaN where it leaves none."""
     mse = _mse(scenes, at)
     return mse / mse.loc[VARIANCE].where(mse.loc[VARIANCE] > 0)
 
@@ -240,19 +240,28 @@ def geometric_means(ratios: pd.DataFrame) -> pd.Series:
     return np.exp(np.log(ratios.clip(lower=_LEAST)).mean(axis=1))
 
 
-def _over_all(scenes: Mapping[str, Any], areas: pd.DataFrame) -> pd.DataFrame:
-    """Strategies over all scenes, those of as many rays together, oracles last."""
-    first = next(iter(scenes.values()))
-    means = pd.DataFrame({f"{at}%": geometric_means(_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
+def over_scenes(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
+    """Strategies over all scenes as texts, those of as many rays together, oracles last.
+
+    Milliseconds of a strategy that ranks in stages are at BUDGET.
+    """
+    first, areas = next(iter(scenes.values())), excess_areas(scenes, names)
+    means = pd.DataFrame({f"{at}%": geometric_means(variance_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
     table = _by_strategy(means.map(lambda mean: f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}"), "{}")
     ends = zip(areas.min(axis=1), areas.max(axis=1), strict=True)
     table["excess area"] = [f"{least:.3f} to {most:.3f}" for least, most in ends]
-    oracle = [first["group"][name] == "oracle" for name in areas.index]
-    times = [[values["ms_per_frame"].get(name) for values in scenes.values()] for name in areas.index]
+    oracle = [first["group"][name] == "oracle" for name in names]
+    times = [[_ms(values, name) for values in scenes.values()] for name in names]
     table["ms"] = ["" if no or None in each else f"{median(each):.1f}" for no, each in zip(oracle, times, strict=True)]
-    rays = [first["rays_per_pixel"][name] - 1 for name in areas.index]
+    rays = [first["rays_per_pixel"][name] - 1 for name in names]
     table.insert(0, "further rays", ["oracle" if no else str(each) for no, each in zip(oracle, rays, strict=True)])
     return table
+
+
+def _ms(values: Mapping[str, Any], name: str) -> Any:
+    """Milliseconds of a strategy's frame at BUDGET; None without a price."""
+    staged = values["ms_by_budget"].get(name)
+    return staged[BUDGET] if staged else values["ms_per_frame"].get(name)
 
 
 def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:
@@ -271,9 +280,12 @@ def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:
     )
 
 
-def _area(values: Mapping[str, Any], name: str) -> float:
-    area = values["excess_area"][name]["value"]
-    return float("nan") if area is None else area
+def excess_areas(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
+    """Excess areas of strategies (rows) in scenes; NaN where nothing was to be gained."""
+    areas = {scene: values["excess_area"] for scene, values in scenes.items()}
+    return pd.DataFrame(
+        {scene: {name: each[name]["value"] for name in names} for scene, each in areas.items()}, dtype=float
+    )
 
 
 def _costs(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
@@ -344,57 +356,3 @@ def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         for metric in found[0]["metrics"]
     }
     return _by_strategy(pd.DataFrame(means).dropna(axis=1, how="any"), "{:.4f}")
-
-
-def scene_table(values: Mapping[str, Any], budgets: Sequence[int]) -> pd.DataFrame:
-    """Errors of all strategies of a scene times 10,000 at budgets in percent, with costs, by rays and excess area."""
-    names = sorted(values["mse"], key=lambda name: (values["rays_per_pixel"][name], _area(values, name)))
-    return pd.DataFrame(
-        {
-            "strategy": name,
-            "group": values["group"][name],
-            "rays a pixel": values["rays_per_pixel"][name],
-            "ms a frame": f"{values['ms_per_frame'][name]:.1f}" if name in values["ms_per_frame"] else "",
-        }
-        | {f"{at}%": f"{1e4 * values['mse'][name][at]:.2f}" for at in budgets}
-        | {"excess area": _with_interval(values["excess_area"][name])}
-        for name in names
-    )
-
-
-def _with_interval(values: Mapping[str, float | None]) -> str:
-    if values["value"] is None:
-        return ""
-    if values["low"] is None or values["high"] is None:
-        return f"{values['value']:.3f}"
-    return f"{values['value']:.3f} ({values['low']:.3f} to {values['high']:.3f})"
-
-
-def claims_table(claims: Mapping[str, Any]) -> pd.DataFrame:
-    """Claims of `claims_of` by scene and strategy, what was found, and whether each holds."""
-    rows = []
-    for claim, text in (("lowest", "lowest of the paper's references"), ("lowest_of_more", "lowest of all references")):
-        for scene, found in claims[claim].items():
-            for name, values in shipped(found).items():
-                rows.append([scene, name, f"{text} from 13 % on", _start(values), _verdict(found, name)])
-    for scene, found in claims["half"].items():
-        for name, values in shipped(found).items():
-            rows.append([scene, name, f"half of {VARIANCE} at 30 %", _half(values), _verdict(found, name)])
-    return pd.DataFrame(rows, columns=["scene", "strategy", "claim", "found", "holds"])
-
-
-def _start(values: Mapping[str, Any]) -> str:
-    """Sentence on where a strategy is lowest, and which reference is where it is not."""
-    text = "never for good" if values["value"] is None else f"from {values['value']:.0%} on"
-    text += f"; at {values['share_of_budgets']:.0%} of these budgets"
-    better = [f"{name} at {float(budget):.0%}" for budget, name in values["lowest_reference"].items() if name]
-    return f"{text}; lower: {', '.join(better)}" if better else text
-
-
-def _verdict(found: Mapping[str, Any], name: str) -> str:
-    """Yes or no, and where the exact oracle of the same score was asked, whether the network or the score fails."""
-    oracle = found.get(ORACLES.get(name, ""))
-    if found[name]["holds"] or oracle is None:
-        return "yes" if found[name]["holds"] else "no"
-    cause = "the network: with exact patches it holds" if oracle["holds"] else "the score: exact patches fail as well"
-    return f"no, {cause}"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Furniture libraries of Sweet Home 3D: zip files (.sh3f) with models (.obj) and a catalogue of their sizes.
 
-They are looked at before anything is unpacked, unpacked into one folder alone, and of their textures only those are
-kept that lie beside a model. Libraries are for training or for testing: models of one source resemble each other, so
-what is tested with must come from another source than what is learned; and one is touched by nobody here.
+They are unpacked into one folder alone, and of their textures only those are kept that lie beside a model. Libraries
+are for training or for testing: models of one source resemble each other, so what is tested with must come from another
+source than what is learned; and one is touched by nobody here.
 """
 
 from __future__ import annotations
@@ -19,12 +19,8 @@ from pathlib import Path, PurePosixPath
 
 from ....patchnet_addon.runtime.errors import FileAccessError, FileFormatError, SettingError
 
-MOST_MEMBERS = 50_000
 MOST_BYTES = 4 << 30  # of all members, unpacked
-MOST_MEMBER_BYTES = 512 << 20
-_MOST_RATIO = 200  # unpacked over packed; models and pictures of real libraries stay below 30
-_FREE_BYTES = 1 << 20  # members that are this small may be packed as tightly as they like
-_ENCRYPTED, _IS_LINK, _LINK_MASK = 0x1, 0o120000, 0o170000
+_ENCRYPTED = 0x1
 
 
 class LibraryFileError(FileFormatError):
@@ -33,15 +29,16 @@ class LibraryFileError(FileFormatError):
 
 @contextmanager
 def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    """Open a zip archive whose members all have harmless names and sizes.
-
-    Raises LibraryFileError if it is missing, damaged, unpacks to too much, or has a member that would leave its folder.
-    """
+    """Open a zip archive; raises LibraryFileError if it is missing, damaged, encrypted or unpacks to too much."""
     if not path.is_file():
         raise LibraryFileError(f"Furniture library {path} is no file: check its path")
     try:
         with zipfile.ZipFile(path) as archive:
-            _check(path, archive.infolist())
+            members = archive.infolist()
+            if sum(member.file_size for member in members) > MOST_BYTES:
+                raise LibraryFileError(f"Furniture library {path} unpacks to more than a library holds: it is not used")
+            if any(member.flag_bits & _ENCRYPTED for member in members):
+                raise LibraryFileError(f"Furniture library {path} is encrypted: pack it anew without a password")
             yield archive
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as cause:
         raise LibraryFileError(f"Furniture library {path} is damaged ({cause}): fetch it again") from cause
@@ -51,35 +48,11 @@ def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
         ) from cause
 
 
-def _check(path: Path, members: list[zipfile.ZipInfo]) -> None:
-    if len(members) > MOST_MEMBERS or sum(member.file_size for member in members) > MOST_BYTES:
-        raise LibraryFileError(f"Furniture library {path} unpacks to more than a library holds: it is not used")
-    for member in members:
-        if not is_harmless(member.filename) or (member.external_attr >> 16) & _LINK_MASK == _IS_LINK:
-            raise LibraryFileError(
-                f"Furniture library {path} has the member {member.filename!r}, which would leave its folder: "
-                "it is not used"
-            )
-        tight = member.file_size > max(_FREE_BYTES, _MOST_RATIO * member.compress_size)
-        if tight or member.file_size > MOST_MEMBER_BYTES:
-            raise LibraryFileError(
-                f"Furniture library {path} has the member {member.filename!r}, which unpacks to "
-                f"{member.file_size:,} bytes: it is not used"
-            )
-        if member.flag_bits & _ENCRYPTED:
-            raise LibraryFileError(f"Furniture library {path} is encrypted: unpack and pack it anew without a password")
-
-
-def is_harmless(name: str) -> bool:
-    """Tell whether a member's name stays below the folder that it is unpacked to, on every system."""
-    parts = PurePosixPath(name).parts
-    return bool(parts) and not name.startswith("/") and ".." not in parts and not set(name) & set("\\:\0")
-
-
 def unpack_folder(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
     """Unpack the files that lie beside the member `name`, itself too; returns its path below `folder`.
 
-    Files in the archive's root are unpacked alone with their like, never the whole archive.
+    Files in the archive's root are unpacked alone with their like, never the whole archive; `zipfile` keeps all of them
+    below the folder, whatever their names are.
     """
     parent = PurePosixPath(name).parent
     for member in archive.infolist():
@@ -174,7 +147,7 @@ UPRIGHT: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 class Piece:
     """Piece of furniture: a model and what the catalogue says of it.
 
-    library: file that it is from, None for what a script builds (`own_pieces.py`). model: its member of the archive.
+    library: file that it is from, None for what a script builds (`own_meshes.py`). model: its member of the archive.
     size: width, depth and height in metres, with the front towards -y. elevation: of its lower end above the floor, in
     metres. top: height at which things stand on it, None where nothing does. rotation: to be made before it is scaled.
     """
@@ -208,7 +181,7 @@ def read_library(path: Path) -> Library:
     """Read the catalogue of a .sh3f file.
 
     Pieces by creators of the library that is not touched are left out. Raises LibraryFileError if the file is missing,
-    damaged, dangerous to unpack or not to be touched, or if a model that the catalogue names is not in it.
+    damaged or not to be touched, or if a model that the catalogue names is not in it.
     """
     check_touchable(path)
     with opened_archive(path) as archive:
@@ -249,16 +222,13 @@ def _piece(path: Path, properties: dict[str, str], number: int, licence: str) ->
             )
         return value
 
-    model = text("model").removeprefix("/")
-    if not is_harmless(model):
-        raise LibraryFileError(f"Furniture library {path} has {model!r} as model of its piece {number}: fetch it again")
     size = (number_of("width", 1e-3), number_of("depth", 1e-3), number_of("height", 1e-3))
     drop = number_of("dropOnTopElevation", -1.0, size[2])
     return Piece(
         name=text("name") or text("id"),
         category=text("category"),
         tags=text("tags"),
-        model=model,
+        model=text("model").removeprefix("/"),
         size=(size[0] / 100.0, size[1] / 100.0, size[2] / 100.0),
         library=path,
         elevation=number_of("elevation", 0.0, 0.0) / 100.0,

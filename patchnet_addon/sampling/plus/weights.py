@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -66,23 +65,6 @@ class Estimators:
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], metadata: dict[str, Any] | None = None) -> Estimators:
         """Inverse of `arrays`; raises KeyError for a missing one and ValueError for a wrong shape or value."""
         return cls({name: _network(arrays, form) for name, form in FORMS.items()}, dict(metadata or {}))
-
-    @classmethod
-    def random(cls, seed: int = 0) -> Estimators:
-        """Untrained weights, for tests."""
-        random = np.random.default_rng(seed)
-
-        def normal(*shape: int, deviation: float) -> np.ndarray:
-            return (random.standard_normal(shape) * deviation).astype(np.float32)
-
-        def network(form: Form) -> Network:
-            layers = tuple(
-                (normal(after, before, deviation=before**-0.5), normal(after, deviation=0.1))
-                for before, after in pairwise(layer_sizes(form))
-            )
-            return Network(layers, normal(len(form.features), deviation=0.1))
-
-        return cls({name: network(form) for name, form in FORMS.items()}, {"random_seed": seed})
 
 
 def save_estimators(estimators: Estimators, path: str | Path) -> None:

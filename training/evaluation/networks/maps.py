@@ -100,11 +100,10 @@ def _fill(model: torch.nn.Module, weights: dict[str, Any], path: Path) -> None:
     """Give a network its weights; raises WeightsFileError unless they are exactly its own, and finite."""
     import torch
 
-    wanted = {name: tuple(value.shape) for name, value in model.state_dict().items()}
-    found = {name: value.shape for name, value in weights.items()}
-    if wanted != found:
-        raise WeightsFileError(f"{path} has weights of other layers than its network: train it anew")
     if not all(np.isfinite(value).all() for value in weights.values()):
         raise WeightsFileError(f"{path} has weights that are not finite: train it anew, at a lower rate")
-    model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
+    try:
+        model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
+    except RuntimeError as cause:
+        raise WeightsFileError(f"{path} has weights of other layers than its network: train it anew") from cause
     model.eval()

@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean, median
 
@@ -16,20 +16,20 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ...operators.cycles.camera_render import combined_light
+from ...operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
+from ...operators.scene_access.overrides import changed
+from ...operators.scene_access.temporary import scene_copy, temporary
+from ...operators.schema.table import VISIBLE
+from ...operators.session import results
+from ...operators.session.scene_result import SceneResult
+from ...operators.settings.job_settings import JobSettings
 from ...patchnet_addon.image.exr import read_exr
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.camera_render import combined_light
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
-from ..scene_access.overrides import changed
-from ..scene_access.temporary import scene_copy, temporary
-from ..schema.table import VISIBLE
-from ..session import results
-from ..session.scene_result import SceneResult
-from ..settings.job_settings import JobSettings
 
 ENGINE = "PATCHNET"
 FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
@@ -235,38 +235,3 @@ def _render(scene: bpy.types.Scene, engine: str, **how: bool) -> None:
     scene.render.engine = engine
     with interrupts_wait():
         bpy.ops.render.render(scene=scene.name, **how)
-
-
-def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
-    """Cameras of a walk from key to key, evenly in time and without a halt, with the lens of the first.
-
-    Positions and targets, which are 1 from the position, follow a Catmull-Rom spline.
-    """
-    times = np.linspace(0.0, len(keys) - 1.0, frames)
-    places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])
-    along = _spline(places, times)
-    fov = 2.0 * math.atan(keys[0].half_x * size[1] / size[0]) if size[0] > size[1] else 2.0 * math.atan(keys[0].half_y)
-    return [
-        replace(
-            Camera.look_at(spot[:3], spot[:3] + spot[3:], fov=fov, size_px=size, name="Walk"),
-            clip_start=keys[0].clip_start,
-            clip_end=keys[0].clip_end,
-        )
-        for spot in along
-    ]
-
-
-def _spline(points: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Catmull-Rom spline (N, C) through points (K, C) at times 0 to K - 1."""
-    if len(points) == 1:
-        return np.repeat(points, len(times), axis=0)
-    tangents = np.gradient(points, axis=0)
-    piece = np.clip(times.astype(int), 0, len(points) - 2)
-    s = (times - piece)[:, None]
-    result: np.ndarray = (
-        (2 * s**3 - 3 * s**2 + 1) * points[piece]
-        + (s**3 - 2 * s**2 + s) * tangents[piece]
-        + (3 * s**2 - 2 * s**3) * points[piece + 1]
-        + (s**3 - s**2) * tangents[piece + 1]
-    )
-    return result
