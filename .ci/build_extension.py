@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Build the Blender extension: a plain zip, and zips with the wheels that Blender does not have.
 
-    python .ci/build_extension.py --out dist                             patchnet-0.1.0.zip, without wheels
+    python .ci/build_extension.py --out dist                             patchnet-1.0.0.zip, without wheels
     python .ci/build_extension.py --out dist --wheels 3.11 3.13          also one each, for this platform
     python .ci/build_extension.py --out dist --wheels all --platform all every Python on every platform
     python .ci/build_extension.py --out dist --wheels 3.11 3.13 --together --platform all

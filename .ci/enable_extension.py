@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Install a built zip into the Blender of this Python as a user would, and see that it works.
 
-    python .ci/enable_extension.py dist/patchnet-0.1.0-linux_x64-cp311.zip
+    python .ci/enable_extension.py dist/patchnet-1.0.0-linux_x64-cp311.zip
 
 Every step is a process of its own on user resources of its own. The steps see Blender, NumPy and what Blender brings
 along, but not the pip-installed numba, safetensors, torch and patchnet: those must come out of the zip, or not be
