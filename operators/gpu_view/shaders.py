@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shaders as data: their sources, and what they read and write; no graphics library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ...patchnet_addon.network.kinds import MIXTURE
+from ...patchnet_addon.tracing.camera import CameraUnit
+from .packing import HIDDEN, MAX_WIDTH, WIDTH, WIDTH_BITS
+
+_FOLDER = Path(__file__).parent
+_SPLIT = 4096.0  # origins are multiples of 1 / this, and a rest
+_INPUTS = MIXTURE.decoder[0]
+CENTRE = (0.5, 0.5)
+
+# What shaders know of the view, as std140 lays it out: rows of four numbers.
+VIEW = """
+struct View {
+  vec4 place_whole; vec4 place_rest; vec4 right; vec4 up; vec4 forward; vec4 camera_up;
+  vec4 lens; vec4 sight; vec4 jitter; ivec4 size; ivec4 counts; ivec4 bounds;
+};
+"""  # lens: shift, side of a pixel at 0, per axial distance. sight: nearest, farthest, whether perspective.
+# jitter: place in the pixel; samples before this one. size: width, height, first row. counts: nodes above white,
+# inputs of the decoder, side of the world's faces, 0 where nothing is behind.
+_LAYERS = f"""
+struct Layer1 {{ vec4 w[{_INPUTS * HIDDEN // 4}]; }};
+struct Layer2 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; vec4 b[{HIDDEN}]; }};
+struct Layer3 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; }};
+struct Layer4 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; }};
+"""
+LAYER_BLOCKS = {f"layer_{number}": f"Layer{number}" for number in (1, 2, 3, 4)}
+
+WORDS, FLOATS = "R32UI", "RGBA32F"  # formats of images
+
+
+@dataclass(frozen=True)
+class Shader:
+    """Compute shader: files, in order; names of textures of floats, and of integers; images by format; blocks.
+
+    group: threads of a group, across and up. defines: by name.
+    """
+
+    files: tuple[str, ...]
+    textures: tuple[str, ...]
+    images: Mapping[str, str]
+    integers: tuple[str, ...] = ()
+    blocks: Mapping[str, str] = field(default_factory=lambda: {"view": "View"})
+    group: tuple[int, int] = (8, 8)
+    defines: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def all_defines(self) -> dict[str, str]:
+        """Defines of all shaders, and its own."""
+        common = {"WIDTH": f"{WIDTH}u", "WIDTH_BITS": str(WIDTH_BITS), "SPLIT": str(_SPLIT)}
+        return common | dict(self.defines)
+
+    @property
+    def structs(self) -> str:
+        """Structures of its blocks."""
+        return VIEW + (_LAYERS if len(self.blocks) > 1 else "")
+
+    @property
+    def source(self) -> str:
+        """Text of all of its files."""
+        return "\n".join((_FOLDER / name).read_text(encoding="utf-8") for name in self.files)
+
+
+_OCTREE = ("nodes", "sides", "ranks")
+
+HITS = Shader(
+    ("tracing.glsl", "light.glsl", "hits_main.glsl"),
+    _OCTREE,
+    {"out_node": WORDS, "out_entry": FLOATS, "out_seen": FLOATS},
+)
+
+PICTURE = Shader(
+    ("tracing.glsl", "light.glsl", "color.glsl", "picture_main.glsl"),
+    (*_OCTREE, "hues", "bright", "world", "before"),
+    {"out_mean": FLOATS},
+)
+
+
+def decoder(coded_words: int) -> Shader:
+    """Shader that decodes hits; coded_words: see `packing.coded_word_count`."""
+    return Shader(
+        ("tracing.glsl", "light.glsl", "decode.glsl", "decode_main.glsl"),
+        (*_OCTREE, "corner_rows", "cells", "codes", "code_ends", "hit_entry", "hit_seen"),
+        {"out_decoded": FLOATS},
+        integers=("hit_node",),
+        blocks={"view": "View", **LAYER_BLOCKS},
+        group=(8, 4),
+        defines={"GROUP_MEMORY": "shared", "GROUP_INDEX": "1", "CODED_WORDS": str(coded_words)},
+    )
+
+
+def view_block(
+    camera: CameraUnit,
+    *,
+    bright: int = 0,
+    width: int = MAX_WIDTH,
+    world_side: int = 0,
+    jitter: tuple[float, float] = CENTRE,
+    samples: int = 0,
+    first_row: int = 0,
+) -> np.ndarray:
+    """Uniform block (48,) float32 of a view, some of whose floats are the bits of integers.
+
+    bright: nodes above white. width: of the decoder. world_side: of its faces, 0 where nothing is behind.
+    jitter: place in the pixels that rays go through, [0, 1]^2. samples: how many a picture has already.
+    first_row: of the band that is decoded.
+    """
+    place, right, up, forward = camera.pose
+    whole = np.round(place * _SPLIT) / _SPLIT
+    block = np.zeros((12, 4), np.float32)
+    block[:6, :3] = whole, place - whole, right, up, forward, up / np.linalg.norm(up)
+    block[6] = camera.shift_x, camera.shift_y, camera.side_at_0, camera.side_per_z
+    block[7, :3] = camera.nearest, min(camera.farthest, 1e30), camera.perspective
+    block[8, :3] = *jitter, samples
+    whole_numbers = block.view(np.int32)
+    whole_numbers[9, :3] = camera.width_px, camera.height_px, first_row
+    whole_numbers[10, :3] = bright, _INPUTS, world_side
+    whole_numbers[11] = 8, 12, 20, width
+    return block.ravel()
