@@ -115,11 +115,15 @@ def view_block(
     first_row: of the band that is decoded.
     """
     place, right, up, forward = camera.pose
+    # Parallel rays begin in the plane through the cube's middle to both sides: so float32 is fine wherever
+    # the camera is. Other rays meet coarser voxels farther away.
+    ahead = 0.0 if camera.perspective else float((0.5 - place) @ forward)
+    place = place + ahead * forward
     whole = np.round(place * _SPLIT) / _SPLIT
     block = np.zeros((12, 4), np.float32)
     block[:6, :3] = whole, place - whole, right, up, forward, up / np.linalg.norm(up)
     block[6] = camera.shift_x, camera.shift_y, camera.side_at_0, camera.side_per_z
-    block[7, :3] = camera.nearest, min(camera.farthest, 1e30), camera.perspective
+    block[7, :3] = camera.nearest - ahead, min(camera.farthest - ahead, 1e30), camera.perspective
     block[8, :3] = *jitter, samples
     whole_numbers = block.view(np.int32)
     whole_numbers[9, :3] = camera.width_px, camera.height_px, first_row

@@ -20,7 +20,7 @@ struct Ray {
   float speed;                // axial distance per length
   uint mirror;
   vec3 down;                  // 1 on mirrored axes, else 0
-  vec3 direction;             // as it is
+  vec3 aim, direction;        // as they are, of any length and of length 1
 };
 
 struct Hit {
@@ -29,6 +29,7 @@ struct Hit {
   float t;
   int level;
   ivec3 cell;  // mirrored
+  vec3 low;    // planes that are entered by, mirrored: the cell's, or its box's
 };
 
 float largest3(vec3 v) { return max(max(v.x, v.y), v.z); }
@@ -41,7 +42,7 @@ ivec3 beyond(vec3 planes, float t) {
 }
 
 Ray make_ray(ivec2 pixel) {
-  vec2 picture = 2.0 * (vec2(pixel) + view.jitter.xy) / vec2(view.size.xy) - 1.0 + view.lens.xy;
+  vec2 size_px = vec2(view.size.xy), picture = (2.0 * (vec2(pixel) + view.jitter.xy) - size_px) / size_px + view.lens.xy;
   vec3 across = picture.x * view.right.xyz + picture.y * view.up.xyz;
   bool perspective = view.sight.z > 0.0;
   vec3 d = perspective ? view.forward.xyz + across : view.forward.xyz;
@@ -55,6 +56,7 @@ Ray make_ray(ivec2 pixel) {
   }
   float size = length(d);
   ray.speed = perspective ? 1.0 / size : 1.0;
+  ray.aim = d;
   d /= size;
   ray.direction = d;
   ray.down = vec3(d.x < 0.0 ? 1.0 : 0.0, d.y < 0.0 ? 1.0 : 0.0, d.z < 0.0 ? 1.0 : 0.0);
@@ -65,14 +67,12 @@ Ray make_ray(ivec2 pixel) {
   return ray;
 }
 
-// Lengths to both ends of a leaf's box: it is met if the first is the smaller one.
-vec2 box_span(Ray ray, uint box, vec3 cell, float size, float start) {
+// Lower or upper planes of a leaf's box, mirrored.
+vec3 box_planes(Ray ray, uint box, vec3 cell, float size, bool upper) {
   vec3 first = vec3(box & 15u, (box >> 8) & 15u, (box >> 16) & 15u);
   vec3 last = vec3((box >> 4) & 15u, (box >> 12) & 15u, (box >> 20) & 15u);
-  vec3 low = mix(first, 15.0 - last, ray.down), high = mix(last, 15.0 - first, ray.down) + 1.0;
-  float part = size * 0.0625;
-  return vec2(max(start, largest3(to_planes(ray, (16.0 * cell + low) * part))),
-              smallest3(to_planes(ray, (16.0 * cell + high) * part)));
+  vec3 steps = upper ? mix(last, 15.0 - first, ray.down) + 1.0 : mix(first, 15.0 - last, ray.down);
+  return (16.0 * cell + steps) * (size * 0.0625);
 }
 
 Hit trace(Ray ray) {
@@ -83,6 +83,7 @@ Hit trace(Ray ray) {
   hit.t = 0.0;
   hit.level = 0;
   hit.cell = ivec3(0);
+  hit.low = vec3(0.0);
   float at_0 = view.lens.z, per_length = view.lens.w * ray.speed, start = view.sight.x / ray.speed;
   float farthest = view.sight.y / ray.speed;
   float enter = max(start, largest3(to_planes(ray, vec3(0.0))));
@@ -113,9 +114,9 @@ Hit trace(Ray ray) {
         if ((words.y & 255u) == 0u || size < 2.0 * (at_0 + per_length * enter)) {
           bool met = true;
           if ((words.y & BOXED) != 0u) {
-            vec2 span = box_span(ray, words.x, vec3(cell), size, start);
-            enter = span.x;
-            met = enter < span.y;
+            low = box_planes(ray, words.x, vec3(cell), size, false);
+            enter = max(start, largest3(to_planes(ray, low)));
+            met = enter < smallest3(to_planes(ray, box_planes(ray, words.x, vec3(cell), size, true)));
           }
           if (met) {
             if (enter > farthest) return hit;
@@ -124,6 +125,7 @@ Hit trace(Ray ray) {
             hit.t = enter;
             hit.level = level;
             hit.cell = cell;
+            hit.low = low;
             return hit;
           }
         }
@@ -151,10 +153,14 @@ Hit trace(Ray ray) {
   return hit;
 }
 
-// Where a ray enters the voxel that stopped it, in [0, 1]^3.
+// Where a ray enters the voxel that stopped it, in [0, 1]^3: by the slopes from the plane that it enters by, since
+// lengths and unit directions are rounded once more.
 vec3 entry_of(Ray ray, Hit hit) {
+  vec3 lengths = to_planes(ray, hit.low), aim = abs(ray.aim);
+  int axis = lengths.x >= lengths.y && lengths.x >= lengths.z ? 0 : lengths.y >= lengths.z ? 1 : 2;
+  vec3 way = (hit.low[axis] - ray.whole[axis] - ray.rest[axis]) * (aim / aim[axis]);
+  if (!(lengths[axis] >= hit.t)) way = hit.t * normalize(aim);  // it begins within
   float cells = ldexp(1.0, hit.level);
-  vec3 local = (vec3(hit.t) - to_planes(ray, vec3(hit.cell) / cells)) / ray.inverse * cells;
-  local = clamp(local, 0.0, 1.0);
+  vec3 local = clamp(((ray.whole - vec3(hit.cell) / cells) + ray.rest + way) * cells, 0.0, 1.0);
   return mix(local, 1.0 - local, ray.down);
 }
