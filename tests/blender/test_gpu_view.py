@@ -61,7 +61,7 @@ def yard() -> CodedOctree:
 
 
 def cameras() -> list[Camera]:
-    """Cameras far, near, shifted and orthographic; no ray runs along an edge or a diagonal, where the last bit decides."""
+    """Cameras far, near, shifted, orthographic; no ray runs along an edge or a diagonal, where the last bit decides."""
 
     def look(name: str, place: tuple[float, ...], target: tuple[float, ...], **changes: Any) -> Camera:
         camera = Camera.look_at(np.array(place), np.array(target), size_px=SIZE, name=name)
