@@ -57,14 +57,14 @@ class EglDevice:
             raise PatchNetError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a thread for each of size (across, up)."""
+        """Run a shader over pixels (across, up)."""
         for slot, name in enumerate((*shader.textures, *shader.integers)):
             bound[name].use(slot)
         for slot, name in enumerate(shader.images):
             bound[name].bind_to_image(slot, read=False, write=True)
         for slot, name in enumerate(shader.blocks):
             bound[name].bind_to_uniform_block(slot)
-        program.run(*(-(-count // side) for count, side in zip(size, shader.group, strict=True)))
+        program.run(*shader.groups(size))
         self._context.memory_barrier()
 
     def read(self, image: Any, kind: str) -> np.ndarray:

@@ -44,8 +44,8 @@ def measure(args: argparse.Namespace) -> Comparison:
     octree, name = given_octree(args)
     coded = drain(encode_octree(octree, load_weights(args.weights)))
     cameras = view_cameras(args) if args.view else [*views_of(octree, tuple(args.size)), camera_around(coded, 1)]
-    card = CardOctree(device, octree, coded)
-    upload_s = _seconds(lambda: drain(card.upload()), device)
+    card = CardOctree(device, octree)
+    upload_s = _seconds(lambda: _upload(card, coded), device)
     compile_s = _seconds(lambda: _compile(card, cameras[0]), device)
     threads = args.threads or usable_cores()
     with limit_threads(threads):
@@ -75,9 +75,14 @@ def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
     return time.perf_counter() - start
 
 
+def _upload(card: CardOctree, coded: CodedOctree) -> None:
+    drain(card.upload(coded.octree))
+    drain(card.upload_codes(coded))
+
+
 def _compile(card: CardOctree, camera: Camera) -> None:
     """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
-    drain(card.compile())
+    drain(card.compile("picture", "hits", "decoder"))
     _Passes(card, camera.with_size(8, 8)).run_all()
 
 
@@ -85,7 +90,7 @@ class _Passes:
     """Passes over a view, with their images."""
 
     def __init__(self, card: CardOctree, camera: Camera) -> None:
-        self._card, self._camera = card, camera_in_unit_cube(camera, card.octree.grid)
+        self._card, self._camera = card, camera_in_unit_cube(camera, card.grid)
         size = camera.width_px, camera.height_px
         self.hits: HitImages = card.hit_images(self._camera)
         self.decoded, *self._means = (card.device.image(*size, FLOATS) for _ in range(3))
@@ -114,11 +119,13 @@ class _View:
     def __init__(self, card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera) -> None:
         self._device, self._coded, self._camera = device, coded, camera
         self._passes = _Passes(card, camera)
+        self._half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
         self._hits = first_hits(coded.octree, camera)
 
     def measured(self, repeats: int, threads: int) -> dict[str, Any]:
         """Rates of both, and differences, as plain values."""
         passes, octree = self._passes, self._coded.octree
+        self._frame()
         passes.run_all()
         predicted = predict(self._coded, self._hits)
         equal = self._compared(predicted.look_ahead)
@@ -126,6 +133,7 @@ class _View:
             name: partial(self._finish, getattr(passes, name)) for name in ("trace", "decode", "color")
         }
         runs |= {
+            "frame": partial(self._finish, self._frame),
             "cpu_trace": partial(first_hits, octree, self._camera),
             "cpu_decode": partial(predict, self._coded, self._hits),
         }
@@ -141,9 +149,16 @@ class _View:
                 "decode": decoded / seconds["decode"],
                 "color": pixels / seconds["color"],
             },
+            "frame_ms": 1e3 * seconds["frame"],
             "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": decoded / seconds["cpu_decode"]},
             **equal,
         }
+
+    def _frame(self) -> None:
+        """Frame of a viewport that moves: colours, and the heatmap at half the resolution."""
+        self._passes.color()
+        self._half.trace()
+        self._half.decode()
 
     def _finish(self, run: Callable[[], None]) -> None:
         run()
@@ -189,7 +204,7 @@ def text(values: dict[str, Any]) -> str:
     """Sentences about card and octree, and a Markdown table with a row for each view."""
     head = [
         "view", "pixels", "hit", "look-ahead", "card: Mrays/s", "CPU", "ratio", "card: M decoded/s", "CPU", "ratio",
-        "card: M colored/s", "equal nodes", "coverage", "luminance", "order",
+        "card: M colored/s", "frame, ms", "equal nodes", "coverage", "luminance", "order",
     ]  # fmt: skip
     return (
         f"{values['card']} ({values['driver']}); CPU threads: {values['threads']}\n"
@@ -210,6 +225,7 @@ def _row(view: dict[str, Any]) -> list[str]:
         *_rates(card["trace"], cpu["trace"]),
         *_rates(card["decode"], cpu["decode"]),
         f"{card['color'] / 1e6:.1f}",
+        f"{view['frame_ms']:.1f}",
         f"{view['same_nodes']:.4%}",
         *("" if view[name] is None else f"{view[name]:.1e}" for name in ("coverage", "luminance")),
         "" if view["order"] is None else f"{view['order']:.5f}",

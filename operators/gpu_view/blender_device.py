@@ -24,8 +24,12 @@ class BlenderDevice:
 
         full = padded(words)
         flat = full.reshape(-1).view(np.float32)
-        data = gpu.types.Buffer("FLOAT", flat.size, flat)
-        return gpu.types.GPUTexture((full.shape[1], full.shape[0]), format=_TEXTURES[full.shape[2]], data=data)
+        size = full.shape[1], full.shape[0]
+        try:
+            data = gpu.types.Buffer("FLOAT", flat.size, flat)
+            return gpu.types.GPUTexture(size, format=_TEXTURES[full.shape[2]], data=data)
+        except (RuntimeError, ValueError, MemoryError) as cause:
+            raise PatchNetError(f"{self.name} has no room for a texture of {size[0]} x {size[1]}: {cause}") from cause
 
     def image(self, width_px: int, height_px: int, kind: str) -> Any:
         """Image that shaders write."""
@@ -62,7 +66,7 @@ class BlenderDevice:
             raise PatchNetError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a thread for each of size (across, up)."""
+        """Run a shader over pixels (across, up)."""
         import gpu
 
         program.bind()
@@ -72,8 +76,7 @@ class BlenderDevice:
             program.image(name, bound[name])
         for name in shader.blocks:
             program.uniform_block(name, bound[name])
-        groups = (-(-count // side) for count, side in zip(size, shader.group, strict=True))
-        gpu.compute.dispatch(program, *groups, 1)
+        gpu.compute.dispatch(program, *shader.groups(size), 1)
 
     def read(self, image: Any, kind: str) -> np.ndarray:
         """Values (H, W) uint32 or (H, W, 4) float32 of an image."""
@@ -89,3 +92,10 @@ class BlenderDevice:
         import gpu
 
         return f"{gpu.platform.renderer_get()} ({gpu.platform.backend_type_get()})"
+
+    @property
+    def max_side_px(self) -> int:
+        """Longest side of a texture."""
+        import gpu
+
+        return int(gpu.capabilities.max_texture_size_get())

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from itertools import chain
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -11,9 +12,12 @@ import numpy as np
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.tracing.camera import CameraUnit
-from .packing import coded_word_count, coded_words, layer_blocks, octree_words, rank_words
-from .shaders import CENTRE, FLOATS, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, decoder, view_block
+from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, layer_blocks, rank_words
+from .shaders import CENTRE, DECODER, FLOATS, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+
+SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER}
 
 
 class Device(Protocol):
@@ -32,7 +36,7 @@ class Device(Protocol):
         """Compile a shader; raises PatchNetError with the compiler's words."""
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a thread for each of size (across, up), with textures, images and blocks by their names."""
+        """Run a shader over pixels (across, up), with textures, images and blocks by their names."""
 
     def read(self, image: Any, kind: str) -> np.ndarray:
         """Values (H, W) uint32 or (H, W, 4) float32 of an image; waits for what was dispatched."""
@@ -47,37 +51,47 @@ class HitImages(NamedTuple):
 
 
 class CardOctree:
-    """Textures of an octree, and of its codes where there are any; dropping it frees them."""
+    """Textures of an octree, and of its codes where they are asked for; dropping it frees them.
 
-    def __init__(self, device: Device, octree: Octree, coded: CodedOctree | None = None) -> None:
-        """Prepare `upload`, which has to run first; coded: only of weights that `packing.fits_card` has."""
-        self.device, self.octree, self.nbytes = device, octree, 0
-        self._coded = coded
+    nbytes: of its textures. grid: of the octree.
+    """
+
+    def __init__(self, device: Device, octree: Octree) -> None:
+        """Nothing is there before `upload`, which lets go of the octree."""
+        self.device, self.grid, self.nbytes = device, octree.grid, 0
+        self._brightness = 1.0 / octree.exposure
+        self._bright = 0 if octree.bright_nodes is None else len(octree.bright_nodes)
         self._bound: dict[str, Any] = {}
         self._programs: dict[str, tuple[Shader, Any]] = {}
-        self.bright = 0 if octree.bright_nodes is None else len(octree.bright_nodes)
-        self.width = coded.weights.kind.width if coded is not None else 0
+        self._coded_words = self._width = 0
 
-    def upload(self) -> Steps[None]:
-        """Bring one texture after the other onto the card."""
-        octree, coded = self.octree, self._coded
-        textures = [octree_words(octree), [("ranks", rank_words(octree, coded))]]
-        for name, words in chain(*textures, coded_words(coded) if coded is not None else ()):
-            self._bound[name] = self.device.texture(words)
-            self.nbytes += words.nbytes
-            yield Progress(len(self._bound), 0, "Uploading the octree")
-        if coded is not None:
-            for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
-                self._bound[name] = self.device.block(values)
+    def upload(self, octree: Octree) -> Steps[None]:
+        """Pack and upload one texture after the other: all that pictures need."""
+        for name, pack in OCTREE_WORDS.items():
+            yield from self._add(name, partial(pack, octree))
+        yield from self._add("ranks", partial(rank_words, octree, None))
 
-    def compile(self) -> Steps[None]:
-        """Compile one shader after the other; raises PatchNetError."""
-        shaders = {"picture": PICTURE, "hits": HITS}
-        if self._coded is not None:
-            shaders["decoder"] = decoder(coded_word_count(self._coded))
-        for number, (name, shader) in enumerate(shaders.items()):
-            self._programs[name] = shader, self.device.program(shader)
-            yield Progress(number + 1, len(shaders), "Compiling shaders")
+    def upload_codes(self, coded: CodedOctree) -> Steps[None]:
+        """Pack and upload what the decoder needs beside that; codes of weights that `packing.fits_card` has."""
+        for name, pack in CODED_WORDS.items():
+            yield from self._add(name, partial(pack, coded))
+        yield from self._add("ranks", partial(rank_words, coded.octree, coded))
+        for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
+            self._bound[name] = self.device.block(values)
+        self._coded_words, self._width = coded_word_count(coded), coded.weights.kind.width
+
+    def _add(self, name: str, pack: Callable[[], np.ndarray]) -> Steps[None]:
+        """Pack a texture beside a caller that waits, and upload it."""
+        words = yield from computed(pack, Progress(len(self._bound), 0, "Uploading the octree"))
+        before = self._bound.pop(name, None)
+        self._bound[name] = self.device.texture(words)
+        self.nbytes += words.nbytes if before is None else 0
+
+    def compile(self, *names: str) -> Steps[None]:
+        """Compile shaders that are not there, of SHADERS; raises PatchNetError."""
+        for number, name in enumerate(name for name in names if name not in self._programs):
+            yield Progress(number, len(names), "Compiling shaders")
+            self._programs[name] = SHADERS[name], self.device.program(SHADERS[name])
 
     def hit_images(self, camera: CameraUnit) -> HitImages:
         """Images for the hits of a view of that size."""
@@ -96,7 +110,7 @@ class CardOctree:
         """
         first, rows = (0, camera.height_px) if band is None else band
         bound = {f"hit_{name}": image for name, image in hits._asdict().items()} | {"out_decoded": decoded}
-        view = view_block(camera, width=self.width, first_row=first)
+        view = view_block(camera, width=self._width, coded_words=self._coded_words, first_row=first)
         self._run("decoder", view, bound, (camera.width_px, rows))
 
     def draw(
@@ -112,7 +126,14 @@ class CardOctree:
         means: images, that of the samples before, and that which is written. world: texture of `packing.world_words`
         and the side of its faces. samples: before this one. jitter: place in the pixel, [0, 1]^2.
         """
-        view = view_block(camera, bright=self.bright, world_side=world[1], samples=samples, jitter=jitter)
+        view = view_block(
+            camera,
+            bright=self._bright,
+            brightness=self._brightness,
+            world_side=world[1],
+            samples=samples,
+            jitter=jitter,
+        )
         bound = {"before": means[0], "out_mean": means[1], "world": world[0]}
         self._run("picture", view, bound, (camera.width_px, camera.height_px))
 

@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Inputs and layers of the luminance mixture's decoder (methods 11). A thread has a column of `values`: 147 rows of
-// inputs, then 80 of a layer's results, which go to and fro; rows that cells cover stay, as on the CPU.
+// Inputs and layers of the luminance mixture's decoder (methods 11). A group decodes 32 pixels with four threads each,
+// its lane's parts: they share out children and corners, and of each layer they have 20 outputs each. So threads that
+// run together read the same weights, and all of a group's values are in shared memory, below 32 KB.
 //
 // Loops have bounds from a uniform buffer: compilers unroll constant ones, which takes minutes.
 
-#ifdef GROUP_MEMORY  // `shared`, by a define, since Blender 5.2 takes the word itself out of sources
-#define GROUP 32
-#else
-#define GROUP 1
-#define GROUP_MEMORY
-#endif
+#define LANES 32
 #define HARMONIC_ROW 17
 #define CORNER_ROW 42
 #define VIEW_ROW 74
 #define COVERED_ROW 83
-#define OTHER 147
-GROUP_MEMORY float values[(OTHER + 80) * GROUP];
-float lights[65];  // that are mixed: of children, cells around, the voxel itself
-int column;        // of this thread
+GROUP_MEMORY float inputs[147 * LANES];  // rows that cells cover stay; the others are results of every second layer
+GROUP_MEMORY float others[80 * LANES];
 
-#define V(row) values[(row) * GROUP + column]
+// Luminances that are mixed, of cells that this thread has found, and their rows among what is covered.
+float lights[16];
+int rows[16];
+int found, lane, part;
+
+#define V(row) inputs[(row) * LANES + lane]
+#define W(row) others[(row) * LANES + lane]
 #define EIGHT uint(view.bounds.x)
 #define TWELVE view.bounds.y
-#define TWENTY view.bounds.z
+#define SIXTEEN view.bounds.z
 #define WIDE view.bounds.w
 #define INPUTS view.counts.y
 
 int coded_row(uint node) {
-  if (int(node >> 5) >= CODED_WORDS) return -1;
+  if (int(node >> 5) >= view.counts.w) return -1;
   uvec4 found = ranks_at(node);
   return ((found.y >> (node & 31u)) & 1u) == 0u ? -1 : int(rank_of(found.x, found.y, node));
 }
@@ -97,21 +97,29 @@ vec3 box_shares(Frame f, uint box) {
   return vec3(covered[f.axes.x], covered[f.axes.y], covered[f.axes.z]);
 }
 
-// What the children of a voxel cover of the pixel, by the faces of their own children that show, and their light.
+void found_cell(int row, float covered, float light) {
+  V(COVERED_ROW + row) = covered;
+  rows[found] = row;
+  lights[found] = light;
+  found++;
+}
+
+// What children of a voxel cover of the pixel, by the faces of their own children that show, and their light.
 void place_children(Frame f, uvec2 here, vec3 along) {
-  uint child = here.x;
-  for (uint octant = 0u; octant < EIGHT; octant++) {
+  uint first = 2u * uint(part);
+  for (uint octant = first; octant < first + (EIGHT >> 2); octant++) {
     if (((here.y >> octant) & 1u) == 0u) continue;
+    uint child = here.x + uint(bitCount(here.y & ((1u << octant) - 1u)));
     uvec2 words = node_words(child);
     float light[8];
     vec3 share[8];
     for (int k = 0; k < 8; k++) { light[k] = -1.0; share[k] = vec3(1.0); }
     uint inner = words.y & 255u, cell = words.x, ahead = 1u;
     if (inner == 0u) { inner = 255u; cell = child; ahead = 0u; }  // a leaf stands for all of its children
-    for (uint part = 0u; part < EIGHT; part++) {
-      if (((inner >> part) & 1u) == 0u) continue;
+    for (uint inside_ = 0u; inside_ < EIGHT; inside_++) {
+      if (((inner >> inside_) & 1u) == 0u) continue;
       uvec2 w = node_words(cell);
-      uint place = turned(f, part);
+      uint place = turned(f, inside_);
       light[place] = luminance_along(cell, w, along);
       if ((w.y & BOXED) != 0u) share[place] = box_shares(f, w.x);
       cell += ahead;
@@ -120,8 +128,8 @@ void place_children(Frame f, uvec2 here, vec3 along) {
     vec3 base = 2.0 * vec3(seen & 1u, (seen >> 1) & 1u, seen >> 2) + 0.5;
     float area = 0.0, shown = 0.0;
     for (int index = 0; index < TWELVE; index++) {
-      int axis = index >> 2, first = axis == 0 ? 1 : 0, second = axis == 2 ? 1 : 2;
-      uint near = uint(index & 1) << first | uint((index >> 1) & 1) << second, far = near | 1u << axis;
+      int axis = index >> 2, one_ = axis == 0 ? 1 : 0, two_ = axis == 2 ? 1 : 2;
+      uint near = uint(index & 1) << one_ | uint((index >> 1) & 1) << two_, far = near | 1u << axis;
       vec3 middle = base + vec3(near & 1u, (near >> 1) & 1u, near >> 2);
       middle[axis] -= 0.5;
       float before = light[near] < 0.0 ? 0.0 : share[near][axis];
@@ -132,9 +140,7 @@ void place_children(Frame f, uvec2 here, vec3 along) {
       area += one + two;
       shown += one * light[near] + two * light[far];
     }
-    V(COVERED_ROW + int(seen)) = area / (4.0 * f.half_side * f.half_side);
-    lights[seen] = area > 0.0 ? shown / area : 0.0;
-    child++;
+    found_cell(int(seen), area / (4.0 * f.half_side * f.half_side), area > 0.0 ? shown / area : 0.0);
   }
 }
 
@@ -182,8 +188,7 @@ void place_outer(Frame f, uint word, uint corner, uint octant, vec3 entry, vec3 
                 * inside(dot(middle - entry, up), high * scale, half_side);
   float total = seen.x + seen.y + seen.z;
   int row = 8 + outer_row(place[f.axes.x], place[f.axes.y], place[f.axes.z]);
-  V(COVERED_ROW + row) = covered * (total / 16.0 / area) / (ratio * ratio);
-  lights[row] = light / total;
+  found_cell(row, covered * (total / 16.0 / area) / (ratio * ratio), light / total);
 }
 
 void place_harmonics(vec3 d) {
@@ -216,26 +221,36 @@ void place_harmonics(vec3 d) {
   V(h + 24) = 0.6258357354491761 * (xx * xx - 6.0 * xx * yy + yy * yy);
 }
 
-// Mean code at the entry point, first numbers of each corner's, and the cells around the corners.
+void put_other(int row, vec4 v) {
+  W(row) = v.x;
+  W(row + 1) = v.y;
+  W(row + 2) = v.z;
+  W(row + 3) = v.w;
+}
+
+// First numbers of two corners' codes, cells around them, and their part of the mean code at the entry point.
 void place_corners(Frame f, uint row, vec3 entry, vec3 along, vec3 up, float ratio) {
   vec4 low = vec4(0.0), high = vec4(0.0);
   vec2 end = vec2(0.0);
-  uvec3 rows = uvec3(row_word(3u * row), row_word(3u * row + 1u), row_word(3u * row + 2u));
-  for (uint corner = 0u; corner < EIGHT; corner++) {
-    uint at = ((corner & 4u) != 0u ? rows.y : rows.x) + (corner & 1u);
-    if ((corner & 2u) != 0u) at += (corner & 4u) != 0u ? rows.z >> 16 : rows.z & 0xFFFFu;
+  uint upper = uint(part) >> 1, start = row_word(3u * row + upper), first = 2u * uint(part);
+  if ((part & 1) != 0) {
+    uint steps = row_word(3u * row + 2u);
+    start += upper != 0u ? steps >> 16 : steps & 0xFFFFu;
+  }
+  for (uint corner = first; corner < first + (EIGHT >> 2); corner++) {
+    uint at = start + (corner & 1u);
     uvec4 code = floatBitsToUint(texelFetch(codes, texel(at), 0));
-    vec4 first = vec4(unpackHalf2x16(code.x), unpackHalf2x16(code.y));
+    vec4 begin = vec4(unpackHalf2x16(code.x), unpackHalf2x16(code.y));
     float share = ((corner & 1u) != 0u ? entry.x : 1.0 - entry.x) * ((corner & 2u) != 0u ? entry.y : 1.0 - entry.y)
                 * ((corner & 4u) != 0u ? entry.z : 1.0 - entry.z);
-    low += share * first;
+    low += share * begin;
     high += share * vec4(unpackHalf2x16(code.z), unpackHalf2x16(code.w));
     end += share * unpackHalf2x16(floatBitsToUint(texelFetch(code_ends, texel(at), 0).r));
     int side = CORNER_ROW + 4 * int(corner);
-    V(side) = first.x;
-    V(side + 1) = first.y;
-    V(side + 2) = first.z;
-    V(side + 3) = first.w;
+    V(side) = begin.x;
+    V(side + 1) = begin.y;
+    V(side + 2) = begin.z;
+    V(side + 3) = begin.w;
     uvec4 near = floatBitsToUint(texelFetch(cells, texel(2u * at), 0));
     uvec4 far = floatBitsToUint(texelFetch(cells, texel(2u * at + 1u), 0));
     for (uint octant = 0u; octant < EIGHT; octant++) {
@@ -243,42 +258,30 @@ void place_corners(Frame f, uint row, vec3 entry, vec3 along, vec3 up, float rat
       if (word != 0u && octant != 7u - corner) place_outer(f, word, corner, octant, entry, along, up, ratio);
     }
   }
-  V(0) = low.x * V(HARMONIC_ROW);
-  V(1) = low.y * V(HARMONIC_ROW + 1);
-  V(2) = low.z * V(HARMONIC_ROW + 2);
-  V(3) = low.w * V(HARMONIC_ROW + 3);
-  V(4) = high.x * V(HARMONIC_ROW + 4);
-  V(5) = high.y * V(HARMONIC_ROW + 5);
-  V(6) = high.z * V(HARMONIC_ROW + 6);
-  V(7) = high.w * V(HARMONIC_ROW + 7);
-  V(8) = end.x * V(HARMONIC_ROW + 8);
-  V(9) = end.y;
+  put_other(10 * part, low);
+  put_other(10 * part + 4, high);
+  W(10 * part + 8) = end.x;
+  W(10 * part + 9) = end.y;
 }
 
+// All inputs of a voxel's pixel but the code, whose parts wait among the other values.
 void place_inputs(uint node, uvec2 words, uint row, vec3 entry, vec3 along, vec3 up, float ratio) {
-  for (uint k = 0u; k < 8u * EIGHT; k++) { V(COVERED_ROW + int(k)) = 0.0; lights[k] = 0.0; }
-  lights[64] = luminance_along(node, words, along);
   Frame f = make_frame(entry, along, up, ratio);
   place_children(f, words, along);
-  place_harmonics(along);
   place_corners(f, row, entry, along, up, ratio);
-  for (int k = 0; k < 3; k++) { V(10 + k) = along[k]; V(13 + k) = up[k]; }
-  V(16) = ratio;
+  if (part == 0) place_harmonics(along);
+  if (part == 1) {
+    for (int k = 0; k < 3; k++) { V(10 + k) = along[k]; V(13 + k) = up[k]; }
+    V(16) = ratio;
+  }
 }
 
-// A layer: 20 outputs at a time, from rows of the thread's column to others.
-#define LAYER(W, B, DEPTH, FROM, TO, FLOOR) \
-  for (int block = 0; block < TWENTY; block += 5) { \
-    vec4 a = layer_2.b[B + block], b = layer_2.b[B + block + 1], c = layer_2.b[B + block + 2]; \
-    vec4 d = layer_2.b[B + block + 3], e = layer_2.b[B + block + 4]; \
-    for (int row = 0; row < DEPTH; row++) { \
-      float v = V(FROM + row); \
-      int at = row * 20 + block; \
-      a += v * W[at]; b += v * W[at + 1]; c += v * W[at + 2]; d += v * W[at + 3]; e += v * W[at + 4]; \
-    } \
-    put(TO + 4 * block, max(a, FLOOR)); put(TO + 4 * block + 4, max(b, FLOOR)); put(TO + 4 * block + 8, max(c, FLOOR)); \
-    put(TO + 4 * block + 12, max(d, FLOOR)); put(TO + 4 * block + 16, max(e, FLOOR)); \
+void place_code() {
+  for (int k = part; k < 10; k += SIXTEEN >> 2) {
+    float mean = W(k) + W(10 + k) + W(20 + k) + W(30 + k);
+    V(k) = k < 9 ? mean * V(HARMONIC_ROW + k) : mean;
   }
+}
 
 void put(int row, vec4 v) {
   V(row) = v.x;
@@ -287,19 +290,36 @@ void put(int row, vec4 v) {
   V(row + 3) = v.w;
 }
 
-// Coverage and luminance of the thread's column.
-vec2 decode() {
-  LAYER(layer_1.w, 0, INPUTS, 0, OTHER, vec4(0.0))
-  LAYER(layer_2.w, 20, WIDE, OTHER, 0, vec4(0.0))
-  LAYER(layer_3.w, 40, WIDE, 0, OTHER, vec4(0.0))
-  LAYER(layer_4.w, 60, WIDE, OTHER, 0, vec4(-1e30))
-  float most = V(65);
-  for (int k = 0; k < 8 * int(EIGHT); k++) if (V(COVERED_ROW + k) > 0.0) most = max(most, V(1 + k));
-  float total = exp(max(V(65) - most, -80.0)), light = total * lights[64];
-  for (int k = 0; k < 8 * int(EIGHT); k++) {
-    float share = exp(clamp(V(1 + k) - most, -80.0, 0.0)) * V(COVERED_ROW + k);
-    total += share;
-    light += share * lights[k];
+// A thread's 20 outputs of a layer, of values by FROM, stored by PUT.
+#define LAYER(WEIGHTS, BIAS, DEPTH, FROM, PUT, FLOOR) { \
+    int at = 5 * part; \
+    vec4 a = layer_2.b[BIAS + at], b = layer_2.b[BIAS + at + 1], c = layer_2.b[BIAS + at + 2]; \
+    vec4 d = layer_2.b[BIAS + at + 3], e = layer_2.b[BIAS + at + 4]; \
+    for (int k = 0; k < DEPTH; k++) { \
+      float v = FROM(k); \
+      a += v * WEIGHTS[at]; b += v * WEIGHTS[at + 1]; c += v * WEIGHTS[at + 2]; \
+      d += v * WEIGHTS[at + 3]; e += v * WEIGHTS[at + 4]; \
+      at += 20; \
+    } \
+    at = 20 * part; \
+    PUT(at, max(a, FLOOR)); PUT(at + 4, max(b, FLOOR)); PUT(at + 8, max(c, FLOOR)); \
+    PUT(at + 12, max(d, FLOOR)); PUT(at + 16, max(e, FLOOR)); \
   }
-  return vec2(clamp(3.0 / (1.0 + exp(clamp(-V(0), -80.0, 80.0))) - 1.0, 0.0, 1.0), light / total);
+
+// Largest logit of what this thread mixes; with it, the sum of shares (x) and of shares times luminances (y).
+float largest_logit() {
+  float most = V(65);
+  for (int k = 0; k < found; k++) if (V(COVERED_ROW + rows[k]) > 0.0) most = max(most, V(1 + rows[k]));
+  return most;
 }
+
+vec2 mixed(float most) {
+  vec2 sums = vec2(0.0);
+  for (int k = 0; k < found; k++) {
+    float share = exp(clamp(V(1 + rows[k]) - most, -80.0, 0.0)) * V(COVERED_ROW + rows[k]);
+    sums += share * vec2(1.0, lights[k]);
+  }
+  return sums;
+}
+
+float coverage() { return clamp(3.0 / (1.0 + exp(clamp(-V(0), -80.0, 80.0))) - 1.0, 0.0, 1.0); }

@@ -7,7 +7,7 @@ half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,24 +22,6 @@ WIDTH_BITS = 14
 WIDTH = 1 << WIDTH_BITS  # of all textures
 HIDDEN, MAX_WIDTH = 80, 78  # outputs of a layer on the card, filled up; most inputs of one but the first
 _RANKED = 32  # nodes a word of bits
-
-
-def octree_words(octree: Octree) -> Iterator[tuple[str, np.ndarray]]:
-    """Textures that tracing and colours need, one after the other: name and words (n, C) uint32."""
-    yield "nodes", node_words(octree)
-    yield "hues", hue_words(octree)
-    yield "sides", side_words(octree)
-    yield "bright", bright_words(octree)
-
-
-def coded_words(coded: CodedOctree) -> Iterator[tuple[str, np.ndarray]]:
-    """Textures that the decoder of a mixture needs beside those of the octree."""
-    assert coded.corner_cells is not None
-    codes = np.ascontiguousarray(coded.codes).view(np.uint32)  # (C, 5)
-    yield "codes", np.ascontiguousarray(codes[:, :4])
-    yield "code_ends", np.ascontiguousarray(codes[:, 4:])
-    yield "cells", np.ascontiguousarray(coded.corner_cells).reshape(-1, 4)
-    yield "corner_rows", coded.corner_rows.reshape(-1, 1)
 
 
 def node_words(octree: Octree) -> np.ndarray:
@@ -147,3 +129,34 @@ def padded(words: np.ndarray) -> np.ndarray:
     full = np.zeros((rows * WIDTH, channels), np.uint32)
     full[:count] = words
     return full.reshape(rows, WIDTH, channels)
+
+
+def code_words(coded: CodedOctree) -> np.ndarray:
+    """Words (C, 5) uint32 of corner codes, two halves each."""
+    return np.ascontiguousarray(coded.codes).view(np.uint32)
+
+
+# Textures by name, and what packs them: those that tracing and colours need, and those that the decoder needs, too.
+OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
+    "nodes": node_words,
+    "hues": hue_words,
+    "sides": side_words,
+    "bright": bright_words,
+}
+CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
+    "codes": lambda coded: np.ascontiguousarray(code_words(coded)[:, :4]),
+    "code_ends": lambda coded: np.ascontiguousarray(code_words(coded)[:, 4:]),
+    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
+    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
+}
+
+
+def card_bytes(octree: Octree) -> int:
+    """Bytes that an octree takes on the card, about."""
+    sides = 0 if octree.side_nodes is None else 24 * len(octree.side_nodes)
+    return 11 * octree.node_count + sides
+
+
+def code_bytes(coded: CodedOctree) -> int:
+    """Bytes that codes take beside it, about."""
+    return 52 * len(coded.codes) + 12 * coded.coded_count

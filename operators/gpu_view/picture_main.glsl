@@ -8,8 +8,8 @@ void main() {
   Hit hit = trace(ray);
   vec4 seen = vec4(0.0);
   if (hit.node != NONE) {
-    seen.rgb = color_along(hit.node, hit.words, ray.direction) + above_white(hit.node, hit.words, ray.direction);
-    seen.a = 1.0;
+    vec3 light = color_along(hit.node, hit.words, ray.direction) + above_white(hit.node, hit.words, ray.direction);
+    seen = vec4(light * view.sight.w, 1.0);
   }
   else if (view.counts.z > 0) seen = vec4(world_along(ray.direction), 1.0);
   float there = view.jitter.z;

@@ -82,9 +82,10 @@ def on_card(coded: CodedOctree, cameras: list[Camera]) -> list[tuple[np.ndarray,
 
     def work() -> Iterator[tuple[np.ndarray, np.ndarray]]:
         device = BlenderDevice()
-        card = CardOctree(device, coded.octree, coded)
-        drain(card.upload())
-        drain(card.compile())
+        card = CardOctree(device, coded.octree)
+        drain(card.upload(coded.octree))
+        drain(card.upload_codes(coded))
+        drain(card.compile("hits", "decoder"))
         for camera in cameras:
             unit = camera_in_unit_cube(camera, coded.octree.grid)
             hits, decoded = card.hit_images(unit), device.image(unit.width_px, unit.height_px, FLOATS)
@@ -149,8 +150,8 @@ def colors_on_card(octree: Octree, camera: Camera, world: CubeMap | np.ndarray |
     def work() -> np.ndarray:
         device = BlenderDevice()
         card = CardOctree(device, octree)
-        drain(card.upload())
-        drain(card.compile())
+        drain(card.upload(octree))
+        drain(card.compile("picture"))
         unit = camera_in_unit_cube(camera, octree.grid)
         means = [device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(2)]
         words, side = world_words(world)
