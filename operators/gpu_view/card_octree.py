@@ -15,9 +15,11 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.tracing.camera import CameraUnit
 from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, layer_blocks, rank_words
-from .shaders import CENTRE, DECODER, FLOATS, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+from .shaders import CENTRE, DECODER, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
 
-SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER}
+SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "heat": HEAT}
+
+_FINER = 1 / 8  # sides of the rays behind a patch over a pixel's, of weights that look two levels ahead
 
 
 class Device(Protocol):
@@ -136,6 +138,17 @@ class CardOctree:
         )
         bound = {"before": means[0], "out_mean": means[1], "world": world[0]}
         self._run("picture", view, bound, (camera.width_px, camera.height_px))
+
+    def heat(
+        self, camera: CameraUnit, hits: HitImages, decoded: Any, ramp: Any, kind: tuple[int, float], heat: Any
+    ) -> None:
+        """Write a heatmap of a view that is decoded, as a screen shows it, into an image.
+
+        ramp: texture of 256 colours. kind: 1 priority, 2 coverage, 3 predicted luminance, 4 level; value at its end.
+        """
+        view = view_block(camera, heat=kind, brightness=_FINER)
+        bound = {"hit_node": hits.node, "hit_seen": hits.seen, "decoded": decoded, "ramp": ramp, "out_heat": heat}
+        self._run("heat", view, bound, (camera.width_px, camera.height_px))
 
     def _run(self, name: str, view: np.ndarray, bound: dict[str, Any], size: tuple[int, int]) -> None:
         shader, program = self._programs[name]

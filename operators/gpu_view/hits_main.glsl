@@ -5,7 +5,7 @@ void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
   if (pixel.x >= view.size.x || pixel.y >= view.size.y) return;
   Ray ray = make_ray(pixel);
-  Hit hit = trace(ray);
+  Hit hit = trace(ray, start_of(ray), 1.0);
   vec4 entry = vec4(0.0, 0.0, 0.0, 1.0), seen = vec4(0.0);
   if (hit.node != NONE) {
     float pixel_side = view.lens.z + view.lens.w * hit.t * ray.speed;

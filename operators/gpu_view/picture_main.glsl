@@ -5,7 +5,7 @@ void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
   if (pixel.x >= view.size.x || pixel.y >= view.size.y) return;
   Ray ray = make_ray(pixel);
-  Hit hit = trace(ray);
+  Hit hit = trace(ray, start_of(ray), 1.0);
   vec4 seen = vec4(0.0);
   if (hit.node != NONE) {
     vec3 light = color_along(hit.node, hit.words, ray.direction) + above_white(hit.node, hit.words, ray.direction);

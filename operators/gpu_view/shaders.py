@@ -25,7 +25,7 @@ struct View {
   vec4 lens; vec4 sight; vec4 jitter; ivec4 size; ivec4 counts; ivec4 bounds;
 };
 """  # lens: shift, side of a pixel at 0, per axial distance. sight: nearest, farthest, whether perspective,
-# factor on colours.
+# factor on colours, of heatmaps on the pixel's side behind the patch.
 # jitter: place in the pixel; samples before this one. size: width, height, first row. counts: nodes above white,
 # inputs of the decoder, side of the world's faces, words of coded nodes.
 VIEW_NUMBERS, VIEW_SIZE = 48, 36  # floats of it, and where its size stands
@@ -102,6 +102,12 @@ DECODER = Shader(
     tile=(8, 4),
     defines={"GROUP_MEMORY": "shared"},  # Blender 5.2 takes the word itself out of sources
 )
+HEAT = Shader(
+    ("tracing.glsl", "light.glsl", "heat_main.glsl"),
+    (*_OCTREE, "ramp", "decoded", "hit_seen"),
+    {"out_heat": FLOATS},
+    integers=("hit_node",),
+)
 BITS = Shader(("bits_main.glsl",), ("words",), {"out_bits": WORDS})
 
 
@@ -116,12 +122,14 @@ def view_block(
     jitter: tuple[float, float] = CENTRE,
     samples: int = 0,
     first_row: int = 0,
+    heat: tuple[int, float] = (0, 1.0),
 ) -> np.ndarray:
     """Uniform block (VIEW_NUMBERS,) float32 of a view, some of whose floats are the bits of integers.
 
-    bright: nodes above white. brightness: factor on colours. width: of the decoder. coded_words: see
-    `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is behind. jitter: place in the pixels
-    that rays go through, [0, 1]^2. samples: how many a picture has already. first_row: of the band that is decoded.
+    bright: nodes above white. brightness: factor on colours, of a heatmap on the pixel's side behind the patch. width:
+    of the decoder. coded_words: see `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is
+    behind. jitter: place in the pixels that rays go through, [0, 1]^2. samples: how many a picture has already.
+    first_row: of the band that is decoded. heat: kind of a heatmap, and the value at its ramp's end.
     """
     place, right, up, forward = camera.pose
     # Parallel rays begin in the plane through the cube's middle: so float32 is fine wherever the camera is. Others meet
@@ -133,9 +141,9 @@ def view_block(
     block[:6, :3] = whole, place - whole, right, up, forward, up / np.linalg.norm(up)
     block[6] = camera.shift_x, camera.shift_y, camera.side_at_0, camera.side_per_z
     block[7] = camera.nearest - ahead, min(camera.farthest - ahead, 1e30), camera.perspective, brightness
-    block[8, :3] = *jitter, samples
+    block[8] = *jitter, samples, heat[1]
     whole_numbers = block.view(np.int32)
-    whole_numbers[9, :3] = camera.width_px, camera.height_px, first_row
+    whole_numbers[9] = camera.width_px, camera.height_px, first_row, heat[0]
     whole_numbers[10] = bright, _INPUTS, world_side, coded_words
     whole_numbers[11] = 8, 12, 16, width
     return block.ravel()

@@ -67,6 +67,8 @@ Ray make_ray(ivec2 pixel) {
   return ray;
 }
 
+float start_of(Ray ray) { return view.sight.x / ray.speed; }
+
 // Lower or upper planes of a leaf's box, mirrored.
 vec3 box_planes(Ray ray, uint box, vec3 cell, float size, bool upper) {
   vec3 first = vec3(box & 15u, (box >> 8) & 15u, (box >> 16) & 15u);
@@ -75,7 +77,8 @@ vec3 box_planes(Ray ray, uint box, vec3 cell, float size, bool upper) {
   return (16.0 * cell + steps) * (size * 0.0625);
 }
 
-Hit trace(Ray ray) {
+// finer: factor on the pixel's side.
+Hit trace(Ray ray, float start, float finer) {
   uint stack[MAX_LEVELS];
   Hit hit;
   hit.node = NONE;
@@ -84,7 +87,7 @@ Hit trace(Ray ray) {
   hit.level = 0;
   hit.cell = ivec3(0);
   hit.low = vec3(0.0);
-  float at_0 = view.lens.z, per_length = view.lens.w * ray.speed, start = view.sight.x / ray.speed;
+  float at_0 = view.lens.z * finer, per_length = view.lens.w * finer * ray.speed;
   float farthest = view.sight.y / ray.speed;
   float enter = max(start, largest3(to_planes(ray, vec3(0.0))));
   if (!(enter < smallest3(to_planes(ray, vec3(1.0))))) return hit;

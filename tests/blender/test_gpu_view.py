@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
+from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.build import build_octree
@@ -29,6 +30,9 @@ from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.patchnet import coverage_and_luminance_score
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
@@ -175,3 +179,36 @@ def test_colors_and_the_world_behind_are_those_of_the_kernels(yard: CodedOctree,
         colors = np.where(hits.hit[:, None], colors, behind)
     wrong = np.abs(found[:, :3] - colors).max(axis=1) > 1 / 255
     assert wrong.mean() <= 1e-4 and (found[:, 3] == (hits.hit if world is None else 1)).mean() >= 0.9999
+
+
+def heat_on_card(coded: CodedOctree, camera: Camera, kind: int) -> np.ndarray:
+    """Heatmap (P, 4) of a view, whose ramp is gray and ends at 1."""
+
+    def work() -> np.ndarray:
+        device = BlenderDevice()
+        card = CardOctree(device, coded.octree)
+        drain(card.upload(coded.octree))
+        drain(card.upload_codes(coded))
+        drain(card.compile("hits", "decoder", "heat"))
+        unit = camera_in_unit_cube(camera, coded.octree.grid)
+        hits, (decoded, heat) = card.hit_images(unit), (device.image(*SIZE, FLOATS) for _ in range(2))
+        card.trace(unit, hits)
+        card.decode(unit, hits, decoded)
+        ramp = np.repeat(np.linspace(0, 1, 256, dtype=np.float32)[:, None], 4, axis=1)
+        card.heat(unit, hits, decoded, device.texture(ramp.view(np.uint32)), (kind, 1.0), heat)
+        return device.read(heat, FLOATS).reshape(-1, 4)
+
+    return with_gpu(work)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(1, "priority"), (2, "coverage"), (3, "predicted")])
+def test_heatmaps_are_those_of_the_kernels(yard: CodedOctree, kind: int, name: str) -> None:
+    camera = cameras()[0]
+    view = drain(trace_view(yard.octree, camera, [STRATEGIES["patchnet-behind"]], coded=yard, reference=False))
+    assert view.prediction is not None and view.predicted is not None
+    score = coverage_and_luminance_score(view, view.prediction)
+    expected = {"priority": score, "coverage": view.prediction.coverage, "predicted": srgb_encode(view.predicted)}[name]
+    found = heat_on_card(yard, camera, kind)
+    assert ((found[:, 3] > 0) == view.hit).mean() >= 0.9999
+    off = np.abs(found[view.hit, 0] - np.clip(expected, 0, 1)[view.hit])
+    assert (off > 1.5 / 255).mean() < 1e-3
