@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
     add_views(parser)
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure")
-    add_settings(parser, "sides", "both_sides", "gloss", "device")
+    add_settings(parser, "sides", "gloss", "device")
     parser.add_argument(
         "--color", action=argparse.BooleanOptionalAction, default=False,
         help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("W", "H"),
         help="pixels; 0 follows the render aspect",
     )
-    add_settings(parser, "both_sides", "sides", "light", "denoise", "texel_voxels")
+    add_settings(parser, "sides", "light", "denoise", "texel_voxels")
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fill tables of results.md and training.md with the numbers of an evaluation.
+"""Fill tables of lab/results.md with the numbers of an evaluation.
 
     patchnet lab evaluate ... --out out/evaluation
     python docs/make_results.py out/evaluation
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import re
 import sys
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any, NamedTuple
 
-PAGES = tuple(Path(__file__).with_name(name) for name in ("results.md", "training.md"))
+PAGE = Path(__file__).parent / "lab" / "results.md"
 SCENES = {
     "San Miguel, bare": "san-miguel-bare", "San Miguel": "san-miguel", "Sponza": "sponza", "car": "sports-car",
     "room": "furnished-room", "garden": "furnished-garden",
@@ -31,7 +30,6 @@ KEYS = {"strategy", "rival", "at equal", "further rays", "scene"}  # columns tha
 BUDGET = 0.3
 _MARK = re.compile(r"<!-- (tables\.md|results\.json): (.+) -->")
 _NOTES = re.compile(r", no network$")  # that a page adds to a strategy's name
-_SHIPPED_FIRST = re.compile(r"`patchnet(.*)`, shipped first")  # of the weights `--networks first=FILE`
 
 
 class MissingError(Exception):
@@ -70,8 +68,7 @@ def line_above(lines: list[str], number: int) -> str:
 
 def plain(cell: str) -> str:
     """A cell of a key or a head as evaluations write it."""
-    cell = _NOTES.sub("", SCENES.get(cell, cell)).replace(" %", "%")
-    return _SHIPPED_FIRST.sub(r"`pn-first\1`", cell)
+    return _NOTES.sub("", SCENES.get(cell, cell)).replace(" %", "%")
 
 
 def key_of(head: list[str], row: list[str]) -> tuple[str, ...]:
@@ -169,17 +166,6 @@ def _over_scenes(name: str, old: str, strategy: str, results: Results) -> str:
     return rounded(geometric_mean(results.ratios(strategy, float(name.removesuffix("%")) / 100)))
 
 
-def by_scene(table: Table, results: Results) -> list[list[str]]:
-    """Rows of a table of strategies by scene: the ratio and the excess area, and the geometric mean of the ratios."""
-    found = []
-    for row in table.rows:
-        strategy = plain(row[0]).strip("`")
-        ratios, excess = results.ratios(strategy, BUDGET), results.excess(strategy)
-        both = [f"{ratio:.2f} ({f'{area:.3f}'.lstrip('0')})" for ratio, area in zip(ratios, excess, strict=True)]
-        found.append([row[0], *both, f"{math.exp(sum(map(math.log, ratios)) / len(ratios)):.2f}"])
-    return found
-
-
 def filled(page: str, own: str, results: dict[str, Any]) -> str:
     """A page with the numbers of an evaluation: of its `tables.md`, and of its results. Raises MissingError."""
     lines, own_lines = page.splitlines(), own.splitlines()
@@ -194,28 +180,23 @@ def filled(page: str, own: str, results: dict[str, Any]) -> str:
                 raise MissingError(f"the table '{mark[2]}'")
             rows = copied(table, source)
         else:
-            over = Results.of(results, mark[2].split(", "))
-            rows = by_scene(table, over) if "geometric mean" in table.head else over_scenes(table, over)
+            rows = over_scenes(table, Results.of(results, mark[2].split(", ")))
         for number, row in enumerate(rows, table.line + 2):
             lines[number] = f"| {' | '.join(row)} |"
     return "\n".join(lines) + "\n"
 
 
 def main() -> int:
-    """Fill the pages; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Fill tables of results.md and training.md.")
+    """Fill the page; returns the exit code."""
+    parser = argparse.ArgumentParser(description="Fill tables of results.md.")
     parser.add_argument("evaluation", type=Path, help="folder of an evaluation, with tables.md and results.json")
     folder = parser.parse_args().evaluation
     own, results = (folder / "tables.md").read_text(), json.loads((folder / "results.json").read_text())
-    pages = {}
-    for path in PAGES:
-        try:
-            pages[path] = filled(path.read_text(), own, results)
-        except MissingError as missing:
-            print(f"{path.name} shows what {folder} does not have: {missing}", file=sys.stderr)
-            return 1
-    for path, page in pages.items():
-        path.write_text(page)
+    try:
+        PAGE.write_text(filled(PAGE.read_text(), own, results))
+    except MissingError as missing:
+        print(f"{PAGE.name} shows what {folder} does not have: {missing}", file=sys.stderr)
+        return 1
     return 0
 
 

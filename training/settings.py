@@ -133,8 +133,8 @@ _WARM_UP_SHARE = 0.1  # of a run at most: short ones would spend half of it on r
 def of_length(settings: TrainSettings) -> TrainSettings:
     """Settings with the learning rate and warm-up that suit a run of so many steps, of a cosine schedule.
 
-    Short runs learn most at higher rates: in inverse proportion to the root of the number of steps (docs/training.md,
-    "Length of a run").
+    Short runs learn most at higher rates: in inverse proportion to the root of the number of steps
+    (docs/lab/training.md, "Length of a run").
     """
     steps = max(1, settings.passes // settings.batch)
     rate = min(IMPROVED.learning_rate * max(1.0, _FULL_RUN / steps) ** 0.5, _HIGHEST_RATE)

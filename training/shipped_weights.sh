@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # How the shipped weights were made: octrees of the scenes in PATCHNET_SCENES and of rooms and gardens composed of the
-# furniture libraries for training (docs/furnished-scenes.md), a training run that draws its samples from them, and the
+# furniture libraries for training (docs/lab/furnished-scenes.md), a training run that draws its samples from them, and the
 # error estimator.
 #
 #   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh LIBRARIES-FOLDER WORK-FOLDER

@@ -58,7 +58,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
         help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
     )  # fmt: skip
-    add_settings(parser, "color", "sides", "both_sides", "gloss", "device")
+    add_settings(parser, "color", "sides", "gloss", "device")
     add_settings(parser, "budget", "refined_samples", "spp", "reference")
     costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
     parser.add_argument("--strategy", default=DEFAULT, help=f"what is refined first ({DEFAULT}): {costs}")
@@ -84,7 +84,7 @@ def require_blender() -> None:
     except ImportError as cause:
         raise PatchNetError(
             f"Blender is not there as a Python module ({cause}): install patchnet-blender[blender] and the system "
-            "libraries that README names"
+            "libraries that docs/command-line.md names"
         ) from cause
     from ...operators.scene_access.temporary import session_folder_goes
 

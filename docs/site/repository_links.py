@@ -26,32 +26,34 @@ SHOWN = {".py", ".yaml", ".js", ".sh", ".toml", ".txt", ""}
 LINK = re.compile(r"\[(?P<text>[^\]\n]+)\]\((?P<target>[^)\s:#]+)(?P<line>#L\d+)?\)")
 
 
-def source_file(target: str) -> Path | None:
-    """File of the repository that a page in docs links to, if its text is to be a page; else nothing."""
-    path = (DOCS / target).resolve()
+def source_file(target: str, folder: Path = DOCS) -> Path | None:
+    """File of the repository that a page in a folder links to, if its text is to be a page; else nothing."""
+    path = (folder / target).resolve()
     if path.is_file() and path.is_relative_to(ROOT) and path.suffix in SHOWN:
         return path.relative_to(ROOT)
     return None
 
 
-def rewritten(text: str, found: set[Path]) -> str:
+def rewritten(text: str, found: set[Path], page: str) -> str:
     """Text of a page whose links to files lead to pages with their text; the files are added to `found`."""
+    folder = (DOCS / page).parent
+    up = "../" * page.count("/")
 
     def link(match: re.Match[str]) -> str:
-        file = source_file(match["target"])
+        file = source_file(match["target"], folder)
         if file is None:
             return match[0]
         found.add(file)
         shown = html.escape(match["text"].strip("`"))
-        return f'<a href="source/{file.as_posix()}.html{match["line"] or ""}">{shown}</a>'
+        return f'<a href="{up}source/{file.as_posix()}.html{match["line"] or ""}">{shown}</a>'
 
-    text = re.sub(r"\]\(\.\./README\.md(#[\w-]+)?\)", r"](index.md\1)", text)
+    text = re.sub(r"\]\((?:\.\./)+README\.md(#[\w-]+)?\)", rf"]({up}index.md\1)", text)
     return LINK.sub(link, text.replace("](../CHANGELOG.md)", "](changelog.md)"))
 
 
 def read_page(app: Any, page: str, source: list[str]) -> None:
     """Rewrite the links of a page that Sphinx has read."""
-    source[0] = rewritten(source[0], app.env.repository_files)
+    source[0] = rewritten(source[0], app.env.repository_files, page)
 
 
 def read_included(_app: Any, path: Path, _page: str, source: list[str]) -> None:

@@ -11,16 +11,14 @@ vec3 color_along(uint node, uvec2 words, vec3 along) {
   vec3 mean = decoded_color(luminance_of(words), hue);
   if ((words.y & SIDED) == 0u) return mean;
   uint row = side_row(node);
-  vec3 total = vec3(0.0);
-  float seen = 0.0;
+  Faces faces = faces_along(row, along);
+  float rest = rest_of(words, faces, along), seen = faces.weight.x + faces.weight.y + faces.weight.z;
+  vec3 total = rest * mean;
   for (int axis = 0; axis < 3; axis++) {
-    uvec2 side = side_words(row, axis);
-    vec2 face = face_along(side.x, along[axis]);
-    total += decoded_color(face.x, along[axis] > 0.0 ? side.y >> 16 : side.y);
-    seen += face.y;
+    uint hues_ = side_words(row, axis).y;
+    total += decoded_color(faces.weight[axis] * faces.light[axis], along[axis] > 0.0 ? hues_ >> 16 : hues_);
   }
-  float rest = rest_of(words, seen, along);
-  return (total + rest * mean) / (rest + seen);
+  return total / (rest + seen);
 }
 
 // What the clamp has taken from a node, found by halving; as much as its side is bright.

@@ -16,25 +16,38 @@ uint side_row(uint node) {
 // Of an axis of a row of sides: roots of the upper and the lower face's luminance, their shares; their hues.
 uvec2 side_words(uint row, int axis) { return floatBitsToUint(texelFetch(sides, texel(3u * row + uint(axis)), 0).xy); }
 
-// Luminance times weight, and weight, of the one of an axis's two faces that a direction runs against.
-vec2 face_along(uint word, float along) {
-  uint pair = along > 0.0 ? word >> 8 : word;
-  float root = float(pair & 255u) * (1.0 / 255.0), weight = abs(along) * float((pair >> 16) & 255u);
-  return vec2(weight * root * root, weight);
+// Of the three faces that a direction runs against: luminance and weight of each. Of a sheet a ray sees one side, so
+// only fronts count or only backs, whichever weigh more (an odd share is of backs).
+struct Faces {
+  vec3 light, weight;
+  bool backs;
+};
+
+Faces faces_along(uint row, vec3 along) {
+  uvec3 faces;
+  for (int axis = 0; axis < 3; axis++) {
+    uint word = side_words(row, axis).x;
+    faces[axis] = along[axis] > 0.0 ? word >> 8 : word;
+  }
+  uvec3 shares = (faces >> 16) & 255u;
+  vec3 roots = vec3(faces & 255u) * (1.0 / 255.0), weight = abs(along) * vec3(shares), back = vec3(shares & 1u);
+  Faces found;
+  found.backs = 2.0 * dot(weight, back) > weight.x + weight.y + weight.z;
+  found.weight = weight * (found.backs ? back : 1.0 - back);
+  found.light = roots * roots;
+  return found;
 }
 
-// Weight of the mean beside what is seen of faces: of what an inner node leaves open, and a little.
-float rest_of(uvec2 words, float seen, vec3 along) {
-  vec3 through = 255.0 * abs(along);
-  return 1.0 + ((words.y & 255u) != 0u ? through.x + through.y + through.z - seen : 0.0);
+// Weight of the mean beside them: of what an inner node leaves open, and a little. The mean is that of fronts.
+float rest_of(uvec2 words, Faces faces, vec3 along) {
+  vec3 through = 255.0 * abs(along) - faces.weight;
+  return 1.0 + ((words.y & 255u) != 0u && !faces.backs ? through.x + through.y + through.z : 0.0);
 }
 
 float luminance_along(uint node, uvec2 words, vec3 along) {
   float mean = luminance_of(words);
   if ((words.y & SIDED) == 0u) return mean;
-  uint row = side_row(node);
-  vec2 faces = vec2(0.0);
-  for (int axis = 0; axis < 3; axis++) faces += face_along(side_words(row, axis).x, along[axis]);
-  float rest = rest_of(words, faces.y, along);
-  return (rest * mean + faces.x) / (rest + faces.y);
+  Faces faces = faces_along(side_row(node), along);
+  float rest = rest_of(words, faces, along), seen = faces.weight.x + faces.weight.y + faces.weight.z;
+  return (rest * mean + dot(faces.weight, faces.light)) / (rest + seen);
 }

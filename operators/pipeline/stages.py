@@ -213,7 +213,6 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
         "scope": settings.surface.scope,
         "light": light,
         "color": settings.light.color,
-        "both_sides": settings.light.both_sides,
         "sides": settings.light.sides,
         "versions": versions(),
     }

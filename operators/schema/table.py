@@ -105,13 +105,6 @@ _LIGHT = (
         argument="--texel-voxels", help="side of a baked texel in finest voxels",
     ),
     Setting(
-        "both_sides", "Both Sides",
-        "Voxels of opaque sheets hold the mean of both sides, for meshes whose normals point anywhere; otherwise the "
-        "side that normals show, or a brighter one that alone is seen. Leaves and other cut-outs always hold the mean",
-        LIGHT, Kind.SWITCH, False, counts=_baked,
-        argument="--both-sides", help="opaque sheets have the mean of both sides (one: of their normals, or seen)",
-    ),
-    Setting(
         "gloss", "Gloss", "Whose reflections are baked, and from where they are seen; clear glass is see-through",
         LIGHT, Kind.CHOICE, GLOSS_AUTO,
         choices=(

@@ -72,7 +72,6 @@ class LightSettings:
 
     kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
-    both_sides: of opaque sheets, voxels hold the mean of both sides; else the light of one, by normals and cameras.
     gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
     denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
@@ -85,7 +84,6 @@ class LightSettings:
     kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})
     samples: int = TABLE["samples"].default
     exposure: float | None = None
-    both_sides: bool = TABLE["both_sides"].default
     gloss: str = TABLE["gloss"].default
     denoise: bool = TABLE["denoise"].default
     color: bool = TABLE["color"].default

@@ -15,7 +15,8 @@ from ...patchnet_addon.lightmap.charts import Charts
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.tracing.camera import Camera
-from ..cycles.bake.baker import Baker
+from ..cycles.bake.baker import Baker, lift_world
+from ..cycles.bake.two_sided_surfaces import plan_sides
 from ..cycles.scene_copy import prepared
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import LightSettings
@@ -49,7 +50,9 @@ def measure_rates(
     context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
 ) -> Steps[Rates]:
     """Bake each page with something on it, and render about as many paths through one camera after the other."""
-    baker = Baker(context, source, charts, LightSettings(color=False), seed=seed)
+    light = LightSettings(color=False)
+    plan = yield from plan_sides(context, source, cameras, light, lift_world(source, charts))
+    baker = Baker(context, source, charts, light, plan, seed=seed)
     pages: list[Turn] = []
     renders: list[Turn] = []
     for page in range(charts.page_count):

@@ -24,8 +24,10 @@ class Atlas:
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
     notes: what was baked, for reports, as plain JSON values.
     spread: side of the square around a texel's centre that its paths go out from, in texels.
-    turned: (T,) bool, triangles whose texels hold the light of their back; None where all have that of their front.
-    facing: (T,) int8, side that a triangle's light is seen on: 1 front, -1 back, 0 both; None: the front.
+    back: the same of the triangles' backs, on the same charts; None where fronts alone were baked.
+    lit: (T,) int8, sides that texels hold light of: 1 front, -1 back, 0 both; None: the front. facing: (T,) int8 alike,
+    sides that are shown; one without light is black.
+    back_share: (T,) float32, of the back in a triangle's one luminance; None: 0.
     base: (pages * side * side, 1) float32, luminance of the base colour that each texel was baked with; with colour
     (.., 3), red and blue, too; None where they have not been looked up yet (`texel_bases`).
     """
@@ -37,6 +39,8 @@ class Atlas:
     noise: np.ndarray | None = None
     notes: dict[str, Any] = field(default_factory=dict)
     spread: float = 1.0
-    turned: np.ndarray | None = None
+    back: Atlas | None = None
+    lit: np.ndarray | None = None
     facing: np.ndarray | None = None
+    back_share: np.ndarray | None = None
     base: np.ndarray | None = None

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from .texel_bases import base_of_texels
 _MAX = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
 _LEAST_HUE = 1.0 / 16.0  # of a channel: what it loses is no brightness, and no noise grows
 _MIN_ALBEDO = 1e-3
+_LEAST_LIGHT = np.float32(1e-30)
 _SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
 _MANTISSA_BITS = 24  # of float32
 _LOWEST_EXPONENT = -149
@@ -33,7 +35,7 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
     """ShadingFn that reads baked luminance at the centroid of each fragment; opacity is the material's own.
 
     Texture that is finer than the texels of the bake is put back (`texture_detail`). With colour in the atlas it is a
-    shade of colour.
+    shade of colour, with light of backs one of both sides.
 
     Where the bake met only gaps of a cut-out, the triangle's other texels count, and where it has none, the base colour
     under the light that falls on its material elsewhere.
@@ -44,17 +46,49 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
             f"The baked light has {counted(len(atlas.charts.page), 'triangle')}, the surface {source.triangle_count}: "
             "bake the light again"
         )
-    channels = atlas.texels.shape[1]
-    colored = channels == COLOR_CHANNELS
+    colored = atlas.texels.shape[1] == COLOR_CHANNELS
     table = TextureTable.from_materials(source.materials, color=colored)
+    front = _light_of_side(atlas, source, table)
+    back = front if atlas.back is None else _light_of_side(atlas.back, source, table)
+    lit, back_share = atlas.lit, atlas.back_share
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        surface = surface_of_fragments(table, batch, fragments)
+        if lit is None or back_share is None or atlas.back is None:
+            light = front(batch, fragments, *surface)
+            return (light[:, 0], surface[1], light[:, 1:]) if colored else (light[:, 0], surface[1])
+        triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
+        lights = np.zeros((len(fragments), 2, 4 if colored else 1), np.float32)
+        for side, light_of, other in ((0, front, -1), (1, back, 1)):
+            own = np.flatnonzero(lit[triangles] != other)
+            lights[own, side] = light_of(batch, fragments.only(own), *(values[own] for values in surface))
+        light = _mean(lights, back_share[triangles][:, None])
+        return light[:, 0], surface[1], light[:, 1:], lights
+
+    return shade
+
+
+def _mean(lights: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Light (F, C) of both sides (F, 2, C), of which `share` (F, 1) is that of the back."""
+    luminance, hue = lights[..., :1], lights[..., 1:]
+    scale = luminance / np.maximum(hue @ REC709[:, None], _LEAST_LIGHT) if hue.shape[-1] else luminance[..., :0]
+    light = np.concatenate([luminance, hue * scale], axis=-1)
+    return np.asarray((1.0 - share) * light[:, 0] + share * light[:, 1], np.float32)
+
+
+_LightOfSide = Callable[[TriangleBatch, Fragments, np.ndarray, np.ndarray], np.ndarray]
+
+
+def _light_of_side(atlas: Atlas, source: MeshSource, table: TextureTable) -> _LightOfSide:
+    """Light (F, 1) of fragments with albedo (F,) and opacity (F,) on one side, or (F, 4) with colour."""
+    channels = atlas.texels.shape[1]
     charts, texels = atlas.charts, _with_bases(atlas, source) if has_detail(table).any() else atlas.texels
 
     @functools.cache
     def irradiance() -> np.ndarray:
         return irradiance_of_materials(charts, texels, table, source, MIN_OPACITY)
 
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        albedo, opacity = surface_of_fragments(table, batch, fragments)
+    def light(batch: TriangleBatch, fragments: Fragments, albedo: np.ndarray, opacity: np.ndarray) -> np.ndarray:
         triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
         values = lookup(charts, texels, triangles, fragments.barycentric)
         lost = (values[:, 1] <= MIN_OPACITY) & (opacity > 0.0)
@@ -68,15 +102,15 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
         lost = ~seen & (opacity > 0.0)
         if lost.any():
             luminance[lost] = albedo[lost] * irradiance()[batch.materials[fragments.triangle[lost]]]
-        if not colored:
-            return luminance, opacity
+        if channels < COLOR_CHANNELS:
+            return luminance[:, None]
         base = color_of_fragments(table, batch, fragments, np.ones(len(fragments), np.float32))
         hue = _rgb(values[:, 0], values[:, 2], values[:, 3])
         if len(fine):
             hue[fine] *= hue_detail(base[fine], _rgb(*held[fine].T))
-        return luminance, opacity, np.where(lost[:, None], base, hue)
+        return np.concatenate([luminance[:, None], np.where(lost[:, None], base, hue)], axis=1)
 
-    return shade
+    return light
 
 
 def _with_bases(atlas: Atlas, source: MeshSource) -> np.ndarray:

@@ -40,11 +40,17 @@ class Placed(NamedTuple):
 def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
     """Atlas whose texels are averaged with those around them that show the same light; one without `noise` stays.
 
-    Emitters keep their own light: what they shine with has no noise.
+    Emitters keep their own light: what they shine with has no noise. Backs are averaged with backs.
     """
     if atlas.noise is None:
         return atlas
-    index, base, _, texels = placed_texels(atlas, source)
+    back = None if atlas.back is None else _denoised(atlas.back, source, -1.0)
+    return replace(_denoised(atlas, source, 1.0), back=back)
+
+
+def _denoised(atlas: Atlas, source: MeshSource, facing: float) -> Atlas:
+    """Denoise one side; facing: 1 for fronts, -1 for backs."""
+    index, base, _, texels = placed_texels(atlas, source, facing)
     if not len(index):
         return replace(atlas, noise=None)
     bases = np.zeros((len(atlas.texels), base.shape[1]), np.float32)
@@ -63,13 +69,16 @@ def divisor(base: np.ndarray) -> np.ndarray:
     return np.maximum(base, np.float32(_LEAST_ALBEDO))
 
 
-def placed_texels(atlas: Atlas, source: MeshSource) -> Placed:
-    """Texels of an atlas with `noise` that are denoised: all that met a surface and do not emit, in any order."""
+def placed_texels(atlas: Atlas, source: MeshSource, facing: float = 1.0) -> Placed:
+    """Texels of an atlas with `noise` that are denoised: all that met a surface and do not emit, in any order.
+
+    facing: 1, or -1 for an atlas of backs.
+    """
     parts = list(texel_bases(atlas, source))
     ends = np.cumsum([len(part.own) for part in parts]).tolist()
     found = _blank(ends[-1] if ends else 0, parts[0].color.shape[1] if parts else 1)
     for part, last in zip(parts, ends, strict=True):
-        _place(atlas, part, source.bounds_world[0], found.between(last - len(part.own), last))
+        _place(atlas, part, (source.bounds_world[0], facing), found.between(last - len(part.own), last))
     return found
 
 
@@ -83,16 +92,15 @@ def _blank(count: int, channels: int) -> Placed:
     return Placed(column(kind=np.int64), column(channels), column(), texels)
 
 
-def _place(atlas: Atlas, part: TexelBases, origin: np.ndarray, out: Placed) -> None:
-    """Write the texels of one batch of an atlas with `noise`; points from `origin` (3,), the surface's corner.
+def _place(atlas: Atlas, part: TexelBases, frame: tuple[np.ndarray, float], out: Placed) -> None:
+    """Write the texels of one batch of an atlas with `noise`; frame: the surface's lower corner (3,), sign of normals.
 
-    From there, single precision tells texels apart far from the world's origin, too.
+    Counted from that corner, single precision tells texels apart far from the world's origin, too.
     """
     batch, own, charts, noise = part.batch, part.own, atlas.charts, atlas.noise
+    origin, facing = frame
     assert noise is not None
-    _, normals = triangle_areas_and_normals(batch.corners_world)
-    if atlas.turned is not None:  # what is on the other side has other light
-        normals = np.where(atlas.turned[batch.first_triangle :][: len(batch), None], -normals, normals)
+    normals = facing * triangle_areas_and_normals(batch.corners_world)[1]
     centres = texel_places(own)[:, 0]
     columns = [0, 2, 3] if part.color.shape[1] > 1 else [0]
 

@@ -70,10 +70,8 @@ class BakePageCache:
         names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
         return {int(name) for name in names if name.isdigit()}
 
-    def load(
-        self, page: int, texels_shape: tuple[int, int], triangles: int
-    ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Texels, float32, of a finished page, and sides (triangles,) int8, or None if it is not there as a whole."""
+    def load(self, page: int, texels_shape: tuple[int, ...], triangles: int) -> tuple[np.ndarray, ...] | None:
+        """Texels, sides with light and shares of a finished page, as saved, or None if it is not there as a whole."""
         path = self._path(page)
         if not path.exists():
             return None
@@ -84,19 +82,21 @@ class BakePageCache:
             with contextlib.suppress(OSError):
                 path.unlink()
             return None
-        wanted = {"texels": (np.float32, texels_shape), "facing": (np.int8, (triangles,))}
+        of_triangles = {"lit": (np.int8, (triangles,)), "back_share": (np.float32, (triangles,))}
+        wanted = {"texels": (np.float32, texels_shape)} | of_triangles
         if {name: (array.dtype, array.shape) for name, array in arrays.items()} != wanted:
             return None
         self.found += 1
-        return arrays["texels"], arrays["facing"]
+        return arrays["texels"], arrays["lit"], arrays["back_share"]
 
-    def save(self, page: int, texels: np.ndarray, facing: np.ndarray) -> None:
-        """Keep a finished page: its texels, and of each of its triangles the side that they hold the light of."""
+    def save(self, page: int, texels: np.ndarray, lit: np.ndarray, back_share: np.ndarray) -> None:
+        """Keep a finished page: texels of both sides, float32, and what `Atlas` says of each of its triangles."""
         if not self._writes:
             return
         try:
             self._folders[-1].mkdir(parents=True, exist_ok=True)  # another process may have ended the same bake
-            write_arrays(self._path(page), {"texels": texels, "facing": facing}, {"page": page}, KIND)
+            arrays = {"texels": texels, "lit": lit, "back_share": back_share}
+            write_arrays(self._path(page), arrays, {"page": page}, KIND)
         except (OSError, PatchNetError) as cause:
             self._give_up(cause)
 

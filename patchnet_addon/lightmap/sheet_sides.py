@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sides of sheets: which one voxels show the light of, decided for a whole sheet (methods 7.2f).
+"""Sides of sheets: which ones get light, and where that is measured (methods 7.2f).
 
-The light that falls on both sides is measured at points spread over the sheet by area. It does not decide alone: a
-ceiling may rightly face a dim room while the sun shines on its top, and a lampshade has its lamp inside. What cameras
-see decides with it.
+The light that falls on both sides is measured at points spread over the sheet by area.
 """
 
 from __future__ import annotations
@@ -12,12 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-# A side with less than this share of the other's light looks black beside it, and no noise of a probe makes it so.
-CLEAR = 2.5
-_SEEN_BEHIND = 0.9  # of the pixels that a sheet is seen in: it is seen from behind alone
 _ENCLOSED = 0.02  # of the other side's light, and of what is usual: nobody is meant to look at that side
-DARK = 1e-3  # of the brightest side: nothing to be seen on either
-BLACK = 1e-6  # of it: no light at all
+_DARK = 1e-3  # of the brightest side: nothing to be seen on either
+_BLACK = 1e-6  # of it: no light at all
 MOST_SHEETS = 512
 _POINTS, _FEWEST, _MOST = 2048, 4, 32  # of all sheets, of one at least and at most
 _STEPS = 0.7548776662466927, 0.5698402909980532  # of points in a triangle: powers of 1 / the plastic number
@@ -31,15 +26,13 @@ class SheetPoints(NamedTuple):
     sheet: np.ndarray
 
 
-def asked_sheets(areas: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Sheets (N,) int64 of S whose light is worth measuring: those that most pixels see from behind, then the largest.
+def asked_sheets(areas: np.ndarray) -> np.ndarray:
+    """Sheets (N,) int64 of S whose light is worth measuring: the largest ones, at most MOST_SHEETS.
 
-    areas: (S,) of what may be shown from either side, 0 for those that are no open sheets. seen: (S, 2) pixels that see
-    the front and the back. At most MOST_SHEETS.
+    areas: (S,), 0 for those that are not measured.
     """
-    order = np.lexsort((-areas, -seen[:, 1]))
-    order = order[areas[order] > 0.0]
-    return order[:MOST_SHEETS]
+    order = np.argsort(-areas, kind="stable")[:MOST_SHEETS]
+    return order[areas[order] > 0.0]
 
 
 def points_on_sheets(asked: np.ndarray, sheet: np.ndarray, areas: np.ndarray) -> SheetPoints:
@@ -66,29 +59,18 @@ def points_on_sheets(asked: np.ndarray, sheet: np.ndarray, areas: np.ndarray) ->
     return SheetPoints(triangles[chosen], folded, np.repeat(asked, count))
 
 
-def turned_sheets(light: np.ndarray, areas: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(N,) bool: sheets whose back is shown.
+def lit_sides(light: np.ndarray, areas: np.ndarray) -> np.ndarray:
+    """(N,) int8, sides of sheets that get light: 1 the front, -1 the back, 0 both.
 
-    light: (N, 2) on front and back, means over the sheet. areas: (N,). seen: (N, 2) pixels of cameras that see them.
-    The back of a sheet is shown that is seen from behind alone and gets CLEAR times the light there; of one that nobody
-    sees, if its front is enclosed: next to no light beside its back's, and beside what other fronts get. Whatever is
-    seen from its front shows that.
+    light: (N, 2) on front and back, means over the sheet. areas: (N,).
+    A side gets none with next to nothing beside the other; a front that gets none has next to nothing beside what other
+    fronts get, too: a lampshade's does not count as dark for the lamp that it hides.
     """
     front, back = light[:, 0], light[:, 1]
     brightest = float(light.max(initial=0.0))
-    lit = back > DARK * brightest
-    total = seen.sum(axis=1)
-    behind = (total > 0) & (seen[:, 1] >= _SEEN_BEHIND * total)
-    usual = _usual(front, areas, BLACK * brightest)
-    enclosed = (front < _ENCLOSED * back) & (front <= _ENCLOSED * usual)
-    result: np.ndarray = lit & np.where(total > 0, behind & (back > CLEAR * front), enclosed)
-    return result
-
-
-def lit_on_both_sides(light: np.ndarray) -> np.ndarray:
-    """(N,) bool: sheets of which neither side is enclosed; light: (N, 2) on front and back."""
-    result: np.ndarray = light.min(axis=1) > _ENCLOSED * light.max(axis=1)
-    return result
+    lit = back > np.maximum(_DARK * brightest, _ENCLOSED * front)
+    enclosed = (front < _ENCLOSED * back) & (front <= _ENCLOSED * _usual(front, areas, _BLACK * brightest))
+    return np.where(lit & enclosed, -1, np.where(lit, 0, 1)).astype(np.int8)
 
 
 def _usual(front: np.ndarray, areas: np.ndarray, black: float) -> float:

@@ -32,18 +32,21 @@ _COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); e
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the rest
 _ALL_FRONT = np.empty(0, np.int8)
 _NO_COLOR = np.empty((0, 3), np.float32)
+_NO_LIGHTS = np.empty((0, 2, 1), np.float32)
 
 
 class _Shading(NamedTuple):
     """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without.
 
     facing: (T,) int8, side that a triangle's light is seen on: 1 front, -1 back, 0 both; (0,) if all are 1.
+    lights: (F, 2, 1 or 4) float32, luminance, and colour, of front and back; (0, 2, 1) if each shows the luminance.
     """
 
     luminance: np.ndarray
     opacity: np.ndarray
     color: np.ndarray
     facing: np.ndarray
+    lights: np.ndarray
 
 
 class _Bricks(NamedTuple):
@@ -51,8 +54,8 @@ class _Bricks(NamedTuple):
 
     table: (a power of two,) int32 hash table of bricks, -1 where empty. keys: (B,) uint64 of the bricks.
     rows: (B * 64,) int32, 1 + row of each cell, 0: none yet. sums: (R * columns,) int64 of the leaves.
-    boxes: (R,) uint32 packed, around what is in each leaf. faces: (R * 6 * channels,) float32, sums of the sides of
-    leaves, see `leaf_sides`; (0,) without.
+    boxes: (R,) uint32 packed, around what is in each leaf. faces: (R * 2 * 6 * channels,) float32, sums of the sides
+    of leaves, see `leaf_sides`; (0,) without.
     used: (2,) int64, how many bricks and leaves there are.
     """
 
@@ -86,7 +89,7 @@ class LeafAccumulator:
     @property
     def _face_numbers(self) -> int:
         """Numbers that a leaf's sides take."""
-        return FACES * (2 if self._columns == _COLUMNS else 4) if self._sides else 0
+        return 2 * FACES * (2 if self._columns == _COLUMNS else 4) if self._sides else 0
 
     def add(
         self,
@@ -95,15 +98,17 @@ class LeafAccumulator:
         opacity: np.ndarray,
         normals: np.ndarray,
         color: np.ndarray | None = None,
+        lights: np.ndarray | None = None,
         *,
         facing: np.ndarray | None = None,
     ) -> None:
         """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
 
-        color: (F, 3) linear, brought to the luminance here; given each time or never. facing: (T,) int8, side that
-        a triangle's light is seen on, see `build_octree`.
+        color: (F, 3) linear, brought to the luminance here; given each time or never, as (F, 0). lights: of both sides,
+        see `ShadingFn`. facing: (T,) int8, side that a triangle's light is seen on, see `build_octree`.
         Fragments with less than 1/255 of opacity leave no trace.
         """
+        color = None if color is not None and color.shape[1] == 0 else color
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
             self._columns = _COLOR_COLUMNS
             sums, faces = np.zeros(_COLOR_COLUMNS << 12, np.int64), np.zeros(self._face_numbers << 12, np.float32)
@@ -113,6 +118,7 @@ class LeafAccumulator:
             np.asarray(opacity, np.float32),
             _NO_COLOR if color is None else np.asarray(color, np.float32),
             _ALL_FRONT if facing is None else facing,
+            _NO_LIGHTS if lights is None else lights,
         )
         boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         first = 0
@@ -149,7 +155,7 @@ class LeafAccumulator:
         _emit(order, self._bricks, self._area_unit, keys, sums, boxes, row)
         sides = None
         if self._sides:
-            faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, FACES, -1)
+            faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, 2, FACES, -1)
             sides = leaf_sides(faces, row, sums, self._area_unit * _AREA_UNITS)
         return keys, sums, unpacked(boxes), sides
 
@@ -214,19 +220,29 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
             facing = shading.facing[triangle[i]] if len(shading.facing) else 1
             normal, light = normals[triangle[i]], (luminance, red, blue)
             if facing >= 0:
-                _add_to_faces(faces, leaf, weight, normal, light, columns)
+                own = _light_of(shading.lights[i, 0]) if len(shading.lights) else light
+                _add_to_faces(faces, 2 * leaf, weight, normal, own, columns)
             if facing <= 0:
-                _add_to_faces(faces, leaf, -weight, normal, light, columns)
+                own = _light_of(shading.lights[i, 1]) if len(shading.lights) else light
+                _add_to_faces(faces, 2 * leaf + 1, -weight, normal, own, columns)
     return len(keys)
 
 
 @device
-def _add_to_faces(faces, leaf, weight, normal, light, columns):  # type: ignore[no-untyped-def]
-    """Add a fragment to the three sides of its leaf that it faces; below 0, `weight` is that of its back."""
+def _light_of(values):  # type: ignore[no-untyped-def]
+    """Luminance, red and blue of a side (1 or 4,)."""
+    luminance = min(max(float(values[0]), -_MAX_LUMINANCE), _MAX_LUMINANCE) if values[0] == values[0] else 0.0
+    red, blue = _red_and_blue(values[1:], luminance) if len(values) > 1 else (0.0, 0.0)
+    return luminance, red, blue
+
+
+@device
+def _add_to_faces(faces, row, weight, normal, light, columns):  # type: ignore[no-untyped-def]
+    """Add a fragment to the three of a row of six faces that it faces; below 0, `weight` is that of its back."""
     channels = 2 if columns == _COLUMNS else 4
     for axis in range(3):
         along = weight * normal[axis] / _AREA_UNITS
-        at = (FACES * leaf + 2 * axis + (1 if along < 0.0 else 0)) * channels
+        at = (FACES * row + 2 * axis + (1 if along < 0.0 else 0)) * channels
         along = abs(along)
         faces[at] += np.float32(along)
         for channel in range(channels - 1):

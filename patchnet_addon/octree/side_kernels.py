@@ -36,26 +36,49 @@ def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
 @lean_device
 def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, that the sides in a row show of a node along a direction."""
-    a, a_weight = _face_along(light.sides, row, np.int64(0), x)
-    b, b_weight = _face_along(light.sides, row, np.int64(2), y)
-    c, c_weight = _face_along(light.sides, row, np.int64(4), z)
+    sides = light.sides
+    backs = _backs_are_seen(sides, row, x, y, z)
+    a, a_weight = _face_along(sides, row, np.int64(0), x, backs)
+    b, b_weight = _face_along(sides, row, np.int64(2), y, backs)
+    c, c_weight = _face_along(sides, row, np.int64(4), z, backs)
     seen = a_weight + b_weight + c_weight
-    rest = _rest(light.sides, row, seen, x, y, z)
+    rest = _rest(sides, row, seen, backs, x, y, z)
     return (rest * np.float32(light.luminance[node]) + a + b + c) / (rest + seen)
 
 
 @lean_device
-def _rest(sides, row, seen, x, y, z):  # type: ignore[no-untyped-def]
-    """Weight of the mean beside what is `seen` of faces along a direction: of what a node leaves open, and a little."""
-    through = np.float32(abs(x) + abs(y) + abs(z)) * np.float32(255) - seen
-    return _LEAST + (through if sides.inner[row] else np.float32(0))
+def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
+    """Whether more of what faces a direction is back than front: of a sheet, a ray sees the one or the other."""
+    total, back = np.float32(0), np.float32(0)
+    for axis in range(3):
+        along = x if axis == 0 else y if axis == 1 else z
+        share = sides.share[row, 2 * axis + (1 if along > 0 else 0)]
+        weight = np.float32(abs(along)) * np.float32(share)
+        total += weight
+        back += weight if share & 1 else np.float32(0)
+    return back + back > total
 
 
 @lean_device
-def _face_along(sides, row, first, along):  # type: ignore[no-untyped-def]
-    """Luminance times weight, and weight, of the one of an axis's two faces that a direction runs against."""
+def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
+    """Weight of the mean beside what is `seen` of faces along a direction: of what a node leaves open, and a little.
+
+    The mean is that of fronts, of which next to none is seen where `backs` are.
+    """
+    through = np.float32(abs(x) + abs(y) + abs(z)) * np.float32(255) - seen
+    return _LEAST + (through if sides.inner[row] and not backs else np.float32(0))
+
+
+@lean_device
+def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def]
+    """Luminance times weight, and weight, of the one of an axis's two faces that a direction runs against.
+
+    backs: faces of backs are seen, else those of fronts; others weigh nothing.
+    """
     face = first + (1 if along > 0 else 0)
-    weight, root = np.float32(abs(along)) * np.float32(sides.share[row, face]), np.float32(sides.light[row, face])
+    share = sides.share[row, face]
+    weight = np.float32(abs(along)) * np.float32(share) if (share & 1 == 1) == backs else np.float32(0)
+    root = np.float32(sides.light[row, face])
     return weight * root * root * _ROOT_SCALE, weight
 
 
@@ -69,13 +92,14 @@ def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
 def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
     """Linear colour that sides show along a direction; mean: the node's colour."""
     red, green, blue, seen = 0.0, 0.0, 0.0, np.float32(0)
+    backs = _backs_are_seen(sides, row, x, y, z)
     for axis in range(3):
         along = x if axis == 0 else y if axis == 1 else z
         face = 2 * axis + (1 if along > 0 else 0)
-        light, weight = _face_along(sides, row, np.int64(2 * axis), along)
+        light, weight = _face_along(sides, row, np.int64(2 * axis), along, backs)
         r, g, b = decode_color(light / LUMINANCE_SCALE, sides.chroma[row, face, 0], sides.chroma[row, face, 1])
         red, green, blue, seen = red + r, green + g, blue + b, seen + weight
-    rest = _rest(sides, row, seen, x, y, z)
+    rest = _rest(sides, row, seen, backs, x, y, z)
     scale = 1.0 / np.float64(rest + seen)
     return (red + rest * mean[0]) * scale, (green + rest * mean[1]) * scale, (blue + rest * mean[2]) * scale
 

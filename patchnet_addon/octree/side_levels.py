@@ -32,8 +32,8 @@ class LeafSides(NamedTuple):
     """Sides of those of a level's leaves whose sides differ; all others show their mean on each.
 
     leaf: (k,) int64, which of the leaves, ascending. light: (k, 6) float32, luminance of what faces each side, before
-    exposure. share: (k, 6) uint16, area that faces it, as seen along its axis, 65535 = a voxel's face. chroma:
-    (k, 6, 2) uint8, or (k, 6, 0) without colour.
+    exposure. share: (k, 6) uint16, area that faces it, as seen along its axis, 65535 = a voxel's face; odd where that
+    is mostly backs of triangles. chroma: (k, 6, 2) uint8, or (k, 6, 0) without colour.
     """
 
     leaf: np.ndarray
@@ -60,7 +60,8 @@ class LevelNodes(NamedTuple):
 class _Faces(NamedTuple):
     """Faces of n nodes: luminance, 65535 = 1, share that is seen, and share that is covered along each axis.
 
-    light, share: (n, 6) uint16. cover: (n, 3) uint16. chroma: (n, 6, 2) uint8, or (n, 6, 0) without colour.
+    light, share: (n, 6) uint16, shares odd where mostly backs are seen. cover: (n, 3) uint16. chroma: (n, 6, 2) uint8,
+    or (n, 6, 0) without colour.
     """
 
     light: np.ndarray
@@ -81,16 +82,18 @@ class SidesOfNodes(NamedTuple):
 def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float) -> LeafSides:
     """Sides of leaves that stand in rows (l,) of `faces`, and have `sums` (l, 5 or 7), as `LeafSums` holds them.
 
-    faces: (R, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area that faces it as seen along its axis, over a
-    voxel's face, and luminance, in colour red and blue, times that. face_world: that face.
+    faces: (R, 2, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area of fronts, and of backs, that face it as
+    seen along its axis, over a voxel's face, and luminance, in colour red and blue, times that. face_world: that face.
     """
+    is_back = _hide_backs(faces)
+    faces = faces[:, 0]
     found = np.empty(len(row), np.bool_)
     _find_different(faces, row, sums, 1.0 / face_world, found)
     leaf = np.flatnonzero(found)
     own = faces[row[leaf]]
     area = own[..., 0]
     light = np.divide(own[..., 1], area, out=np.zeros_like(area), where=area > 0)
-    share = np.clip(np.ceil(area * _UNITS), 0, _UNITS).astype(np.uint16)
+    share = np.clip(2.0 * np.ceil(area * (_UNITS / 2.0)), 0, _UNITS - 1).astype(np.uint16) | is_back[row[leaf]]
     chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 2 else 0), np.uint8)
     if chroma.shape[2]:
         _store_chroma(own, chroma)
@@ -168,11 +171,12 @@ def _differing(level: LevelNodes, here: slice, faces: _Faces, first: int) -> tup
     run_parts(_write_difference, len(difference), faces, level.luminance[here], difference)
     row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
     light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
-    share = faces.share[row].astype(np.float32)
+    share, is_back = faces.share[row].astype(np.float32), faces.share[row] & 1
     is_leaf = (level.mask[here][row] == 0)[:, None]  # a ray meets what is in it, by its box
     share /= np.where(is_leaf, np.maximum(share.max(axis=1, keepdims=True, initial=0.0), 1.0), _UNITS)
     nodes = (row + here.start + first).astype(np.uint32)
-    return difference[row], nodes, light, np.rint(_BYTE * share).astype(np.uint8), faces.chroma[row]
+    share_bytes = np.rint(_BYTE * share).astype(np.uint8) & 254 | is_back.astype(np.uint8)
+    return difference[row], nodes, light, share_bytes, faces.chroma[row]
 
 
 def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> SidesOfNodes:
@@ -181,6 +185,24 @@ def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> Si
         return SidesOfNodes(*sides)
     kept = np.sort(np.argpartition(difference, len(difference) - most)[-most:])
     return SidesOfNodes(*(column[kept] for column in sides))
+
+
+@kernel
+def _hide_backs(faces):  # type: ignore[no-untyped-def]
+    """Add to the fronts that face a side what they leave free of the backs that do; (R, 6) uint16, 1 if most are backs.
+
+    Of a thin solid that is open somewhere, as much back as front faces each side, and lies behind it.
+    """
+    is_back = np.zeros((len(faces), FACES), np.uint16)
+    for leaf in range(len(faces)):
+        for face in range(FACES):
+            front, back = faces[leaf, 0, face], faces[leaf, 1, face]
+            if back[0] > front[0]:
+                free = (back[0] - front[0]) / back[0]
+                is_back[leaf, face] = back[0] - front[0] > front[0]
+                for channel in range(faces.shape[3]):
+                    front[channel] += free * back[channel]
+    return is_back
 
 
 @kernel
@@ -233,7 +255,7 @@ def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
         if mask == 0:
             for axis in range(3):
                 along = normal[node, axis] / NORMAL_SCALE
-                share = min(np.ceil(area[node] * per_face * abs(along) * _UNITS), _UNITS)
+                share = min(2.0 * np.ceil(area[node] * per_face * abs(along) * _UNITS / 2.0), _UNITS - 1.0)
                 faces.cover[node, axis] = share
                 faces.share[node, 2 * axis] = share if along > 0.0 else 0.0
                 faces.share[node, 2 * axis + 1] = share if along < 0.0 else 0.0
@@ -267,7 +289,7 @@ def _cover_axis(children, below, faces, node, axis):  # type: ignore[no-untyped-
 def _show_face(children, below, faces, node, axis, lower):  # type: ignore[no-untyped-def]
     """Write what a face of a node shows of the four columns of its children; lower: it is the lower one of its axis."""
     face = 2 * axis + lower
-    total, light, red, green, blue = 0.0, 0.0, 0.0, 0.0, 0.0
+    total, backs, light, red, green, blue = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     colored = below.chroma.shape[2] > 0
     for octant in range(8):
         if octant >> axis & 1 == lower:
@@ -279,13 +301,14 @@ def _show_face(children, below, faces, node, axis, lower):  # type: ignore[no-un
             weight = free * below.share[child, face]
             free *= 1.0 - below.cover[child, axis] / _UNITS
             total += weight
+            backs += weight if below.share[child, face] & 1 else 0.0
             light += weight * below.light[child, face]
             if colored and weight > 0.0:
                 hue = below.chroma[child, face]
                 r, g, b = decode_color(below.light[child, face] / LUMINANCE_SCALE, hue[0], hue[1])
                 red, green, blue = red + weight * r, green + weight * g, blue + weight * b
     # What is seen at all is kept, however little: only shares to each other count in the end.
-    faces.share[node, face] = min(np.ceil(total / 4.0), _UNITS)
+    faces.share[node, face] = np.uint16(min(2.0 * np.ceil(total / 8.0), _UNITS - 1.0)) | np.uint16(2.0 * backs > total)
     faces.light[node, face] = np.rint(light / total) if total > 0.0 else 0
     if colored:
         scale = 1.0 / total if total > 0.0 else 0.0

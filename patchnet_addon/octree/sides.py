@@ -4,9 +4,10 @@
 A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
 outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and
 how much of that is seen there. Along a direction d a node shows the mean of the three faces that d runs against,
-weighed by that and by |d| on their axis. What of an inner node's faces shows nothing is open: what stands behind it is
-least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes show their
-mean.
+weighed by that and by |d| on their axis. Some faces show fronts of triangles, others backs; a ray sees one side of a
+sheet, so that only the kind counts that weighs more. What of an inner node's faces shows nothing is open: what stands
+behind it is least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes
+show their mean.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ class Sides(NamedTuple):
 
     bits: (ceil(n / 64),) uint64, which nodes have them. ranks: (ceil(n / 64),) uint32, how many have them before those
     of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, of leaves
-    over the largest, 255 = 1. inner: (s,) bool, nodes with children. chroma: (s, 6, 2) uint8 as that of nodes,
-    (0, 6, 2) without colour.
+    over the largest, 255 = 1; odd where that is mostly backs of triangles. inner: (s,) bool, nodes with children.
+    chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2) without colour.
     """
 
     bits: np.ndarray

@@ -127,10 +127,10 @@ class _Share:
             for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
                 if not len(fragments):
                     continue
-                luminance, opacity, *color = self._shade(batch, fragments)
+                luminance, opacity, *more = self._shade(batch, fragments)
                 if self._watch is not None:
                     self._watch(level, batch, fragments, luminance)
-                self._leaves[level].add(fragments, luminance, opacity, normals, *color, facing=facing)
+                self._leaves[level].add(fragments, luminance, opacity, normals, *more, facing=facing)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level; they are let go here."""

@@ -138,10 +138,24 @@ class Fragments:
             outlines = (self.cut_keys, self.corners_voxel)
         return FragmentArrays(self.keys, self.triangle, self.barycentric, self.area_world, *outlines)
 
+    def only(self, chosen: np.ndarray) -> Fragments:
+        """Select fragments at indices (n,)."""
+        return Fragments(
+            self.keys[chosen],
+            self.triangle[chosen],
+            self.barycentric[chosen],
+            self.area_world[chosen],
+            None if self.cut_keys is None else self.cut_keys[chosen],
+            self.corners_voxel,
+            None if self.boxes is None else self.boxes[chosen],
+        )
+
 
 ShadingFn = Callable[[TriangleBatch, Fragments], tuple[np.ndarray, ...]]
 """Luminance (F,) float32, linear before exposure, and opacity (F,) float32 in [0, 1] of fragments; from a shade of
-colour also their linear colour (F, 3) float32, of which only the hue counts: it is brought to that luminance."""
+colour also their linear colour (F, 3) float32, of which only the hue counts: it is brought to that luminance; where
+both sides have light, also that of each, (F, 2, 1) float32 luminance, or (F, 2, 4) with colour, beside (F, 0) or the
+mean colour."""
 
 
 @dataclass(frozen=True, eq=False)

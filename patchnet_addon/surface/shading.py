@@ -90,23 +90,11 @@ def opacity_shade(source: MeshSource) -> ShadingFn:
         opacity = table.materials.opacity[materials].astype(np.float32)
         chosen = np.flatnonzero(cut_out[materials])
         if len(chosen):
-            part = _only(fragments, chosen)
+            part = fragments.only(chosen)
             opacity[chosen] = surface_of_fragments(table, batch, part)[1]
         return np.zeros(len(fragments), np.float32), opacity
 
     return shade
-
-
-def _only(fragments: Fragments, chosen: np.ndarray) -> Fragments:
-    """Fragments at indices (n,)."""
-    return Fragments(
-        fragments.keys[chosen],
-        fragments.triangle[chosen],
-        fragments.barycentric[chosen],
-        fragments.area_world[chosen],
-        None if fragments.cut_keys is None else fragments.cut_keys[chosen],
-        fragments.corners_voxel,
-    )
 
 
 def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share: float) -> ShadingFn:
@@ -119,9 +107,9 @@ def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share:
     plane_world = low + share * (high - low)
 
     def bisected(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        luminance, opacity, *color = shade(batch, fragments)
+        luminance, opacity, *more = shade(batch, fragments)
         beyond = _centroids(batch, fragments, axis) > plane_world
-        return (luminance, np.where(beyond, np.float32(0.0), opacity), *color)
+        return (luminance, np.where(beyond, np.float32(0.0), opacity), *more)
 
     return bisected
 

@@ -14,7 +14,7 @@ from patchnet.operators.scene_access.devices import gpu_is_enabled
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
-from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
+from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners, triangle_means
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import at_points
@@ -52,10 +52,10 @@ def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return item
 
 
-def baked(texel_world: float = 0.25, samples: int = 16, both_sides: bool = False) -> tuple[SceneMesh, Atlas]:
+def baked(texel_world: float = 0.25, samples: int = 16, sides: str = "six") -> tuple[SceneMesh, Atlas]:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=samples, both_sides=both_sides, color=False)
+    light = LightSettings(samples=samples, sides=sides, color=False)
     return source, drain(bake_luminance(bpy.context, source, texel_world, light))
 
 
@@ -69,7 +69,7 @@ def shaded(source: SceneMesh, atlas: Atlas, grid: int = 6) -> dict[str, np.ndarr
     result: dict[str, list[np.ndarray]] = {}
     for batch in source.batches():
         for triangle in range(len(batch)):
-            values, _ = shade(batch, at_points(triangle, points))
+            values, *_ = shade(batch, at_points(triangle, points))
             result.setdefault(names[batch.first_triangle + triangle], []).append(values)
     return {name: np.array(values) for name, values in result.items()}
 
@@ -89,38 +89,46 @@ def test_closed_box_under_the_sun_is_lambertian() -> None:
     np.testing.assert_allclose(values, np.broadcast_to(expected[:, None], values.shape), atol=1e-3)
 
 
-# Sun from below, whether both sides are wanted and the material culls, and what sheets that face up and down show.
+# Sun from below, whether the material culls, sides of voxels, and light on front and back of sheets that face up and
+# down, None where that is not baked; the luminance of both is the first that is there.
 SHEETS = {
-    "a dark side does not count, even if it is the front": (0.0, False, False, 3.0, 3.0),
-    "mean of two lit sides": (1.0, True, False, 2.0, 2.0),
-    "fronts": (1.0, False, False, 3.0, 1.0),
-    "fronts of a material that culls": (1.0, True, True, 3.0, 1.0),
-    "a dark front of a material that culls": (0.0, True, True, 3.0, 3.0),
-    "next to no light is that of the inside of a building": (0.003, False, False, 3.0, 3.0),
-    "shade is shade": (0.3, False, False, 3.0, 0.3),
+    "a dark side is not baked, even if it is the front": (0.0, False, "six", (3.0, None), (None, 3.0)),
+    "both sides": (1.0, False, "six", (3.0, 1.0), (1.0, 3.0)),
+    "shade is shade": (0.3, False, "six", (3.0, 0.3), (0.3, 3.0)),
+    "next to no light is that of the inside of a building": (0.003, False, "six", (3.0, None), (None, 3.0)),
+    "voxels without sides": (1.0, False, "one", (3.0, None), (1.0, None)),
+    "Cycles culls nothing": (1.0, True, "six", (3.0, 1.0), (1.0, 3.0)),
+    "a dark front of a material that culls": (0.0, True, "six", (3.0, None), (None, 3.0)),
 }
 
 
 @pytest.mark.parametrize("case", SHEETS)
 def test_sides_of_sheets(case: str) -> None:
-    below, both_sides, culls, up, down = SHEETS[case]
+    below, culls, sides, up, down = SHEETS[case]
     paint = diffuse()
     paint.use_backface_culling = culls
     sun(3.0), sun(below, (np.pi, 0.0, 0.0))
     for index, name in enumerate(("Up", "Down")):
         square(name, paint, up=name == "Up").location = (10 * index, 0, 0)
-    values = shaded(*baked(both_sides=both_sides))
-    assert values["Up"].mean() == pytest.approx(up * 0.5 / np.pi, rel=1e-3)
-    assert values["Down"].mean() == pytest.approx(down * 0.5 / np.pi, rel=1e-3)
+    source, atlas = baked(sides=sides)
+    values, names = shaded(source, atlas), [name for part in source.parts for name in part.objects for _ in (0, 1)]
+    for name, wanted in (("Up", up), ("Down", down)):
+        triangles = [index for index, owner in enumerate(names) if owner == name]
+        for side, light in zip((atlas, atlas.back), wanted, strict=True):
+            found = 0.0 if side is None else triangle_means(atlas.charts, side.texels, np.array(triangles))[:, 0].mean()
+            assert found == pytest.approx((light or 0.0) * 0.5 / np.pi, rel=1e-3)
+        assert values[name].mean() == pytest.approx((wanted[0] or wanted[1]) * 0.5 / np.pi, rel=1e-3)
 
 
 def test_closed_boxes_that_are_lit_from_inside() -> None:
-    """The inner side counts where nothing shines outside. A sheet beside it keeps the mean of its sides."""
+    """The inner side counts where nothing shines outside. A translucent sheet beside it has the mean of its
+    sides."""
     cube(diffuse((0.5, 0.5, 0.5)))
     lamp("POINT", 40.0, (0.0, 0.0, 0.0), shadow_soft_size=0.01)
     cube(diffuse((0.5, 0.5, 0.5))).location.x = 20
     paint = diffuse((0.0, 0.0, 0.0))
     tree = paint.node_tree
+    tree.nodes.new("ShaderNodeBsdfTranslucent")
     strength = tree.nodes.new("ShaderNodeMath")
     strength.operation = "MULTIPLY_ADD"
     strength.inputs[1].default_value, strength.inputs[2].default_value = 0.4, 0.4
@@ -129,7 +137,7 @@ def test_closed_boxes_that_are_lit_from_inside() -> None:
     sheet = square("Sheet", paint)
     sheet.location.x, sheet.scale = 20, (0.5, 0.5, 0.5)
     bpy.context.scene.cycles.diffuse_bounces = 0
-    values = shaded(*baked(0.25, 64, both_sides=True))
+    values = shaded(*baked(0.25, 64))
     # The lamp's 40 W fall on 24 square metres.
     assert values["Cube"].mean() == pytest.approx(40.0 / 24.0 * 0.5 / np.pi, rel=0.02)
     assert values["Cube.001"].min() > 0.0
@@ -306,6 +314,6 @@ def test_textures_and_unselected_occluders() -> None:
         corners = batch.corners_world[triangle]
         world = corners[0] + points @ (corners[1:] - corners[0])
         expected = np.where((world[:, 0] > 0) & (world[:, 1] < 0), 3.0 * 0.8 / np.pi, 0.0)
-        values, _ = shade(batch, at_points(triangle, points))
+        values, *_ = shade(batch, at_points(triangle, points))
         clear = (np.abs(world[:, :2]) > 0.15).all(axis=1)
         np.testing.assert_allclose(values[clear], expected[clear], atol=2e-3)

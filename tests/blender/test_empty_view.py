@@ -119,7 +119,7 @@ BLACK = {
         "the material 'Coal' of 'Plate' is black without its gloss; choose Gloss",
     ),
     "attribute": (missing_attribute, False, "material 'Coal' of 'Plate' is black"),
-    "other side": (grey, True, "light falls on the other side of 'Plate'; flip its normals"),
+    "other side": (grey, True, "light falls on the other side of 'Plate' alone"),
 }  # fmt: skip
 
 

@@ -290,9 +290,9 @@ def test_sentences_of_a_window_have_no_flags() -> None:
         texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in docs]
         found += [(path.name, text) for text in texts if isinstance(text, str) and re.search(r"(^|[ (])--[a-z]", text)]
     assert found == []
-    said = with_flags("Choose Gloss: From Camera, bake with Both Sides: On, or Denoise: Off (Network On)")
+    said = with_flags("Choose Gloss: From Camera, bake with Sides: One, or Denoise: Off (Network On)")
     assert said == (
-        "Choose Gloss: From Camera (--gloss camera), bake with Both Sides: On (--both-sides), or Denoise: Off "
+        "Choose Gloss: From Camera (--gloss camera), bake with Sides: One (--sides one), or Denoise: Off "
         "(--no-denoise) (Network On, --device)"
     )
     assert list(named_settings("choose Strategy: PatchNet Plus, one ray")) == ["Strategy: PatchNet Plus, one ray"]

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "fit": True, "memory_bytes": 2**30, "light": "two-lights",
-    "samples": 3, "texel_voxels": 1.0, "both_sides": True, "exposure": 2.0, "color": False, "weights": Path("other"),
+    "samples": 3, "texel_voxels": 1.0, "exposure": 2.0, "color": False, "weights": Path("other"),
     "gloss": "off", "denoise": False, "sides": "one",
 }  # fmt: skip
 
@@ -122,7 +122,7 @@ def test_settings_that_do_not_count_make_nothing_stale() -> None:
     values = bpy.context.scene.patchnet
     values.light = "two-lights"
     before = recorded(values, LIGHT)
-    values.samples, values.both_sides, values.device = 99, True, "CPU"
+    values.samples, values.device = 99, "CPU"
     assert recorded(values, LIGHT) == before
     values.light = "cycles"
     assert recorded(values, LIGHT) != before and "device" not in recorded(values, LIGHT)

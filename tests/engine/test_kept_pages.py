@@ -12,23 +12,24 @@ from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache, tidy
 
 
 def test_pages_stay_until_their_bake_ends(tmp_path: Path) -> None:
-    texels, facing = np.random.default_rng(0).random((16, 2), np.float32), np.array([1, 0, -1], np.int8)
+    texels = np.random.default_rng(0).random((2, 16, 2), np.float32)
+    page = texels, np.array([1, 0, -1], np.int8), np.array([0.0, 0.5, 1.0], np.float32)
     with pytest.raises(ZeroDivisionError), BakePageCache(tmp_path) as kept:
         kept.open("nothing finished")
         kept.open("one")
-        kept.save(3, texels, facing)
+        kept.save(3, *page)
         raise ZeroDivisionError
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
     with BakePageCache(tmp_path) as kept:
         kept.open("other")
-        assert kept.pages() == set() and kept.load(3, (16, 2), 3) is None
+        assert kept.pages() == set() and kept.load(3, (2, 16, 2), 3) is None
         kept.open("one")
         assert kept.pages() == {3}
-        found = kept.load(3, (16, 2), 3)
+        found = kept.load(3, (2, 16, 2), 3)
         assert found is not None
-        for array, wanted in zip(found, (texels, facing), strict=True):
+        for array, wanted in zip(found, page, strict=True):
             np.testing.assert_array_equal(array, wanted)
-        assert all(kept.load(*wrong) is None for wrong in ((3, (64, 2), 3), (3, (16, 2), 4), (4, (16, 2), 3)))
+        assert all(kept.load(*wrong) is None for wrong in ((3, (2, 64, 2), 3), (3, (2, 16, 2), 4), (4, (2, 16, 2), 3)))
     assert list(tmp_path.iterdir()) == []
 
 

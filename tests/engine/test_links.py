@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
 ON_THE_SITE = 4  # levels of headings that links may name: `myst_heading_anchors` of conf.py
 FENCED = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2 *$", re.MULTILINE | re.DOTALL)
 FRONT_ENDS = "## For developers"  # as docs/index.md says
@@ -72,7 +72,7 @@ def fault(page: Path, target: str) -> str:
         return "" if 0 < int(line[1]) <= lines else f"{target}: {path} has {lines} lines"
     if file.suffix != ".md":
         return f"{target}: {path} has no headings"
-    there = anchors(file, on_the_site=page.parent == DOCS)
+    there = anchors(file, on_the_site=page.is_relative_to(DOCS))
     return "" if anchor in there else f"{target}: {file.name} has no heading #{anchor}"
 
 
@@ -104,7 +104,8 @@ def test_navigation_has_every_page_and_no_other() -> None:
     assert f'end-before: "{FRONT_ENDS}"' in index
     blocks = re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
     listed = [line for block in blocks for line in block.split("\n") if line and not line.startswith(":")]
-    assert sorted(listed) == sorted(page.stem for page in DOCS.glob("*.md") if page.stem != "index")
+    pages = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES[2:]}
+    assert sorted(listed) == sorted(pages - {"index"})
     levels = re.search(r"^myst_heading_anchors = (\d)$", (DOCS / "conf.py").read_text(encoding="utf-8"), re.MULTILINE)
     assert levels and int(levels[1]) == ON_THE_SITE
 
@@ -119,15 +120,15 @@ def test_files_that_pages_name_are_there(page: Path) -> None:
 
 
 def test_pages_that_code_names_are_there() -> None:
-    named = {(name, path) for path in SOURCES for name in re.findall(r"\bdocs/[\w-]+\.md\b", path.read_text("utf-8"))}
+    named = {(name, path) for path in SOURCES for name in re.findall(r"\bdocs/[\w/-]+\.md\b", path.read_text("utf-8"))}
     assert len(named) > 5
     assert [f"{path}: {name}" for name, path in sorted(named) if not (ROOT / name).exists()] == []
 
 
 def sections() -> set[str]:
-    """Numbers of what docs/methods.md defines: headings, and the items below them that begin with a number."""
+    """Numbers of what docs/lab/methods.md defines: headings, and the items below them that begin with a number."""
     found, section = set(), ""
-    for line in (DOCS / "methods.md").read_text(encoding="utf-8").splitlines():
+    for line in (DOCS / "lab" / "methods.md").read_text(encoding="utf-8").splitlines():
         if heading := re.match(r"#+ (\d+)((?:\.\d+)?[a-z]?)\b", line):
             section = heading[1]
             found.add("".join(heading.groups()))

@@ -10,7 +10,6 @@ from patchnet.patchnet_addon.octree.exposure import quantile_exposure
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.surface.connected import closed_pieces
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import TextureTable, cut_coverage
@@ -196,25 +195,6 @@ def test_mip_chains_keep_the_mean_and_are_shared() -> None:
     for offset, height, width in chains.levels:
         part = chains.texels[offset : offset + height * width]
         assert part[:, 0].mean() == pytest.approx(mean, rel=1e-5)
-
-
-def test_closed_pieces() -> None:
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [(a, *edge) for a, b, c, d in quads for edge in ((b, c), (c, d))]
-    box = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
-    triangles = np.array(faces, np.int32)
-    assert (closed_pieces(box, triangles) == 0).all()
-    soup = box[triangles].reshape(-1, 3)  # every corner a vertex of its own
-    apart = np.arange(36, dtype=np.int32).reshape(-1, 3)
-    assert (closed_pieces(soup, apart) == 0).all()
-    assert (closed_pieces(box, triangles[:-1]) == -1).all(), "a gap opens the piece"
-    flipped = triangles.copy()
-    flipped[3] = flipped[3, ::-1]
-    assert (closed_pieces(box, flipped) == -1).all(), "sides must agree"
-    two = np.concatenate([soup, soup[:33] + 5]), np.concatenate([apart, apart[:11] + 36])
-    assert closed_pieces(*two).tolist() == [0] * 12 + [-1] * 11
-    point = np.concatenate([triangles, [[0, 0, 1]]]).astype(np.int32)
-    assert closed_pieces(box, point).tolist() == [0] * 12 + [-1]
 
 
 def test_exposure() -> None:

@@ -1,65 +1,40 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which side of a sheet is shown, by light and cameras, and where the light of it is measured."""
+"""Which sides of sheets get light, and where that is measured."""
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.sheet_sides import (
-    CLEAR,
-    MOST_SHEETS,
-    asked_sheets,
-    points_on_sheets,
-    turned_sheets,
-)
-
-FRONT, BACK, BOTH, NOBODY = (100, 0), (5, 95), (50, 50), (0, 0)
+from patchnet.patchnet_addon.lightmap.sheet_sides import MOST_SHEETS, asked_sheets, lit_sides, points_on_sheets
 
 
 @pytest.mark.parametrize(
-    ("front", "back", "seen", "turned"),
+    ("front", "back", "lit"),
     [
-        (0.1, 1.0, BACK, True),  # ground that faces down, under the sun
-        (0.1, 1.0, FRONT, False),  # ceiling of a dim room, the sun on its top; lampshade seen from outside
-        (0.1, 1.0, BOTH, False),
-        (0.1, 1.0, NOBODY, False),
-        (0.5, 1.0, BACK, False),  # less than CLEAR
-        (1.0, 0.1, BACK, False),  # too bright, not black
-        (0.0, 1.0, BACK, True),
-        (0.0, 1.0, FRONT, False),  # a black front that is seen is black
-        (0.0, 1.0, NOBODY, True),  # enclosed
-        (0.019, 1.0, NOBODY, True),
-        (0.021, 1.0, NOBODY, False),
-        (0.0, 1e-4, BACK, False),  # dark on both sides
+        (1.0, 1.0, 0),
+        (0.1, 1.0, 0),  # ceiling of a dim room, the sun on its top
+        (1.0, 0.021, 0),
+        (1.0, 0.019, 1),  # a building's wall, dark inside
+        (0.019, 1.0, -1),  # the same, with normals into the building
+        (0.0, 1.0, -1),
+        (0.0, 1e-4, 1),  # dark on both sides
+        (0.0, 0.0, 1),
     ],
 )
-def test_one_sheet_among_others_in_light(front: float, back: float, seen: tuple[int, int], turned: bool) -> None:
+def test_one_sheet_among_others_in_light(front: float, back: float, lit: int) -> None:
     light = np.array([(1.0, 0.8), (front, back), (1.2, 0.0)])
-    found = turned_sheets(light, np.array([4.0, 1.0, 4.0]), np.array([FRONT, seen, FRONT]))
-    assert found.tolist() == [False, turned, False]
+    assert lit_sides(light, np.array([4.0, 1.0, 4.0])).tolist() == [0, lit, 1]
 
 
-def test_a_sunlit_back_turns_no_unseen_sheet_whose_front_is_as_bright_as_others() -> None:
-    """A room of sheets under the sun: what nobody looks at just now shows the room, too."""
+def test_a_front_as_bright_as_others_is_lit_whatever_falls_on_its_back() -> None:
     light = np.array([(0.01, 1.0), (0.012, 1.0), (0.011, 0.9)])
-    assert not turned_sheets(light, np.ones(3), np.zeros((3, 2), int)).any()
+    assert lit_sides(light, np.ones(3)).tolist() == [0, 0, 0]
     light[1, 0] = 1e-4
-    assert turned_sheets(light, np.ones(3), np.zeros((3, 2), int)).tolist() == [False, True, False]
+    assert lit_sides(light, np.ones(3)).tolist() == [0, -1, 0]
 
 
-def test_the_threshold_is_of_the_light_that_falls_in_front() -> None:
-    light = np.array([(1.0, 0.99 * CLEAR), (1.0, 1.01 * CLEAR)])
-    assert turned_sheets(light, np.ones(2), np.array([BACK, BACK])).tolist() == [False, True]
-
-
-def test_without_light_nothing_turns() -> None:
-    assert not turned_sheets(np.zeros((2, 2)), np.ones(2), np.array([BACK, NOBODY])).any()
-
-
-def test_sheets_seen_from_behind_are_asked_first_then_large_ones() -> None:
-    areas = np.array([5.0, 1.0, 0.0, 9.0, 2.0])
-    seen = np.array([(9, 0), (0, 3), (0, 8), (0, 0), (1, 1)])
-    assert asked_sheets(areas, seen).tolist() == [1, 4, 3, 0]
-    assert len(asked_sheets(np.ones(2 * MOST_SHEETS), np.zeros((2 * MOST_SHEETS, 2), int))) == MOST_SHEETS
+def test_large_sheets_are_asked() -> None:
+    assert asked_sheets(np.array([5.0, 1.0, 0.0, 9.0, 2.0])).tolist() == [3, 0, 4, 1]
+    assert len(asked_sheets(np.ones(2 * MOST_SHEETS))) == MOST_SHEETS
 
 
 def test_points_follow_area_and_lie_in_their_triangles() -> None:

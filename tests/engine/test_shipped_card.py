@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.network.weights import default_weights_path, load_w
 from patchnet.training.settings import PRESETS, SAMPLES, SHIPPED_PASSES, SHIPPED_WIDTH, VIEWS, TrainSettings
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "training.md").read_text()
+PAGE = (ROOT / "docs" / "lab" / "training.md").read_text()
 SCRIPT = (ROOT / "training" / "shipped_weights.sh").read_text()
 CARD = default_weights_path().with_name("model_card.md").read_text()
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.surface.connected import closed_pieces
+from patchnet.patchnet_addon.surface.connected import sheets_of
 from patchnet.patchnet_addon.surface.tubes import sphere_triangles, spheres, tube_triangles, tubes
 
 
@@ -25,8 +25,8 @@ def test_tubes(sides: int) -> None:
     first = np.array([0, 2, 7, 16])
     made = tubes(points, radii, first, sides)
     assert len(made.triangles) == tube_triangles(16, 3, sides)
-    pieces = closed_pieces(made.vertices, made.triangles)
-    assert len(np.unique(pieces[pieces >= 0])) == 3 and (pieces < 0).sum() <= 2 * sides, "the tip has no area"
+    sheet, is_open = sheets_of(made.vertices, made.triangles)
+    assert not is_open.any() and len(is_open) == 3 and (sheet < 0).sum() <= 2 * sides, "the tip has no area"
     distances = np.linalg.norm(made.vertices - points[made.points], axis=1)
     np.testing.assert_allclose(distances, radii[made.points] * np.pi / (sides * np.sin(np.pi / sides)), rtol=1e-4)
     straight = made.triangles[(made.points[made.triangles] < 2).all(axis=1)]
@@ -40,7 +40,7 @@ def test_spheres(divisions: int) -> None:
     points = np.array([(0, 0, 0), (3, 1, 2)], np.float32)
     made = spheres(points, np.array([1.0, 0.5], np.float32), divisions)
     assert len(made.triangles) == sphere_triangles(2, divisions)
-    assert len(np.unique(closed_pieces(made.vertices, made.triangles))) == 2
+    assert sheets_of(made.vertices, made.triangles)[1].tolist() == [False, False]
     volume, area = volume_and_area(made.vertices[made.triangles].astype(np.float64))
     assert volume > 0.0 and area == pytest.approx(4.0 * np.pi * 1.25, rel=1e-4)
     outwards = made.vertices[made.triangles] - points[made.points[made.triangles]]

@@ -18,11 +18,14 @@ def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) ->
             continue
         faces = [2 * axis + int(way[axis] > 0) for axis in range(3)]
         weight = np.abs(way) * octree.side_share[row, faces] / 255.0
+        is_back = octree.side_share[row, faces] % 2 == 1
+        backs = weight[is_back].sum() > weight[~is_back].sum()
+        weight[is_back != backs] = 0.0
         light = (octree.side_light[row, faces] / 255.0) ** 2
         shown = np.repeat(light[:, None], 3, axis=1)
         if octree.side_chroma is not None:
             shown = decoded_colors(light, octree.side_chroma[row, faces])
-        rest = 1.0 / 255.0 + (np.abs(way).sum() - weight.sum() if octree.child_mask[node] else 0.0)
+        rest = 1.0 / 255.0 + (np.abs(way).sum() - weight.sum() if octree.child_mask[node] and not backs else 0.0)
         colors[i] = (rest * colors[i] + weight @ shown) / (rest + weight.sum())
     return colors
 
@@ -36,19 +39,20 @@ def luminance_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarra
     return np.asarray(colors @ REC709.astype(np.float64), np.float32).reshape(nodes.shape)
 
 
-def composed_reference(children: list[int], axis: int, lower: bool, light, share, cover) -> tuple[float, float]:
-    """Luminance and share that a face of a node shows of its eight children, -1 for none.
+def composed_reference(children: list[int], face: int, light, share, cover) -> tuple[float, float, bool]:
+    """Luminance and share that a face of a node shows of its eight children, -1 for none, and whether most are backs.
 
-    light, share: (c, 6) of children. cover: (c, 3). All in [0, 1].
+    light: (c, 6) of children, in [0, 1]. share: (c, 6) uint16, odd for backs. cover: (c, 3) in [0, 1].
     """
-    face, total, seen = 2 * axis + int(lower), 0.0, 0.0
+    axis, seen = face // 2, []
     for octant in range(8):
-        if (octant >> axis & 1 == 0) != lower:
+        if (octant >> axis & 1 == 0) != bool(face & 1):
             continue
         free = 1.0
         for child in (children[octant], children[octant ^ 1 << axis]):
             if child >= 0:
-                total += free * share[child, face]
-                seen += free * share[child, face] * light[child, face]
+                seen.append((free * share[child, face] / 65535.0, light[child, face], share[child, face] % 2))
                 free *= 1.0 - cover[child, axis]
-    return (seen / total if total else 0.0), total / 4.0
+    weight, values, backs = np.array(seen, np.float64).reshape(-1, 3).T
+    total = weight.sum()
+    return (weight @ values / total if total else 0.0), total / 4.0, bool(2.0 * weight @ backs > total)

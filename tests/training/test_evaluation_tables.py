@@ -18,7 +18,7 @@ from patchnet.training.evaluation.tables import (  # noqa: E402
     markdown_of,
 )
 
-DOCS = Path(__file__).parents[2] / "docs"
+LAB = Path(__file__).parents[2] / "docs" / "lab"
 
 
 def scene(error: float, slow_ms: float) -> dict:
@@ -55,9 +55,9 @@ def cells_of(text: str) -> list[list[str]]:
 
 
 def test_tables_are_those_of_the_documentation() -> None:
-    scenes = json.loads((DOCS / "results-cycles.json").read_text())["scenes"]
+    scenes = json.loads((LAB / "results-cycles.json").read_text())["scenes"]
     text = markdown_of(cycles_tables(scenes))
-    chapter = (DOCS / "results.md").read_text().split("### Against Cycles")[1].split("###")[0]
+    chapter = (LAB / "results.md").read_text().split("### Against Cycles")[1].split("###")[0]
     ours, theirs = cells_of(text), cells_of(chapter)
     assert len(ours) == len(theirs) == len(scenes) == 10
     for row, wanted in zip(ours, theirs, strict=True):

@@ -163,7 +163,7 @@ HEAD = "# Credits of a scene composed by patchnet lab furnish"
 _USES = {
     TRAIN: "This scene may be used for training.",
     TEST: "This scene is for testing only: nothing is trained on it.",
-    FREE: "Its libraries are not of the policy of docs/furnished-scenes.md: use it as their licences allow.",
+    FREE: "Its libraries are not of the policy of docs/lab/furnished-scenes.md: use it as their licences allow.",
 }
 
 

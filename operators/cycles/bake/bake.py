@@ -6,16 +6,17 @@ surface by far less than a voxel and invisible to all rays, so that it neither s
 computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
 pages the scene is exactly as before, and so is a file that is saved meanwhile.
 
-Opaque surfaces are baked on the side that their normals show; a sheet is baked on the other one, as a whole, where
-light and cameras say so (`two_sided_surfaces`). Both sides count of cut-outs and of what is translucent, and of all
-sheets if asked for; not of closed surfaces, whose inner side is never seen. A side that gets next to no light beside
-the other does not count: it is enclosed, although the surface has a gap.
+Sheets are baked on each side that gets light (`two_sided_surfaces`), closed surfaces on the one that their normals
+show, unless light falls on the inner side, too. Where voxels hold one luminance, it is that of the normals' side; of
+cut-outs and of what is translucent it is the mean of both, of which a dark one does not count: it is enclosed, although
+the surface has a gap.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -40,7 +41,7 @@ from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
 from .gloss_passes import place_of_view
 from .side_probe import black_views
-from .two_sided_surfaces import sides_of_sheets
+from .two_sided_surfaces import plan_sides
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.atlas import Atlas
@@ -85,37 +86,42 @@ def bake_luminance(
     texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
     MAX_TEXELS.
     light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
-    (`Atlas.texels`); with `both_sides` those of opaque sheets are lit; `gloss` says whose reflections are baked; with
-    `daylight` sun and sky of ours shine in place of the scene's world.
+    (`Atlas.texels`); without sides, opaque sheets are baked on one side; `gloss` says whose reflections are baked;
+    with `daylight` sun and sky of ours shine in place of the scene's world.
     device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
     kept: finished pages are taken from there and left there.
-    cameras: those that look at the surface: what they see says which side of a sheet is shown (methods 7.2f).
+    cameras: those that look at the surface: closed ones that they see from within may be lit there (methods 7.2f).
     Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
     """
-    from ....patchnet_addon.lightmap.atlas import Atlas
     from ....patchnet_addon.lightmap.charts import layout_charts
 
     side = page_side(source.triangle_count)
     laid_out = partial(layout_charts, source, texel_world, samples=light.samples, max_texels=MAX_TEXELS, page_side=side)
     charts = yield from run_in_worker(laid_out, Progress(0, 1, "Laying out charts"))
     lift = lift_world(source, charts)
-    sides = yield from sides_of_sheets(context, source, cameras, light, lift)
-    turned = sides.turned if sides.turned.any() else None
-    switches: tuple[object, ...] = (light.color, light.both_sides, light.denoise, bakes_on_gpu(context, device))
-    switches += (bool(light.daylight), light.gloss, place_of_view(context.scene, light))
-    switches += () if turned is None else (np.packbits(turned).tobytes(),)
-    baker = Baker(context, source, charts, light, seed=seed, device=device, turned=turned)
+    plan = yield from plan_sides(context, source, cameras, light, lift)
+    switches: tuple[object, ...] = (light.color, light.denoise, bakes_on_gpu(context, device), bool(light.daylight))
+    switches += light.gloss, place_of_view(context.scene, light), plan.facing.tobytes()
+    baker = Baker(context, source, charts, light, plan, seed=seed, device=device)
     key = "" if kept is None else bake_key(kept.scene, source, charts, light.samples, seed, switches)
-    texels = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
-    warnings, notes = (*baker.warnings, *_coarse(charts), *sides.warnings), dict(sides.notes)
-    noise, lit = (texels[:, -1], texels[:, :-1]) if light.denoise else (None, texels)
-    atlas = Atlas(
-        charts, lit, light.samples, warnings, noise=noise, spread=BAKE_SPREAD, notes=notes, turned=turned,
-        facing=np.where(sides.both, np.int8(0), baker.facing),
-    )  # fmt: skip
-    if black := (yield from black_views(context, source, atlas, sides.sight, light, lift)):
-        notes[BLACK_VIEWS] = black
+    sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
+    front, back = (_atlas(charts, texels, light) for texels in sides)
+    atlas = replace(front, warnings=(*baker.warnings, *_coarse(charts)))
+    if (baker.lit <= 0).any():
+        unlit = (plan.facing < 0) & (plan.pieces < 0)  # on the front, which is what normals say is seen
+        facing = np.where(unlit, np.int8(0), baker.lit)
+        atlas = replace(atlas, back=back, lit=baker.lit, facing=facing, back_share=baker.back_share)
+    if black := (yield from black_views(context, source, atlas, plan.sight, light, lift)):
+        atlas.notes[BLACK_VIEWS] = black
     return atlas
+
+
+def _atlas(charts: Charts, texels: np.ndarray, light: LightSettings) -> Atlas:
+    """Atlas of one side."""
+    from ....patchnet_addon.lightmap.atlas import Atlas
+
+    noise, lit = (texels[:, -1], texels[:, :-1]) if light.denoise else (None, texels)
+    return Atlas(charts, lit, light.samples, noise=noise, spread=BAKE_SPREAD)
 
 
 def bake_key(
@@ -143,10 +149,10 @@ def _devices() -> tuple[str, ...]:
     return tuple(str(device[:2]) for device in _cycles.available_devices("NONE"))
 
 
-def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[np.ndarray]:
-    """Texels (pages * side * side, C) of all pages; those that are kept under the key are taken from there."""
+def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[tuple[np.ndarray, ...]]:
+    """Texels (pages * side * side, C) of fronts and backs; pages that are kept under the key are taken from there."""
     count, channels = charts.page_side**2, baker.channels
-    pages = np.zeros((charts.page_count, count, channels), np.float32)
+    sides = tuple(np.zeros((charts.page_count, count, channels), np.float32) for _ in range(2))
     if kept is not None:
         yield Progress(0, 1, "Looking for finished pages")
         kept.open(key)
@@ -154,16 +160,19 @@ def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
         mine = charts.page == page
-        finished = kept.load(page, (count, channels), int(mine.sum())) if kept is not None else None
+        finished = kept.load(page, (2, count, channels), int(mine.sum())) if kept is not None else None
         if finished is not None:
-            pages[page], baker.facing[mine] = finished
-            continue
-        pages[page] = yield from baker.page(page)
-        check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
-        if kept is not None:
-            kept.save(page, pages[page], baker.facing[mine])
+            texels, baker.lit[mine], baker.back_share[mine] = finished
+        else:
+            texels = np.stack((yield from baker.page(page)))
+            check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
+            if kept is not None:
+                kept.save(page, texels, baker.lit[mine], baker.back_share[mine])
+        for side, of_page in zip(sides, texels, strict=True):
+            if of_page.any():  # else its memory is not touched
+                side[page] = of_page
     yield Progress(charts.page_count, charts.page_count, "Baking light")
-    return pages.reshape(-1, channels)
+    return tuple(side.reshape(-1, channels) for side in sides)
 
 
 def page_side(triangle_count: int) -> int:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles bake of one page of charts: the setup around the call, and the merge of a surface's two sides."""
+"""Cycles bake of one page of charts: the setup around the call, and what becomes of a surface's two sides."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cached_property
 from typing import NamedTuple
 
 import bpy
@@ -31,11 +30,12 @@ from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_object,
 from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
 from .object_data import attributes_needed, lost_inputs
 from .one_sided import materials_that, one_sided_materials, shows, translucent_materials
-from .page_mesh import PageTriangles, closed_pieces_of, fill_mesh, joined, page_triangles
+from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
+from .two_sided_surfaces import SidePlan
 
 _MOST_LOST = 12  # nodes in a sentence
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
-_DARK_PIECE, _BLACK = 1e-3, 1e-6  # of the brightest triangle on a page: next to no light, and none
+_DARK_PIECE = 1e-3  # of the brightest triangle on a page: next to no light
 
 
 class _Passes(NamedTuple):
@@ -51,9 +51,8 @@ _DIFFUSE, _GLOSSY, _THROUGH = _Passes(False, False), _Passes(False, True), _Pass
 class Baker:
     """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
 
-    With `both_sides` of the light, backs of opaque sheets count like fronts; else, and always with materials that cull
-    backfaces, only those of the triangles `turned` (T,) bool, whose fronts do not (`two_sided_surfaces`). With its
-    `daylight`, sun and sky of ours shine, not the scene's world.
+    plan: which sides of triangles are baked. With the light's `daylight`, sun and sky of ours shine, not the scene's
+    world.
     channels: of its texels, 2, or 4 with colour, see `Atlas`, and with `denoise` the noise, half of what two halves of
     the paths differ by. warnings: sentences about what cannot be baked.
     paths_traced: how many paths the last page took.
@@ -65,10 +64,10 @@ class Baker:
         source: SceneMesh,
         charts: Charts,
         light: LightSettings,
+        plan: SidePlan,
         *,
         seed: int = 0,
         device: str = AUTO,
-        turned: np.ndarray | None = None,
     ) -> None:
         """Prepare for `device`, one of `DEVICES`; raises SettingError for a GPU that is not there."""
         from ....patchnet_addon.lightmap.atlas import COLOR_CHANNELS
@@ -80,10 +79,10 @@ class Baker:
         self._shown = np.array([shows(material) for material in source.materials])
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._attributes = attributes_needed(used)
-        self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source, light)
+        self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source)
         self._shining = materials_that(emits, source)
-        self._turned = np.zeros(source.triangle_count, bool) if turned is None else turned
-        self.facing = np.ones(source.triangle_count, np.int8)  # side of the light in texels: 1 front, -1 back, 0 both
+        self._pieces, self._is_measured, self.lit = plan.pieces, plan.is_measured, plan.facing.copy()
+        self.back_share = (plan.facing < 0).astype(np.float32)
         self.paths_traced = 0
         transformed = source.turned_materials
         lost = [
@@ -94,81 +93,70 @@ class Baker:
         self.warnings = (*_lost(lost), *gloss_warnings(source, light))
         self._offset_world = lift_world(source, charts)
 
-    def page(self, page: int) -> Steps[np.ndarray]:
-        """Texels (side * side, C) of a page."""
+    def page(self, page: int) -> Steps[list[np.ndarray]]:
+        """Texels (side * side, C) of a page, of fronts and of backs."""
         count, self.paths_traced = self._charts.page_count, 0
         at = Progress(page, count, "Baking light")
         part = yield from computed(lambda: self.triangles(page), at)
         if len(part) == 0:
-            return np.zeros((self._charts.page_side**2, self.channels), np.float32)
+            return [np.zeros((self._charts.page_side**2, self.channels), np.float32)] * 2
         yield at  # what is baked is set up after it: between two steps the scene is as it was
-        turned, two_sided = self._turned[part.triangles], ~part.closed & ~self._one_sided[part.materials]
-        sheets = part.only(two_sided)
-        front, back = yield from self.bake(page, part.only(~turned), part.only(two_sided | turned), at)
-        backs = part.triangles[turned]
-        texels = yield from computed(lambda: self.merged(page, sheets.triangles, front, back, backs=backs), at)
-        dark = yield from computed(lambda: part.only(self.black(page, part, front)), at)
+        facing = self.lit[part.triangles]
+        sides = yield from self.bake(page, part.only(facing >= 0), part.only(facing <= 0), at)
+        yield from computed(lambda: self._weigh(page, part.only(facing == 0), sides), at)
+        dark = yield from computed(lambda: part.only((facing > 0) & self.black(page, part, sides[0])), at)
         if len(dark):
             at = replace(at, done=page + 0.5)
             yield at
             _, back = yield from self.bake(page, part.only(np.zeros(len(part), bool)), dark, at)
-            texels = yield from computed(lambda: self.merged(page, dark.triangles, texels, back, share=0.0), at)
-        return texels
+            sides[1] += back
+            yield from computed(lambda: self._turn(page, dark.triangles, sides), at)
+        return sides
 
     def triangles(self, page: int) -> PageTriangles:
         """Triangles on a page that show anything."""
         part = page_triangles(self._source, self._charts, page, self._pieces, self._attributes)
         return part.only(self._shown[part.materials])
 
-    @cached_property
-    def _pieces(self) -> np.ndarray:
-        return closed_pieces_of(self._source)
-
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles whose other side may be what is seen.
+        """(N,) bool: triangles of closed pieces that get next to no light, whatever gets in at an edge.
 
-        Closed pieces are that get next to no light, whatever gets in at an edge: a lamp may be inside, or normals be
-        flipped. A sheet may shine on its back alone, which light that falls on it does not tell.
+        A lamp may be inside, or normals be flipped.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         brightest = float(means.max(initial=0.0))
-        shown = ~self._turned[part.triangles]
         number = np.unique(part.pieces, return_inverse=True)[1].reshape(-1)
         area = np.linalg.norm(
             np.cross(*(part.corners_world[:, [1, 2]] - part.corners_world[:, :1]).transpose(1, 0, 2)), axis=1
         )
         light, whole = np.bincount(number, area * means), np.bincount(number, area)
-        pieces = part.closed & (light <= _DARK_PIECE * brightest * whole)[number]
-        sheets = (means <= _BLACK * brightest) & ~part.closed & (self._one_sided & self._shining)[part.materials]
-        return np.asarray(shown & (pieces | sheets))
+        return np.asarray(part.closed & (light <= _DARK_PIECE * brightest * whole)[number])
 
-    def merged(
-        self,
-        page: int,
-        triangles: np.ndarray,
-        front: np.ndarray,
-        back: np.ndarray,
-        *,
-        share: float = 0.5,
-        backs: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """Page (side * side, C) with both sides of `triangles`, or the lit one where the other is dark.
+    def _weigh(self, page: int, sheets: PageTriangles, sides: Sequence[np.ndarray]) -> None:
+        """Decide how much of the backs of sheets with both sides their one luminance holds.
 
-        share: of the back, where both are lit. backs: triangles of which there is only the back.
+        None where the material has one side; half of others; a dark side does not count. Where nothing was measured
+        before, a dark back is left out.
         """
+        front, back = self._means(page, sheets.triangles, sides)
+        two_sided, dark = ~self._one_sided[sheets.materials], back <= _DARK_SIDE * front
+        share = np.where(two_sided & ~dark, np.float32(0.5), np.float32(0.0))
+        share[(front < _DARK_SIDE * back) & (two_sided | self._shining[sheets.materials])] = 1.0
+        self.back_share[sheets.triangles] = share
+        self.lit[sheets.triangles] = np.where(dark & ~two_sided & ~self._is_measured[sheets.triangles], 1, 0)
+
+    def _turn(self, page: int, triangles: np.ndarray, sides: Sequence[np.ndarray]) -> None:
+        """Have triangles of closed pieces show their back, where that alone gets light."""
+        front, back = self._means(page, triangles, sides)
+        turned = triangles[front < _DARK_SIDE * back]
+        self.lit[turned], self.back_share[turned] = -1, 1.0
+
+    def _means(self, page: int, triangles: np.ndarray, sides: Sequence[np.ndarray]) -> list[np.ndarray]:
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
-        means = [group_means(self._charts, side, triangles, page)[:, 0] for side in (front, back)]
-        weight = np.full(len(triangles), share, np.float32)  # of the back
-        weight[means[1] <= _DARK_SIDE * means[0]] = 0.0
-        weight[means[0] < _DARK_SIDE * means[1]] = 1.0
-        if backs is not None:
-            triangles, weight = np.append(triangles, backs), np.append(weight, np.ones(len(backs), np.float32))
-        self.facing[triangles] = np.where(weight <= 0.0, 1, np.where(weight >= 1.0, -1, 0))
-        of_texel = self._on_texels(page, triangles, weight)[:, None]
-        return front * (1.0 - of_texel) + back * of_texel
+        return [group_means(self._charts, side, triangles, page)[:, 0] for side in sides]
 
     def _on_texels(self, page: int, triangles: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Values (N,) of triangles on the texels (side * side,) of a page that belong to them; zero elsewhere."""

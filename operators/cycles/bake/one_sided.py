@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials of one side: those whose surfaces are baked on one side alone, if they are sheets.
+"""Materials of one side: those whose one luminance is that of one side; of others it is the mean of both.
 
 Translucent light shines through a surface from behind (shader Translucent). What is baked lies above the surface, which
 would keep this light off: so it is baked apart, from below.
@@ -16,7 +16,6 @@ from ....patchnet_addon.surface.mesh import Material
 from ...scene.layer_names import all_nodes
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import tree_in_use
-from ...settings.groups import LightSettings
 
 _TRANSLUCENT = "BSDF_TRANSLUCENT"
 _SHADERS = ("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND")  # neither mixes nor groups
@@ -36,13 +35,11 @@ def keep_sides(tree: bpy.types.NodeTree, through: bool) -> None:
                 tree.links.remove(link)
 
 
-def one_sided_materials(source: SceneMesh, light: LightSettings) -> np.ndarray:
-    """(M,) bool: opaque materials, unless both sides are wanted, and all that cull backfaces."""
-    one_sided = materials_that(lambda material: material.use_backface_culling, source)
-    if not light.both_sides:
-        opaque = np.array([is_opaque(material) for material in source.materials], bool)
-        one_sided |= opaque & ~translucent_materials(source)
-    return one_sided
+def one_sided_materials(source: SceneMesh) -> np.ndarray:
+    """(M,) bool: opaque materials, and all that cull backfaces."""
+    opaque = np.array([is_opaque(material) for material in source.materials], bool)
+    culls = materials_that(lambda material: material.use_backface_culling, source)
+    return (opaque & ~translucent_materials(source)) | culls
 
 
 def translucent_materials(source: SceneMesh) -> np.ndarray:

@@ -102,25 +102,12 @@ def _widened(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
     return wide
 
 
-def closed_pieces_of(source: SceneMesh) -> np.ndarray:
-    """(T,) int32: number of each placed triangle's closed piece, other ones in each place; -1 for none."""
-    from ....patchnet_addon.surface.connected import closed_pieces
-
-    numbers, first = [], 0
-    for part in source.parts:
-        own = closed_pieces(part.mesh.vertices, part.mesh.triangles)
-        starts = first + np.arange(len(part.objects))[:, None] * len(own)
-        numbers.append(np.where(own < 0, -1, own + starts).astype(np.int32).ravel())
-        first += part.triangle_count
-    return np.concatenate(numbers)
-
-
 def page_triangles(
     source: SceneMesh, charts: Charts, page: int, pieces: np.ndarray, attributes: frozenset[str]
 ) -> PageTriangles:
     """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers.
 
-    pieces: (T,) int32, see `closed_pieces_of`.
+    pieces: (T,) int32, number of the closed piece, -1 for none.
     """
     parts: list[PageTriangles] = []
     first = 0

@@ -45,20 +45,19 @@ def black_views(
 
     sight: what the cameras see. lift_world: how far off the surface light is measured. Raises SceneError, StoppedError.
     """
-    from ....patchnet_addon.lightmap.chart_lookup import triangle_means
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     at = Progress(0, 1, "Looking for light")
     reasons: dict[str, str] = {}
-    brightest = float(atlas.texels[:, 0].max(initial=0.0))
+    brightest = max(float(side.texels[:, 0].max(initial=0.0)) for side in (atlas, atlas.back or atlas))
     for number, camera in enumerate(sight.cameras):
         pixels = np.flatnonzero(sight.seen.triangle[number].ravel() >= 0)
         triangles = sight.seen.triangle[number].ravel()[pixels]
         if not len(pixels):
             continue
-        distinct = np.unique(triangles)
-        means = yield from computed(partial(triangle_means, atlas.charts, atlas.texels, distinct), at)
-        if means[:, 0].max() > _DARK * brightest:
+        behind = sight.seen.behind[number].ravel()[pixels]
+        shown = yield from computed(partial(_shown_light, atlas, triangles, behind, light.has_sides), at)
+        if shown.max() > _DARK * brightest:
             continue
         chosen = pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), _POINTS)).astype(int)]
         seen, behind = (values[number].ravel()[chosen] for values in (sight.seen.triangle, sight.seen.behind))
@@ -74,6 +73,19 @@ def black_views(
     return reasons
 
 
+def _shown_light(atlas: Atlas, triangles: np.ndarray, behind: np.ndarray, has_sides: bool) -> np.ndarray:
+    """Mean light (N,) that triangles (N,) show to who sees them from `behind` (N,) or not."""
+    from ....patchnet_addon.lightmap.chart_lookup import triangle_means
+
+    front = triangle_means(atlas.charts, atlas.texels, triangles)[:, 0]
+    if atlas.back is None or atlas.facing is None or atlas.back_share is None:
+        return front
+    facing, share = atlas.facing[triangles], atlas.back_share[triangles]
+    if has_sides:
+        share = np.where(facing == 0, behind, facing < 0)
+    return np.asarray((1.0 - share) * front + share * triangle_means(atlas.charts, atlas.back.texels, triangles)[:, 0])
+
+
 def _no_light(names: np.ndarray, lit: np.ndarray, most: np.ndarray) -> str:
     """Reason if no light falls on what is seen at N points, "" if some does.
 
@@ -83,7 +95,7 @@ def _no_light(names: np.ndarray, lit: np.ndarray, most: np.ndarray) -> str:
     if most.max() <= 0.0:
         return f"no light of the scene reaches {objects}; add light, or look at the lamps' strength and visibility"
     if np.median(lit) <= _LIT * np.median(most):
-        return f"light falls on the other side of {objects}; flip its normals (Mesh > Normals)"
+        return f"light falls on the other side of {objects} alone, in Cycles too"
     return ""
 
 
