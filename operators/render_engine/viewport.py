@@ -176,7 +176,7 @@ class Viewport:
             self._heat = live[self.region] = CardHeat()
         kind = (PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL).index(chosen := overlay_settings(context).live) + 1
         most = {PRIORITY: STRATEGIES["patchnet"].maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
-        self._heat.look(card, _view(camera), camera, (kind, most), preferences(context).colormap)
+        self._heat.look(card, result.coded, _view(camera), camera, (kind, most), preferences(context).colormap)
         return f"{chosen.capitalize()}, 0 to {most:g}"
 
     def _preview_of(

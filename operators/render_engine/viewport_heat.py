@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import time
 from typing import Any
+from weakref import ReferenceType, ref
 
 import numpy as np
 
+from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
-from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube
+from ...patchnet_addon.sampling.patchnet import LUMINANCE_WEIGHT
+from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube, camera_part
 from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.shaders import FLOATS
 
@@ -30,9 +33,19 @@ class CardHeat:
         self._wanted: tuple[Any, ...] = ()
         self._pass: _Pass | None = None
         self._rows, self._last = _FIRST_ROWS, 0.0
+        self._seen: tuple[ReferenceType[CodedOctree], Camera] | None = None
 
-    def look(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, kind: tuple[int, float], ramp: str) -> None:
+    def look(
+        self,
+        card: CardOctree,
+        coded: CodedOctree,
+        view: tuple[Any, ...],
+        camera: Camera,
+        kind: tuple[int, float],
+        ramp: str,
+    ) -> None:
         """Work at the heatmap of a view. kind: see `CardOctree.heat`. ramp: name of a colour map."""
+        self._seen = ref(coded), camera
         now, wanted = time.perf_counter(), (view, kind, ramp)
         if wanted != self._wanted:
             self._wanted, self.done, self._pass = wanted, False, None
@@ -49,6 +62,29 @@ class CardHeat:
             if self._pass.decode(self._rows):
                 self.shown, self._pass, self.done = self._pass.heat(kind), None, True
         self._last = now
+
+    def describe_pixel(self, column: int, row: int) -> list[str]:
+        """Lines about a pixel of the view, which the CPU's kernels look at: nothing is read back."""
+        from ...patchnet_addon.codes.predict import predict
+        from ...patchnet_addon.tracing.render import first_hits
+
+        coded, camera = (None, None) if self._seen is None else (self._seen[0](), self._seen[1])
+        if coded is None or camera is None:
+            return []
+        hits = first_hits(coded.octree, camera_part(camera, column, row, 1, 1))
+        if not hits.hit[0]:
+            return [f"Pixel {column}, {row}", "Level none: background"]
+        found, shown = predict(coded, hits), float(hits.luminance[0])
+        coverage, luminance = float(found.coverage[0]), float(found.luminance[0])
+        score = abs(1.0 - coverage) + LUMINANCE_WEIGHT * abs(shown - luminance)
+        return [
+            f"Pixel {column}, {row}",
+            f"Priority {score:.4g}",
+            f"Coverage {coverage:.3f}" + ("" if found.look_ahead[0] else ": no look-ahead"),
+            f"Preview luminance {shown:.4f}",
+            f"Luminance of the patch {luminance:.4f}",
+            f"Level {hits.level[0]}",
+        ]
 
 
 class _Pass:
