@@ -16,6 +16,7 @@ DATA = [
     "**/*.npz",
     "**/*.toml",
     "**/*.sh",
+    "**/*.glsl",
     "**/*.png",
     "ui/presets/**/*.py",
 ]

@@ -34,7 +34,7 @@ NOT_FOR_THE_PLATFORM = (
     "patchnet_addon/network/torch_worker.py",
     "patchnet_addon/network/array_stream.py",
 )
-SUFFIXES = {".py", ".safetensors", ".json", ".md"}
+SUFFIXES = {".py", ".glsl", ".safetensors", ".json", ".md"}
 
 
 def run(*command: str | Path) -> None:

@@ -30,6 +30,7 @@ BENCHES = {
     "trace": "rays per second against Embree's, thread for thread",
     "encode": "the whole encoder against torch's",
     "decode": "the whole decoder against torch's layers alone",
+    "gpu": "rays and decoded pixels on a graphics card against the CPU's kernels",
     "frame": "a frame, from camera to priority and picture, against four rays in each pixel",
     "bake": "the bake against camera renders: paths per second, filling of pages",
     "walkthrough": "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
@@ -110,6 +111,11 @@ def _frame(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--threads", bounds.THREADS, help="threads (one for each core)")
 
 
+def _gpu(parser: argparse.ArgumentParser) -> None:
+    _frame(parser)
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+
+
 def _bake(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
     _number(parser, "--depth", bounds.DEPTH, 7, "octree depth")
@@ -160,6 +166,7 @@ _ARGUMENTS = {
     "trace": _trace,
     "encode": lambda parser: _network(parser, 600_000, 5),
     "decode": _decode,
+    "gpu": _gpu,
     "frame": _frame,
     "bake": _bake,
     "walkthrough": _walkthrough,

@@ -69,7 +69,7 @@ def cameras_around(coded: CodedOctree, pixels: int) -> list[Camera]:
     cameras: list[Camera] = []
     found = 0
     while found < pixels:
-        cameras.append(_camera(coded, len(cameras)))
+        cameras.append(camera_around(coded, len(cameras)))
         seen = np.count_nonzero(coded.rows_of(first_hits(coded.octree, cameras[-1]).node) >= 0)
         if not seen:
             raise SettingError("From around this octree no pixel has look-ahead: take a deeper one")
@@ -77,7 +77,7 @@ def cameras_around(coded: CodedOctree, pixels: int) -> list[Camera]:
     return cameras
 
 
-def _camera(coded: CodedOctree, number: int) -> Camera:
+def camera_around(coded: CodedOctree, number: int) -> Camera:
     """Camera on a spiral around the cube, with as many pixels as have look-ahead (methods 4.1b)."""
     octree = coded.octree
     side = octree.grid.side_world

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+from weakref import WeakValueDictionary
 
 import bpy
 import numpy as np
@@ -34,6 +36,7 @@ class InspectedPixel:
     lines: list[str]
 
 
+live: WeakValueDictionary[int, Any] = WeakValueDictionary()  # heatmaps of viewports, by the address of their region
 inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window in which pixels are inspected
 
 
@@ -59,6 +62,10 @@ def draw_region(context: bpy.types.Context) -> None:
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return
+    heat = live.get(region.as_pointer()) if area.type == "VIEW_3D" else None
+    if heat is not None and heat.shown is not None and area.spaces.active.shading.type == "RENDERED":
+        whole = Rect(0, 0, region.width, region.height)
+        paint.picture(heat.shown, whole, whole, 1.0)
     wanted = values.show_viewport if area.type == "VIEW_3D" else values.show_editor
     if wanted and area.spaces.active.overlay.show_overlays:
         found = framed(context.scene, area, region)

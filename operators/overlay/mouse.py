@@ -9,7 +9,7 @@ import bpy
 
 from ..session import views
 from . import overlay_settings as settings
-from .drawing import InspectedPixel, inspected, maximum_of
+from .drawing import InspectedPixel, inspected, live, maximum_of
 from .framed import UnderMouse, under_mouse
 from .handlers import NO_VIEW, switch_of
 from .layout import pixel_at
@@ -26,10 +26,15 @@ class _MouseOperator(_Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
+    def has_pictures(cls, context: bpy.types.Context) -> bool:
+        """Return whether there is something to follow the mouse over."""
+        return views.has_views(context.scene)
+
+    @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Require a picture, and a window."""
         without_window = bpy.app.background or context.window is None
-        if without_window or not views.has_views(context.scene):
+        if without_window or not cls.has_pictures(context):
             cls.poll_message_set(f"{cls.bl_label} needs the mouse, in a window" if without_window else NO_VIEW)
             return False
         return True
@@ -76,11 +81,16 @@ class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
 
 
 class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
-    """Show coverage, luminance, priority and level of the pixel under the mouse, over the camera's view and PatchNet's
-    images. Other tools go on; Esc, a right click or this button ends it"""
+    """Show coverage, luminance, priority and level of the pixel under the mouse, over the camera's view, PatchNet's
+    images and live heatmaps. Other tools go on; Esc, a right click or this button ends it"""
 
     bl_idname = "patchnet.inspect_pixels"
     bl_label = "Inspect Pixels"
+
+    @classmethod
+    def has_pictures(cls, context: bpy.types.Context) -> bool:
+        """Return whether there is a picture or a live heatmap."""
+        return bool(live) or views.has_views(context.scene)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Begin in this window, or end there."""
@@ -96,7 +106,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Look at the pixel under the mouse; all else is left to others."""
-        if self._window not in inspected or not views.has_views(context.scene) or settings.problem:
+        if self._window not in inspected or not self.has_pictures(context) or settings.problem:
             self.cancel(context)
             return {"CANCELLED", "PASS_THROUGH"}
         if event.type == "MOUSEMOVE":
@@ -127,7 +137,9 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
 
 def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
-    """Lines about the pixel under the mouse; none beside pictures."""
+    """Lines about the pixel under the mouse, of a live heatmap before others; none beside pictures."""
+    if heat := live.get(cursor.region.as_pointer()):
+        return heat.describe_pixel(int(cursor.x), int(cursor.y))
     if cursor.framed is None:
         return []
     view, rects = cursor.framed

@@ -27,6 +27,19 @@ _DESCRIPTIONS = (
 )
 _ITEMS = [(*named, text) for named, text in zip(TITLES.items(), _DESCRIPTIONS, strict=True)]
 
+COMBINED, PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL = "COMBINED", "PRIORITY", "COVERAGE", "PREDICTED", "LEVEL"
+_LIVE = [
+    (COMBINED, "Combined", "The picture"),
+    (
+        PRIORITY,
+        "Priority",
+        "Missing coverage plus five times the luminance error that the network sees two levels ahead",
+    ),
+    (COVERAGE, "Coverage", "Share of each pixel that the network expects to be covered"),
+    (PREDICTED_LIVE, "Predicted", "Luminance that the network expects of each pixel"),
+    (LEVEL, "Level", "Level of the octree that each pixel shows"),
+]
+
 problem = ""  # why nothing is drawn any more, for the panel
 
 
@@ -75,6 +88,13 @@ class PatchNetOverlaySettings(bpy.types.PropertyGroup):
         "What is shown to the right of the line",
         PREVIEW,
         (NOTHING, "Nothing", "The viewport or the image itself"),
+    )
+    live: EnumProperty(
+        name="Live",
+        description="What viewports show in shading mode Rendered by the graphics card, also while the view moves",
+        items=_LIVE,
+        default=COMBINED,
+        update=_changed,
     )
     legend: _switch("Legend", "Titles, and bars with numbers and units", default=True)
 

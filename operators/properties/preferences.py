@@ -19,7 +19,8 @@ from ...patchnet_addon.runtime.log import set_up
 ROOT_PACKAGE = __package__.removesuffix(".operators.properties")
 IS_EXTENSION = ROOT_PACKAGE.startswith("bl_ext.")
 OPEN_WINDOW, OPEN_EDITOR, OPEN_NEVER = "WINDOW", "EDITOR", "NEVER"
-KEPT_GIB = 4.0
+VIEWPORT_AUTO, VIEWPORT_CARD, VIEWPORT_CPU = "AUTO", "CARD", "CPU"
+KEPT_GIB, CARD_GIB = 4.0, 2.0
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
@@ -88,6 +89,27 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         ],
         default=OPEN_WINDOW,
     )
+    viewport: EnumProperty(
+        name="Viewport",
+        description="What shows voxels in viewports, shading mode Rendered, with the render engine PatchNet",
+        items=[
+            (VIEWPORT_AUTO, "Automatic", "The graphics card where it is known to work, else the processor"),
+            (VIEWPORT_CARD, "Graphics Card", "The graphics card, also a kind that nobody has tried yet"),
+            (VIEWPORT_CPU, "Processor", "The processor alone"),
+        ],
+        default=VIEWPORT_AUTO,
+    )
+    card_gib: FloatProperty(
+        name="Graphics Memory (GiB)",
+        description="Graphics memory that the voxels of a scene may take, 11 bytes a node and more; what needs more is "
+        "shown by the processor",
+        default=CARD_GIB,
+        min=KEPT.low,
+        max=KEPT.high,
+        soft_max=16.0,
+        step=100,
+        precision=1,
+    )
     log_level: EnumProperty(
         name="Log Level",
         description="What is written to the terminal",
@@ -113,7 +135,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
                 text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
             )
             row.operator("patchnet.check_python", text="Check")
-        for name in ("colormap", "open_pictures", "log_level"):
+        for name in ("colormap", "open_pictures", "viewport", "card_gib", "log_level"):
             layout.prop(self, name)
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
 
@@ -128,6 +150,8 @@ class Preferences:
     torch_python: str = ""
     open_pictures: str = OPEN_WINDOW
     kept_gib: float = KEPT_GIB
+    viewport: str = VIEWPORT_AUTO
+    card_gib: float = CARD_GIB
 
 
 def preferences(context: bpy.types.Context) -> Preferences:

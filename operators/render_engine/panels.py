@@ -8,7 +8,9 @@ from typing import Any
 
 import bpy
 
+from ..gpu_view.cards import is_there, why_cpu
 from ..jobs.job_operator import JobOperator
+from ..overlay.overlay_settings import overlay_settings
 from ..session import results
 from ..ui.tab import PanelBase, draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
@@ -70,6 +72,8 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
                 draw_sentence(column, context, "The scene has changed", "ERROR")
             for line in result.summary:
                 draw_sentence(column, context, line)
+            if line := why_cpu(result.octree):
+                draw_sentence(column, context, line)
         if JobOperator.running:
             draw_progress(layout)
         else:
@@ -92,14 +96,24 @@ class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):
 CLASSES = (PATCHNET_PT_render_refinement, PATCHNET_PT_render_octree, PATCHNET_PT_render_film)
 
 
+def _draw_live(header: bpy.types.Header, context: bpy.types.Context) -> None:
+    """Draw what a viewport shows, in its header, where the graphics card shows it."""
+    result = results.result_of(context.scene)
+    rendered = context.engine == ENGINE and context.space_data.shading.type == "RENDERED"
+    if rendered and result is not None and is_there(result.octree):
+        header.layout.prop(overlay_settings(context), "live", text="")
+
+
 def add_to_blenders() -> None:
     """Show Blender's own panels with this engine."""
+    bpy.types.VIEW3D_HT_header.append(_draw_live)
     for panel in _fitting():
         panel.COMPAT_ENGINES.add(ENGINE)
 
 
 def remove_from_blenders() -> None:
     """Hide them again."""
+    bpy.types.VIEW3D_HT_header.remove(_draw_live)
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
         if isinstance(engines, set) and panel not in CLASSES:

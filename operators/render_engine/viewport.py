@@ -19,14 +19,20 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.heap import trim
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
-from ...patchnet_addon.sampling.registry import strategy
+from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.tracing.camera import Camera
-from ..properties.preferences import apply_preferences
+from ..gpu_view import cards
+from ..gpu_view.card_octree import CardOctree
+from ..overlay.drawing import live
+from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
+from ..properties.preferences import apply_preferences, preferences
 from ..session import results
 from ..session.memory import give_back
 from ..session.scene_result import SceneResult
 from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
+from .viewport_card import CardPicture
+from .viewport_heat import CardHeat
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
 from .viewport_world import PictureTexture, ViewportWorld, draw_message
@@ -54,6 +60,8 @@ class Viewport:
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: PictureTexture | None = None
         self._asked = 0.0  # when to be drawn again was asked for
+        self._on_card: CardPicture | None = None
+        self._heat: CardHeat | None = None
         self.mask, self.world = ViewportMask(), ViewportWorld()
 
     def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
@@ -73,6 +81,7 @@ class Viewport:
         result = results.result_of(context.scene)
         if result is None:
             self._forget()
+            self._on_card = self._heat = None
             self._message(engine, context, _NO_VOXELS)
             return
         try:
@@ -97,6 +106,8 @@ class Viewport:
         bounds = result.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
+        if self._draw_on_card(engine, context, depsgraph, result, camera):
+            return
         idle = self._preview is not None and self._preview.done
         prepared = self._prepare(context, _picture(context, result, camera.with_size(8, 8), None))
         if not (self.mask.ready(context, idle=idle) and prepared):
@@ -109,11 +120,64 @@ class Viewport:
             self._texture = PictureTexture(preview.pixels())
             if preview.done:
                 trim()  # a view that turns lets go of many arrays
-        self._texture.draw(engine, context.scene)
-        engine.update_stats("PatchNet", f"{preview.status}, {_STALE}" if result.stale else preview.status)
-        if not (idle and preview.done) or self.mask.waiting:  # once more at the end, for strokes made meanwhile
-            self._asked = time.perf_counter()
+        if self._on_card is None or preview.picture.buffers is not None:
+            self._texture.draw(engine, context.scene)
+        else:  # better than a coarse picture
+            self._on_card.draw(engine, context.scene)
+        self._say(engine, preview.status, result)
+        if not (idle and preview.done) or self.mask.waiting or cards.is_coming(result.octree):
+            self._asked = time.perf_counter()  # once more at the end, for strokes made meanwhile
             engine.tag_redraw()
+
+    def _draw_on_card(
+        self,
+        engine: bpy.types.RenderEngine,
+        context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
+        result: SceneResult,
+        camera: Camera,
+    ) -> bool:
+        """Draw by the graphics card while the view moves, and at rest too where all pixels get as many samples.
+
+        Returns whether that is all: where priority or painted importance count, kernels go on at rest.
+        """
+        card = cards.card_of(context, result.octree)
+        if card is None:
+            self._on_card = self._heat = None
+            return False
+        values, picture = context.scene.patchnet, self._on_card or CardPicture()
+        self._on_card = picture
+        alike = values.render_samples > 0 and self.mask.ready(context, idle=picture.done) and self.mask.strokes is None
+        side = samples_side(values.render_samples) if alike else 1
+        behind = self.world.behind(depsgraph, result.octree)
+        moved = picture.look(card, (id(result), side, *_view(camera)), camera, behind, side)
+        shows_heat = overlay_settings(context).live != COMBINED
+        if not shows_heat:
+            self._heat = None
+        if not (alike or moved or shows_heat):
+            return False
+        picture.draw(engine, context.scene)
+        self._say(engine, self._draw_heat(context, card, result, camera) if shows_heat else picture.status, result)
+        if alike or shows_heat:
+            self._forget()
+        working = not picture.done or moved or self.mask.waiting
+        if working or (self._heat is not None and not self._heat.done):
+            engine.tag_redraw()
+        return True
+
+    def _draw_heat(self, context: bpy.types.Context, card: CardOctree, result: SceneResult, camera: Camera) -> str:
+        """Work at the live heatmap, which the overlay draws over the picture; returns what it is, in words."""
+        if result.coded is None:
+            return _NO_CODES.removeprefix("PatchNet: ")
+        there, problem = cards.codes_on_card(result.coded)
+        if not there:
+            return problem or _READY_SOON
+        if self._heat is None:
+            self._heat = live[self.region] = CardHeat()
+        kind = (PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL).index(chosen := overlay_settings(context).live) + 1
+        most = {PRIORITY: STRATEGIES["patchnet"].maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
+        self._heat.look(card, result.coded, _view(camera), camera, (kind, most), preferences(context).colormap)
+        return f"{chosen.capitalize()}, 0 to {most:g}"
 
     def _preview_of(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera
@@ -146,6 +210,9 @@ class Viewport:
         if self._preparation.ready and self._preparation.problem:
             raise PatchNetError(self._preparation.problem)
         return self._preparation.ready
+
+    def _say(self, engine: bpy.types.RenderEngine, status: str, result: SceneResult) -> None:
+        engine.update_stats("PatchNet", f"{status}, {_STALE}" if result.stale else status)
 
     def _message(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, text: str) -> None:
         engine.update_stats("", text)
@@ -206,6 +273,7 @@ def _free() -> float | None:
 
 def unregister() -> None:
     """Free what is kept."""
+    cards.free_all()
     _left.clear()
     if bpy.app.timers.is_registered(_free):
         bpy.app.timers.unregister(_free)

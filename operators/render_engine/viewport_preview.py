@@ -141,8 +141,7 @@ class Preparation:
     def __init__(self, picture: AdaptivePicture) -> None:
         """Prepare for `picture`: like the preview's, but tiny."""
         self.problem = ""
-        self._picture = picture
-        self._thread = threading.Thread(target=self._run, name="PatchNet kernels", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(picture,), name="PatchNet kernels", daemon=True)
         self._thread.start()
 
     @property
@@ -150,8 +149,8 @@ class Preparation:
         """Return whether the thread has ended."""
         return not self._thread.is_alive()
 
-    def _run(self) -> None:
-        preview = ViewportPreview(self._picture, 1.0, None)
+    def _run(self, picture: AdaptivePicture) -> None:
+        preview = ViewportPreview(picture, 1.0, None)
         try:
             drain(preview.steps)
         except PatchNetError as error:

@@ -37,15 +37,20 @@ class PictureTexture:
         self._texture = gpu.types.GPUTexture((self.width_px, self.height_px), format="RGBA16F", data=data)
 
     def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-        """Fill the region that is being drawn; Blender applies the scene's view transform afterwards."""
-        import gpu
-        from gpu_extras.presets import draw_texture_2d
+        """Fill the region that is being drawn."""
+        draw_picture(self._texture, engine, scene)
 
-        gpu.state.blend_set("ALPHA_PREMULT")
-        engine.bind_display_space_shader(scene)
-        draw_texture_2d(self._texture, (0, 0), self.width_px, self.height_px)
-        engine.unbind_display_space_shader()
-        gpu.state.blend_set("NONE")
+
+def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
+    """Draw a scene-linear texture, weighed by alpha; Blender applies the scene's view transform afterwards."""
+    import gpu
+    from gpu_extras.presets import draw_texture_2d
+
+    gpu.state.blend_set("ALPHA_PREMULT")
+    engine.bind_display_space_shader(scene)
+    draw_texture_2d(texture, (0, 0), texture.width, texture.height)
+    engine.unbind_display_space_shader()
+    gpu.state.blend_set("NONE")
 
 
 def draw_message(region: bpy.types.Region, text: str) -> None:

@@ -30,17 +30,23 @@ class Blender:
         return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     def run_window(
-        self, *arguments: str | Path, seconds: float = 400.0, simulate: bool = True, screen: tuple[int, int] = SCREEN
+        self,
+        *arguments: str | Path,
+        seconds: float = 400.0,
+        simulate: bool = True,
+        screen: tuple[int, int] = SCREEN,
+        backend: str = "",
     ) -> subprocess.CompletedProcess[str]:
         """Run Blender with a window on a virtual screen to its end.
 
         simulate: it hears events that its scripts simulate, and then none of the window system's.
-        screen: its width and height in pixels, which are the window's.
+        screen: its width and height in pixels, which are the window's. backend: graphics library, such as "vulkan".
         """
         width, height = screen
         virtual = ("xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24")
         place = (*(("--enable-event-simulate",) if simulate else ()), "-p", "0", "0", str(width), str(height))
-        return self._start((*virtual, self.program, *place, *map(str, arguments)), seconds)
+        library = ("--gpu-backend", backend) if backend else ()
+        return self._start((*virtual, self.program, *library, *place, *map(str, arguments)), seconds)
 
     def visit(
         self,
@@ -52,6 +58,7 @@ class Blender:
         ended: str = "",
         simulate: bool = True,
         screen: tuple[int, int] = SMALL_SCREEN,
+        backend: str = "",
     ) -> dict:
         """Let NAME_window.py play in a window that shows a file; its report `out`/NAME.json, and what Blender said.
 
@@ -60,8 +67,9 @@ class Blender:
         path = ROOT / "tests" / "real_blender" / f"{script or name}_window.py"
         opened = () if file is None else (file,)
         done = self.run_window(
-            *opened, "-P", path, "--", out, *arguments, seconds=900.0, simulate=simulate, screen=screen
-        )
+            *opened, "-P", path, "--", out, *arguments,
+            seconds=900.0, simulate=simulate, screen=screen, backend=backend,
+        )  # fmt: skip
         said, report = done.stdout + done.stderr, out / f"{name}.json"
         (out / f"{name}.log").write_text(said)
         assert report.exists(), f"Blender ended with code {done.returncode} before the visit did:\n{said}"

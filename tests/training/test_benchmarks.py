@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.commands.benches import train, voxelize
+from patchnet.commands.benches import gpu, train, voxelize
+from patchnet.commands.benches.egl_device import EglDevice
 from patchnet.commands.benches.frame import STAGES
 from patchnet.patchnet_addon.network.kinds import PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
-from patchnet.tests.engine.octree_samples import random_octree
+from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
 from patchnet.tests.torch_devices import DEVICES
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.benchmarks.timing import timed
@@ -156,6 +157,24 @@ def test_tracing_without_a_peer_and_frames_by_stage(tmp_path, capsys):
     assert len(values["frames"]) == 3 and values["depth"] == 6
     for frame in values["frames"]:
         assert frame["ours"] == pytest.approx(sum(frame["stage_s"][stage] for stage in STAGES)) and frame["peer"] > 0
+
+
+def test_a_graphics_card_agrees_with_the_kernels(tmp_path, capsys):
+    pytest.importorskip("moderngl")
+    try:
+        EglDevice()
+    except PatchNetError as reason:
+        pytest.skip(str(reason))
+    octree = with_sides(with_boxes(octree_of_shells(100_000)))
+    save_octree(octree, tmp_path / "shells.safetensors")
+    values = measured(capsys, "gpu", tmp_path / "shells.safetensors", "--size", 64, 48, "--repeats", 1)
+    views = {view["name"]: view for view in values["views"]}
+    assert set(views) == {"Far", "Inside", "Close", "Around"} and values["upload_s"] > 0 and values["compile_s"] > 0
+    for view in views.values():
+        assert view["same_nodes"] >= 0.9999 and view["card"]["trace"] > 0 and view["cpu"]["trace"] > 0
+    around = views["Around"]
+    assert around["coverage"] < 5e-4 and around["luminance"] < 2e-3 and around["order"] >= 0.999
+    assert "| Around | " in gpu.text(values)
 
 
 @pytest.mark.skipif(not HAS_TORCH, reason="no torch here")

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays and decoded pixels per second on a graphics card, in turns with the CPU's kernels, and how equal both are.
+
+The shaders are those of Blender's viewport; EGL runs them where there is no Blender and no window.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from functools import partial
+from statistics import geometric_mean
+from typing import Any
+
+import numpy as np
+
+from ...operators.gpu_view.card_octree import CardOctree, HitImages
+from ...operators.gpu_view.packing import world_words
+from ...operators.gpu_view.shaders import FLOATS, WORDS
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.codes.encode import encode_octree
+from ...patchnet_addon.codes.predict import predict
+from ...patchnet_addon.image.background import BLACK
+from ...patchnet_addon.network.weights import load_weights
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
+from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.tracing.render import Hits, first_hits
+from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks.timing import Comparison, timed
+from ..shared.views import view_cameras
+from .decode import camera_around
+from .egl_device import EglDevice
+from .inputs import given_octree
+from .trace import views_of
+
+_AROUND = "Around"  # so far away that all pixels have look-ahead
+
+
+def measure(args: argparse.Namespace) -> Comparison:
+    """Rates in all views, the geometric mean of rays over that of the CPU's kernels; raises PatchNetError."""
+    device = EglDevice()
+    octree, name = given_octree(args)
+    coded = drain(encode_octree(octree, load_weights(args.weights)))
+    cameras = view_cameras(args) if args.view else [*views_of(octree, tuple(args.size)), camera_around(coded, 1)]
+    card = CardOctree(device, octree)
+    upload_s = _seconds(lambda: _upload(card, coded), device)
+    compile_s = _seconds(lambda: _compile(card, cameras[0]), device)
+    threads = args.threads or usable_cores()
+    with limit_threads(threads):
+        views = [_View(card, device, coded, camera).measured(args.repeats, threads) for camera in cameras]
+    details = {
+        "octree": name,
+        "depth": octree.depth,
+        "nodes": octree.node_count,
+        "coded": coded.coded_count,
+        "card": device.name,
+        "driver": device.version,
+        "threads": threads,
+        "repeats": args.repeats,
+        "card_bytes": card.nbytes,
+        "upload_s": upload_s,
+        "compile_s": compile_s,
+        "views": views,
+    }
+    ours, peer = (geometric_mean([view[who]["trace"] for view in views]) for who in ("card", "cpu"))
+    return Comparison.of_rates("gpu", ours, peer, details, "rays per second")
+
+
+def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
+    start = time.perf_counter()
+    run()
+    device.finish()
+    return time.perf_counter() - start
+
+
+def _upload(card: CardOctree, coded: CodedOctree) -> None:
+    drain(card.upload(coded.octree))
+    drain(card.upload_codes(coded))
+
+
+def _compile(card: CardOctree, camera: Camera) -> None:
+    """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
+    drain(card.compile("picture", "hits", "decoder"))
+    _Passes(card, camera.with_size(8, 8)).run_all()
+
+
+class _Passes:
+    """Passes over a view, with their images."""
+
+    def __init__(self, card: CardOctree, camera: Camera) -> None:
+        self._card, self._camera = card, camera_in_unit_cube(camera, card.grid)
+        size = camera.width_px, camera.height_px
+        self.hits: HitImages = card.hit_images(self._camera)
+        self.decoded, *self._means = (card.device.image(*size, FLOATS) for _ in range(3))
+        words, side = world_words(BLACK)
+        self._world = card.device.texture(words), side
+
+    def trace(self) -> None:
+        self._card.trace(self._camera, self.hits)
+
+    def decode(self) -> None:
+        self._card.decode(self._camera, self.hits, self.decoded)
+
+    def color(self) -> None:
+        before, mean = self._means
+        self._card.draw(self._camera, (before, mean), self._world)
+
+    def run_all(self) -> None:
+        self.trace()
+        self.decode()
+        self.color()
+
+
+class _View:
+    """View of an octree, on the card and by the CPU's kernels."""
+
+    def __init__(self, card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera) -> None:
+        self._device, self._coded, self._camera = device, coded, camera
+        self._passes = _Passes(card, camera)
+        self._half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
+        self._hits = first_hits(coded.octree, camera)
+
+    def measured(self, repeats: int, threads: int) -> dict[str, Any]:
+        """Rates of both, and differences, as plain values."""
+        passes, octree = self._passes, self._coded.octree
+        self._frame()
+        passes.run_all()
+        predicted = predict(self._coded, self._hits)
+        equal = self._compared(predicted.look_ahead)
+        runs: dict[str, Callable[[], Any]] = {
+            name: partial(self._finish, getattr(passes, name)) for name in ("trace", "decode", "color")
+        }
+        runs |= {
+            "frame": partial(self._finish, self._frame),
+            "cpu_trace": partial(first_hits, octree, self._camera),
+            "cpu_decode": partial(predict, self._coded, self._hits),
+        }
+        seconds, _ = timed(runs, repeats, max(threads, 2))  # wall seconds: a card has no processor's
+        pixels, decoded = self._camera.pixel_count, int(predicted.look_ahead.sum())
+        return {
+            "name": self._camera.name if self._camera.name != "Camera" else _AROUND,
+            "size": [self._camera.width_px, self._camera.height_px],
+            "hit_share": float(self._hits.hit.mean()),
+            "look_ahead_share": decoded / pixels,
+            "card": {
+                "trace": pixels / seconds["trace"],
+                "decode": decoded / seconds["decode"],
+                "color": pixels / seconds["color"],
+            },
+            "frame_ms": 1e3 * seconds["frame"],
+            "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": decoded / seconds["cpu_decode"]},
+            **equal,
+        }
+
+    def _frame(self) -> None:
+        """Frame of a viewport that moves: colours, and the heatmap at half the resolution."""
+        self._passes.color()
+        self._half.trace()
+        self._half.decode()
+
+    def _finish(self, run: Callable[[], None]) -> None:
+        run()
+        self._device.finish()
+
+    def _compared(self, look_ahead: np.ndarray) -> dict[str, float | None]:
+        """Differences from the CPU's kernels: see `compare_with`."""
+        read = self._device.read
+        node = read(self._passes.hits.node, WORDS)
+        return compare_with(self._coded, self._hits, look_ahead, node, read(self._passes.decoded, FLOATS))
+
+
+def compare_with(
+    coded: CodedOctree, hits: Hits, look_ahead: np.ndarray, node: np.ndarray, decoded: np.ndarray
+) -> dict[str, float | None]:
+    """Share of pixels with the CPU's node; of those with look-ahead the largest differences, and correlation of order.
+
+    look_ahead: (P,) bool. node: (H, W) uint32 and decoded: (H, W, 4) float32 as shaders write them.
+    """
+    found = node.ravel().astype(np.int64)
+    found[found == 0xFFFFFFFF] = -1
+    same = found == hits.node
+    both = same & look_ahead
+    equal: dict[str, float | None] = {"same_nodes": float(same.mean())}
+    if not both.any():
+        return equal | dict.fromkeys(("coverage", "luminance", "order"))
+    predicted, ours = predict(coded, hits)[both], decoded.reshape(-1, 4)[both]
+    score = np.abs(1 - predicted.coverage) + 5 * np.abs(hits.luminance[both] - predicted.luminance)
+    return equal | {
+        "coverage": float(np.abs(ours[:, 0] - predicted.coverage).max()),
+        "luminance": float(np.abs(ours[:, 1] - predicted.luminance).max()),
+        "order": rank_correlation(ours[:, 3], score),
+    }
+
+
+def rank_correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """Correlation of the places of values (N,) in their order."""
+    first, second = (np.argsort(np.argsort(values)).astype(np.float64) for values in (one, other))
+    return float(np.corrcoef(first, second)[0, 1]) if len(one) > 1 else 1.0
+
+
+def text(values: dict[str, Any]) -> str:
+    """Sentences about card and octree, and a Markdown table with a row for each view."""
+    head = [
+        "view", "pixels", "hit", "look-ahead", "card: Mrays/s", "CPU", "ratio", "card: M decoded/s", "CPU", "ratio",
+        "card: M colored/s", "frame, ms", "equal nodes", "coverage", "luminance", "order",
+    ]  # fmt: skip
+    return (
+        f"{values['card']} ({values['driver']}); CPU threads: {values['threads']}\n"
+        f"{values['octree']}: depth {values['depth']}, {values['nodes']:,} nodes, {values['coded']:,} coded; "
+        f"{values['card_bytes'] / 2**20:.0f} MiB on the card, packed and uploaded in {values['upload_s']:.2f} s; "
+        f"shaders compiled in {values['compile_s']:.2f} s\n\n"
+        f"{markdown_table(head, [_row(view) for view in values['views']])}"
+    )
+
+
+def _row(view: dict[str, Any]) -> list[str]:
+    card, cpu = view["card"], view["cpu"]
+    return [
+        view["name"],
+        "{} x {}".format(*view["size"]),
+        f"{view['hit_share']:.0%}",
+        f"{view['look_ahead_share']:.0%}",
+        *_rates(card["trace"], cpu["trace"]),
+        *_rates(card["decode"], cpu["decode"]),
+        f"{card['color'] / 1e6:.1f}",
+        f"{view['frame_ms']:.1f}",
+        f"{view['same_nodes']:.4%}",
+        *("" if view[name] is None else f"{view[name]:.1e}" for name in ("coverage", "luminance")),
+        "" if view["order"] is None else f"{view['order']:.5f}",
+    ]
+
+
+def _rates(card: float, cpu: float) -> list[str]:
+    return [f"{card / 1e6:.1f}", f"{cpu / 1e6:.1f}", f"{card / cpu:.1f}" if cpu else ""]

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree on the graphics card, and its passes; the graphics library is a `Device`: Blender's, or one of a bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.tracing.camera import CameraUnit
+from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, layer_blocks, rank_words
+from .shaders import CENTRE, DECODER, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+
+SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "heat": HEAT}
+
+_FINER = 1 / 8  # sides of the rays behind a patch over a pixel's, of weights that look two levels ahead
+
+
+class Device(Protocol):
+    """Graphics library."""
+
+    def texture(self, words: np.ndarray) -> Any:
+        """Texture of words (n, C) uint32."""
+
+    def image(self, width_px: int, height_px: int, kind: str) -> Any:
+        """Image that shaders write, of a format of `shaders.py`."""
+
+    def block(self, values: np.ndarray) -> Any:
+        """Uniform block of values (n,) float32."""
+
+    def program(self, shader: Shader) -> Any:
+        """Compile a shader; raises PatchNetError with the compiler's words."""
+
+    def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
+        """Run a shader over pixels (across, up), with textures, images and blocks by their names."""
+
+    def read(self, image: Any, kind: str) -> np.ndarray:
+        """Values (H, W) uint32 or (H, W, 4) float32 of an image; waits for what was dispatched."""
+
+
+class HitImages(NamedTuple):
+    """Images of the hits of a view: see `hits_main.glsl`."""
+
+    node: Any
+    entry: Any
+    seen: Any
+
+
+class CardOctree:
+    """Textures of an octree, and of its codes where they are asked for; dropping it frees them.
+
+    nbytes: of its textures. grid: of the octree.
+    """
+
+    def __init__(self, device: Device, octree: Octree) -> None:
+        """Nothing is there before `upload`, which lets go of the octree."""
+        self.device, self.grid, self.nbytes = device, octree.grid, 0
+        self._brightness = 1.0 / octree.exposure
+        self._bright = 0 if octree.bright_nodes is None else len(octree.bright_nodes)
+        self._bound: dict[str, Any] = {}
+        self._programs: dict[str, tuple[Shader, Any]] = {}
+        self._coded_words = self._width = 0
+
+    def upload(self, octree: Octree) -> Steps[None]:
+        """Pack and upload one texture after the other: all that pictures need."""
+        for name, pack in OCTREE_WORDS.items():
+            yield from self._add(name, partial(pack, octree))
+        yield from self._add("ranks", partial(rank_words, octree, None))
+
+    def upload_codes(self, coded: CodedOctree) -> Steps[None]:
+        """Pack and upload what the decoder needs beside that; codes of weights that `packing.fits_card` has."""
+        for name, pack in CODED_WORDS.items():
+            yield from self._add(name, partial(pack, coded))
+        yield from self._add("ranks", partial(rank_words, coded.octree, coded))
+        for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
+            self._bound[name] = self.device.block(values)
+        self._coded_words, self._width = coded_word_count(coded), coded.weights.kind.width
+
+    def _add(self, name: str, pack: Callable[[], np.ndarray]) -> Steps[None]:
+        """Pack a texture beside a caller that waits, and upload it."""
+        words = yield from computed(pack, Progress(len(self._bound), 0, "Uploading the octree"))
+        before = self._bound.pop(name, None)
+        self._bound[name] = self.device.texture(words)
+        self.nbytes += words.nbytes if before is None else 0
+
+    def compile(self, *names: str) -> Steps[None]:
+        """Compile shaders that are not there, of SHADERS; raises PatchNetError."""
+        for number, name in enumerate(name for name in names if name not in self._programs):
+            yield Progress(number, len(names), "Compiling shaders")
+            self._programs[name] = SHADERS[name], self.device.program(SHADERS[name])
+
+    def hit_images(self, camera: CameraUnit) -> HitImages:
+        """Images for the hits of a view of that size."""
+        size = camera.width_px, camera.height_px
+        return HitImages(*(self.device.image(*size, kind) for kind in (WORDS, FLOATS, FLOATS)))
+
+    def trace(self, camera: CameraUnit, hits: HitImages) -> None:
+        """Write the first hits of all pixels of a view."""
+        bound = {f"out_{name}": image for name, image in hits._asdict().items()}
+        self._run("hits", view_block(camera), bound, (camera.width_px, camera.height_px))
+
+    def decode(self, camera: CameraUnit, hits: HitImages, decoded: Any, band: tuple[int, int] | None = None) -> None:
+        """Write coverage, luminance, whether there is look-ahead, and the score of hits' pixels into an image.
+
+        band: first row and number of rows; all of them where it is None.
+        """
+        first, rows = (0, camera.height_px) if band is None else band
+        bound = {f"hit_{name}": image for name, image in hits._asdict().items()} | {"out_decoded": decoded}
+        view = view_block(camera, width=self._width, coded_words=self._coded_words, first_row=first)
+        self._run("decoder", view, bound, (camera.width_px, rows))
+
+    def draw(
+        self,
+        camera: CameraUnit,
+        means: tuple[Any, Any],
+        world: tuple[Any, int],
+        samples: int = 0,
+        jitter: tuple[float, float] = CENTRE,
+    ) -> None:
+        """Write the mean of one more sample in each pixel and of those before it.
+
+        means: images, that of the samples before, and that which is written. world: texture of `packing.world_words`
+        and the side of its faces. samples: before this one. jitter: place in the pixel, [0, 1]^2.
+        """
+        view = view_block(
+            camera,
+            bright=self._bright,
+            brightness=self._brightness,
+            world_side=world[1],
+            samples=samples,
+            jitter=jitter,
+        )
+        bound = {"before": means[0], "out_mean": means[1], "world": world[0]}
+        self._run("picture", view, bound, (camera.width_px, camera.height_px))
+
+    def heat(
+        self, camera: CameraUnit, hits: HitImages, decoded: Any, ramp: Any, kind: tuple[int, float], heat: Any
+    ) -> None:
+        """Write a heatmap of a view that is decoded, as a screen shows it, into an image.
+
+        ramp: texture of 256 colours. kind: 1 priority, 2 coverage, 3 predicted luminance, 4 level; value at its end.
+        """
+        view = view_block(camera, heat=kind, brightness=_FINER)
+        bound = {"hit_node": hits.node, "hit_seen": hits.seen, "decoded": decoded, "ramp": ramp, "out_heat": heat}
+        self._run("heat", view, bound, (camera.width_px, camera.height_px))
+
+    def _run(self, name: str, view: np.ndarray, bound: dict[str, Any], size: tuple[int, int]) -> None:
+        shader, program = self._programs[name]
+        bound = self._bound | bound | {"view": self.device.block(view)}
+        self.device.dispatch(program, shader, bound, size)

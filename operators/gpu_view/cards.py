@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octrees on the graphics card: those that are there or on their way, and why the CPU draws others instead."""
+
+from __future__ import annotations
+
+from functools import cache
+from weakref import WeakKeyDictionary
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.quantities import bytes_text
+from ...patchnet_addon.runtime.worker import attended
+from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
+from .blender_device import BlenderDevice
+from .card_octree import CardOctree
+from .packing import WIDTH, card_bytes, code_bytes, fits_card
+from .shaders import BITS, VIEW_NUMBERS, VIEW_SIZE, WORDS
+
+_GIB = 1 << 30
+_SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
+_UNTRIED = ("METAL",)
+_CHOOSE = "Graphics Card in the preferences tries it"
+
+
+class _Card:
+    """An octree on its way to the card.
+
+    octree: once all of it is there. reason: why it will never be; no_codes: why its codes will not. chosen: preferences
+    that it was begun with. coded: once codes can be decoded.
+    """
+
+    def __init__(self, octree: Octree, chosen: tuple[str, float]) -> None:
+        self.octree: CardOctree | None = None
+        self.reason, self.no_codes, self.coded, self.chosen = "", "", False, chosen
+        self._steps = self._bring(octree)
+        self._code_steps: Steps[None] | None = None
+
+    def work(self) -> None:
+        """Do a step, if any is left."""
+        try:
+            with attended():  # packing is beside the window
+                next(self._steps, None)
+        except PatchNetError as error:
+            self.reason = str(error)
+
+    def work_at_codes(self, coded: CodedOctree) -> None:
+        """Do a step of bringing its codes, if any is left."""
+        if self._code_steps is None:
+            self._code_steps = self._bring_codes(coded)
+        try:
+            with attended():
+                next(self._code_steps, None)
+        except PatchNetError as error:
+            self.no_codes = str(error)
+
+    def _bring_codes(self, coded: CodedOctree) -> Steps[None]:
+        assert self.octree is not None
+        wanted = self.octree.nbytes + code_bytes(coded)
+        if wanted > self.chosen[1] * _GIB:
+            raise PatchNetError(f"Look-ahead needs {bytes_text(wanted)} of graphics memory")
+        if not fits_card(coded.weights):
+            raise PatchNetError("These weights have no decoder on the graphics card")
+        yield from self.octree.upload_codes(coded)
+        yield from self.octree.compile("hits", "decoder", "heat")
+        self.coded = True
+
+    def _bring(self, octree: Octree) -> Steps[None]:
+        device, (viewport, gib) = BlenderDevice(), self.chosen
+        if reason := _against(viewport):
+            raise PatchNetError(reason)
+        wanted = card_bytes(octree)
+        if wanted > gib * _GIB or octree.node_count > WIDTH * device.max_side_px:
+            raise PatchNetError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")
+        if not same_bits():
+            raise PatchNetError(f"{device.name} changes bits of textures")
+        card = CardOctree(device, octree)
+        yield from card.upload(octree)
+        yield from card.compile("picture")
+        self.octree = card
+
+
+_cards: WeakKeyDictionary[Octree, _Card] = WeakKeyDictionary()
+
+
+def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
+    """Octree on the card, None while it is on its way there, or where the CPU draws; works for a moment."""
+    values = preferences(context)
+    chosen = values.viewport, values.card_gib
+    card = _cards.get(octree)
+    if card is None or card.chosen != chosen:
+        card = _cards[octree] = _Card(octree, chosen)
+    if card.octree is None and not card.reason:
+        card.work()
+    return card.octree
+
+
+def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
+    """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment."""
+    card = _cards[coded.octree]
+    if not (card.coded or card.no_codes):
+        card.work_at_codes(coded)
+    return card.coded, card.no_codes
+
+
+def is_there(octree: Octree) -> bool:
+    """Return whether an octree is on the card."""
+    card = _cards.get(octree)
+    return card is not None and card.octree is not None
+
+
+def is_coming(octree: Octree) -> bool:
+    """Return whether an octree is on its way to the card."""
+    card = _cards.get(octree)
+    return card is not None and card.octree is None and not card.reason
+
+
+def why_cpu(octree: Octree) -> str:
+    """Sentence why viewports show an octree by the CPU, empty where they do not or none has been looked at."""
+    card = _cards.get(octree)
+    return f"Viewport by the CPU: {card.reason}" if card is not None and card.reason else ""
+
+
+def free_all() -> None:
+    """Free all octrees on the card."""
+    _cards.clear()
+
+
+def _against(viewport: str) -> str:
+    """Reason against this computer's graphics card, empty for none."""
+    import gpu
+
+    if viewport == VIEWPORT_CPU:
+        return "chosen in the preferences"
+    name, backend = gpu.platform.renderer_get(), gpu.platform.backend_type_get()
+    if viewport == VIEWPORT_AUTO and any(word in name.lower() for word in _SOFTWARE):
+        return f"{name} is no graphics card. {_CHOOSE}"
+    if viewport == VIEWPORT_AUTO and backend in _UNTRIED:
+        return f"nobody has tried it with {backend.capitalize()} yet. {_CHOOSE}"
+    return ""
+
+
+@cache
+def same_bits() -> bool:
+    """Return whether textures give back the bits of all words: all exponents, those of no numbers, of tiny ones."""
+    exponents = np.arange(512, dtype=np.uint32) << 23  # with both signs
+    words = (exponents[:, None] | np.array([0, 1, 0x400001, 0x7FFFFF], np.uint32)).reshape(-1, 1)
+    device, side = BlenderDevice(), len(words)
+    image = device.image(side, 1, WORDS)
+    view = np.zeros(VIEW_NUMBERS, np.float32)
+    view.view(np.int32)[VIEW_SIZE : VIEW_SIZE + 2] = side, 1
+    bound = {"words": device.texture(words), "out_bits": image, "view": device.block(view)}
+    device.dispatch(device.program(BITS), BITS, bound, (side, 1))
+    return np.array_equal(device.read(image, WORDS).ravel(), words.ravel())

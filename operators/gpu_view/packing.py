@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree, codes and weights as words of textures; NumPy alone.
+
+A texture holds the bits of uint32 words as floats, since Blender uploads no integers. Bytes: 8 a node, 2 for its hue,
+half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded voxel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.cube_map import CubeMap
+from ...patchnet_addon.network.weights import Weights
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.surface.chroma import GRAY_SHARE
+
+BOXED, SIDED, BRIGHT = 1 << 24, 1 << 25, 1 << 26  # flags of a node
+WIDTH_BITS = 14
+WIDTH = 1 << WIDTH_BITS  # of all textures
+HIDDEN, MAX_WIDTH = 80, 78  # outputs of a layer on the card, filled up; most inputs of one but the first
+_RANKED = 32  # nodes a word of bits
+
+
+def node_words(octree: Octree) -> np.ndarray:
+    """Words (n, 2) uint32 of nodes: first child, or of a leaf its box; children 8 bits, luminance 16, flags."""
+    from ...patchnet_addon.octree.leaf_boxes import WHOLE  # numba comes with it
+
+    words = np.empty((octree.node_count, 2), np.uint32)
+    words[:, 0] = np.where(octree.child_mask == 0, np.uint32(WHOLE), octree.first_child)
+    words[:, 1] = octree.child_mask
+    words[:, 1] |= octree.luminance.astype(np.uint32) << np.uint32(8)
+    if octree.leaf_box is not None:
+        finest, box = words[octree.level_start[octree.depth] :], octree.leaf_box.astype(np.uint32)
+        finest[:, 0] = box[:, 0] | box[:, 1] << 8 | box[:, 2] << 16
+        finest[:, 1] |= BOXED
+    for nodes, flag in ((octree.side_nodes, SIDED), (octree.bright_nodes, BRIGHT)):
+        if nodes is not None:
+            words[nodes, 1] |= np.uint32(flag)
+    return words
+
+
+def hue_words(octree: Octree) -> np.ndarray:
+    """Words (n / 2, 1) uint32: the hues of two nodes each, shares of red and blue; gray where there is no colour."""
+    hues = np.full((octree.node_count + 1 & ~1, 2), GRAY_SHARE, np.uint8)
+    if octree.chroma is not None:
+        hues[: octree.node_count] = octree.chroma
+    return hues.reshape(-1, 4).view(np.uint32)
+
+
+def side_words(octree: Octree) -> np.ndarray:
+    """Words (3 s, 2) uint32, for each axis of a node with sides: roots and shares of both faces, and their hues."""
+    if octree.side_light is None or octree.side_share is None:
+        return np.zeros((1, 2), np.uint32)
+    rows = len(octree.side_light)
+    words = np.full((rows, 3, 2, 4), GRAY_SHARE, np.uint8)
+    words[:, :, 0, :2] = octree.side_light.reshape(rows, 3, 2)
+    words[:, :, 0, 2:] = octree.side_share.reshape(rows, 3, 2)
+    if octree.side_chroma is not None:
+        words[:, :, 1] = octree.side_chroma.reshape(rows, 3, 4)
+    return words.view(np.uint32).reshape(-1, 2)
+
+
+def bright_words(octree: Octree) -> np.ndarray:
+    """Words (b, 4) uint32 of nodes above white, ascending: node, and the colour as floats."""
+    if octree.bright_nodes is None or octree.bright_colors is None or not len(octree.bright_nodes):
+        return np.zeros((1, 4), np.uint32)
+    colors = np.ascontiguousarray(octree.bright_colors, np.float32).view(np.uint32)
+    return np.column_stack([octree.bright_nodes, colors]).astype(np.uint32)
+
+
+def world_words(world: CubeMap | np.ndarray | None) -> tuple[np.ndarray, int]:
+    """Words (6 S^2, 2) uint32 of a world's faces, half floats, and S; one colour (3,) has faces of one texel."""
+    if world is None:
+        return np.zeros((1, 2), np.uint32), 0
+    faces = world.faces if isinstance(world, CubeMap) else np.broadcast_to(world, (6, 1, 1, 3)).astype(np.float16)
+    texels = np.zeros((faces.size // 3, 4), np.float16)
+    texels[:, :3] = faces.reshape(-1, 3)
+    return texels.view(np.uint32), faces.shape[1]
+
+
+def rank_words(octree: Octree, coded: CodedOctree | None) -> np.ndarray:
+    """Words (n / 32, 4) uint32 of 32 nodes each: how many coded ones are before, which are; the same of sides."""
+    words = np.zeros((-(-octree.node_count // _RANKED), 4), np.uint32)
+    if coded is not None:
+        bits = coded.nodes.bits.view(np.uint32)[: len(words)]
+        words[: len(bits), 1] = bits
+    if octree.side_nodes is not None:
+        nodes = octree.side_nodes.astype(np.int64)
+        np.bitwise_or.at(words[:, 3], nodes >> 5, np.uint32(1) << (nodes & 31).astype(np.uint32))
+    for column in (0, 2):
+        ones = np.unpackbits(np.ascontiguousarray(words[:, column + 1]).view(np.uint8)).reshape(-1, _RANKED)
+        counts = ones.sum(axis=1, dtype=np.uint32)
+        words[:, column] = np.cumsum(counts, dtype=np.uint32) - counts
+    return words
+
+
+def coded_word_count(coded: CodedOctree) -> int:
+    """How many words of `rank_words` may name coded nodes; those behind have none."""
+    return 2 * len(coded.nodes.bits)
+
+
+def fits_card(weights: Weights) -> bool:
+    """Return whether the decoder of these weights is one that the shaders have: a mixture, no wider than MAX_WIDTH."""
+    return weights.kind.mixes and weights.kind.width <= MAX_WIDTH
+
+
+def layer_blocks(weights: Weights) -> list[np.ndarray]:
+    """Uniform blocks of the four layers, flat float32: for each input 80 weights; the second has all biases, too."""
+    blocks: list[np.ndarray] = []
+    biases = []
+    for matrix, bias in weights.decoder:
+        block = np.zeros((MAX_WIDTH if blocks else matrix.shape[1], HIDDEN), np.float32)
+        block[: matrix.shape[1], : len(matrix)] = matrix.T
+        blocks.append(block.ravel())
+        biases.append(np.pad(bias.astype(np.float32), (0, HIDDEN - len(bias))))
+    blocks[1] = np.concatenate([blocks[1], *biases])
+    return blocks
+
+
+def padded(words: np.ndarray) -> np.ndarray:
+    """Words (rows, WIDTH, C) of a texture that holds words (n, C)."""
+    count, channels = words.shape
+    rows = -(-count // WIDTH)
+    if count == rows * WIDTH:
+        return words.reshape(rows, WIDTH, channels)
+    full = np.zeros((rows * WIDTH, channels), np.uint32)
+    full[:count] = words
+    return full.reshape(rows, WIDTH, channels)
+
+
+def code_words(coded: CodedOctree) -> np.ndarray:
+    """Words (C, 5) uint32 of corner codes, two halves each."""
+    return np.ascontiguousarray(coded.codes).view(np.uint32)
+
+
+# Textures by name, and what packs them: those that tracing and colours need, and those that the decoder needs, too.
+OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
+    "nodes": node_words,
+    "hues": hue_words,
+    "sides": side_words,
+    "bright": bright_words,
+}
+CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
+    "codes": lambda coded: np.ascontiguousarray(code_words(coded)[:, :4]),
+    "code_ends": lambda coded: np.ascontiguousarray(code_words(coded)[:, 4:]),
+    "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
+    "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
+}
+
+
+def card_bytes(octree: Octree) -> int:
+    """Bytes that an octree takes on the card, about."""
+    sides = 0 if octree.side_nodes is None else 24 * len(octree.side_nodes)
+    return 11 * octree.node_count + sides
+
+
+def code_bytes(coded: CodedOctree) -> int:
+    """Bytes that codes take beside it, about."""
+    return 52 * len(coded.codes) + 12 * coded.coded_count

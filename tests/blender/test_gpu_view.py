@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Octree and decoder on the graphics card equal the CPU's kernels, in Blender's own module `gpu`."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from patchnet.commands import main
+from patchnet.commands.benches.decode import camera_around
+from patchnet.commands.benches.gpu import compare_with
+from patchnet.commands.benches.trace import views_of
+from patchnet.operators.gpu_view.blender_device import BlenderDevice
+from patchnet.operators.gpu_view.card_octree import CardOctree
+from patchnet.operators.gpu_view.packing import world_words
+from patchnet.operators.gpu_view.shaders import FLOATS, WORDS
+from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
+from patchnet.patchnet_addon.codes.encode import encode_octree
+from patchnet.patchnet_addon.codes.predict import predict
+from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
+from patchnet.patchnet_addon.image.tone import srgb_encode
+from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
+from patchnet.patchnet_addon.network.weights import load_weights
+from patchnet.patchnet_addon.octree.build import build_octree
+from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.patchnet import coverage_and_luminance_score
+from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.shading import two_lights_shade
+from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
+from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
+from patchnet.tests.blender.gpu_context import with_gpu
+from patchnet.tests.engine.octree_samples import with_sides
+from patchnet.tests.engine.yard_scene import yard_octree
+from patchnet.training.benchmarks.shells import shell_triangles
+
+SIZE = 512, 512
+
+
+@pytest.fixture(scope="module")
+def yard() -> CodedOctree:
+    """A yard with boxes, sides, random hues, and lights above white."""
+    octree = with_sides(yard_octree())
+    random = np.random.default_rng(1)
+    roots = 255 * np.sqrt(octree.luminance_float(octree.side_nodes))[:, None]
+    light = np.clip(roots + random.uniform(-60, 60, octree.side_light.shape), 0, 255).astype(np.uint8)
+    nodes = np.flatnonzero(random.random(octree.node_count) < 0.1).astype(np.uint32)
+    octree = replace(
+        octree,
+        side_light=light,
+        chroma=random.integers(20, 120, (octree.node_count, 2)).astype(np.uint8),
+        side_chroma=random.integers(20, 120, (len(octree.side_nodes), 6, 2)).astype(np.uint8),
+        bright_nodes=nodes,
+        bright_colors=random.uniform(0, 4, (len(nodes), 3)).astype(np.float32),
+    )
+    return drain(encode_octree(octree, load_weights()))
+
+
+def cameras() -> list[Camera]:
+    """Cameras far, near, shifted, orthographic; no ray runs along an edge or a diagonal, where the last bit decides."""
+
+    def look(name: str, place: tuple[float, ...], target: tuple[float, ...], **changes: Any) -> Camera:
+        camera = Camera.look_at(np.array(place), np.array(target), size_px=SIZE, name=name)
+        return replace(camera, **changes)
+
+    return [
+        look("far", (1.91, -1.33, 1.17), (0.52, 0.47, 0.13)),
+        look("near", (0.83, 0.11, 0.33), (0.37, 0.71, 0.09), clip_start=0.05, clip_end=0.9),
+        look(
+            "shifted", (-0.71, 0.17, 0.45), (0.51, 0.49, 0.15), width_px=500, height_px=300, shift_x=0.2, shift_y=-0.1
+        ),
+        look("orthographic", (2.3, -1.7, 1.9), (0.5, 0.5, 0.1), kind=ORTHOGRAPHIC, half_x=0.7, half_y=0.7),
+    ]
+
+
+def on_card(coded: CodedOctree, cameras: list[Camera]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Nodes (H, W) uint32 and what the decoder writes (H, W, 4), of each camera."""
+
+    def work() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        device = BlenderDevice()
+        card = CardOctree(device, coded.octree)
+        drain(card.upload(coded.octree))
+        drain(card.upload_codes(coded))
+        drain(card.compile("hits", "decoder"))
+        for camera in cameras:
+            unit = camera_in_unit_cube(camera, coded.octree.grid)
+            hits, decoded = card.hit_images(unit), device.image(unit.width_px, unit.height_px, FLOATS)
+            card.trace(unit, hits)
+            half = unit.height_px // 2
+            card.decode(unit, hits, decoded, (0, half))
+            card.decode(unit, hits, decoded, (half, unit.height_px - half))
+            yield device.read(hits.node, WORDS), device.read(decoded, FLOATS)
+
+    return with_gpu(lambda: list(work()))
+
+
+def check(coded: CodedOctree, cameras: list[Camera]) -> None:
+    """Compare all pixels with the CPU's."""
+    for camera, (node, decoded) in zip(cameras, on_card(coded, cameras), strict=True):
+        hits = first_hits(coded.octree, camera)
+        look_ahead = predict(coded, hits).look_ahead
+        found: dict[str, Any] = compare_with(coded, hits, look_ahead, node, decoded)
+        assert found["same_nodes"] >= 0.9999, camera.name
+        assert ((decoded[..., 2].ravel() > 0) == look_ahead).mean() >= 0.9999
+        assert hits.hit.any()
+        if look_ahead.any():
+            assert found["coverage"] < 5e-4 and found["luminance"] < 2e-3 and found["order"] >= 0.999, camera.name
+
+
+def test_hits_and_predictions_are_those_of_the_kernels(yard: CodedOctree) -> None:
+    check(yard, cameras())
+
+
+def test_a_fitted_octree_of_depth_16() -> None:
+    mesh = TriangleMesh.from_arrays(shell_triangles(1.0))
+    camera = Camera.look_at(np.array([1.012, 0.0031, 0.0017]), np.array([0.7, 0.11, 0.05]), size_px=SIZE)
+    shade = two_lights_shade(mesh)
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade, deepest=16))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 16), shade, layout=fitted.layout))
+    assert octree.depth == 16
+    check(drain(encode_octree(octree, load_weights())), [camera])
+
+
+def lit(scene: str, folder: Path) -> CodedOctree:
+    """Octree of a scene at depth 9 under two lights, with codes."""
+    path = folder / "octree.safetensors"
+    assert main(["octree", scene, "--depth", "9", "--light", "two-lights", "--color", "--out", str(path)]) == 0
+    return drain(encode_octree(load_octree(path), load_weights()))
+
+
+def test_the_courtyard(tmp_path: Path) -> None:
+    coded = lit("demo", tmp_path)
+    check(coded, [*views_of(coded.octree, SIZE), camera_around(coded, 1)])
+
+
+@pytest.mark.skipif("PATCHNET_SCENES" not in os.environ, reason="needs the folder PATCHNET_SCENES")
+@pytest.mark.parametrize("name", ["ldraw_space_shuttle.glb", "sponza_crytek.glb"])
+def test_scenes_of_others(name: str, tmp_path: Path) -> None:
+    coded = lit(str(Path(os.environ["PATCHNET_SCENES"]) / name), tmp_path)
+    check(coded, [*views_of(coded.octree, SIZE), camera_around(coded, 1)])
+
+
+def colors_on_card(octree: Octree, camera: Camera, world: CubeMap | np.ndarray | None) -> np.ndarray:
+    """Picture (P, 4) of one sample a pixel, and again, which does not change it."""
+
+    def work() -> np.ndarray:
+        device = BlenderDevice()
+        card = CardOctree(device, octree)
+        drain(card.upload(octree))
+        drain(card.compile("picture"))
+        unit = camera_in_unit_cube(camera, octree.grid)
+        means = [device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(2)]
+        words, side = world_words(world)
+        behind = device.texture(words), side
+        card.draw(unit, (means[0], means[1]), behind)
+        card.draw(unit, (means[1], means[0]), behind, samples=1)
+        return device.read(means[0], FLOATS).reshape(-1, 4)
+
+    return with_gpu(work)
+
+
+@pytest.mark.parametrize("kind", ["map", "color", "transparent"])
+def test_colors_and_the_world_behind_are_those_of_the_kernels(yard: CodedOctree, kind: str) -> None:
+    octree, camera = yard.octree, cameras()[0].with_size(256, 192)
+    faces = np.random.default_rng(2).uniform(0, 2, (6, 8, 8, 3)).astype(np.float16)
+    world = {"map": CubeMap(faces), "color": np.array([0.25, 0.5, 1.0], np.float32), "transparent": None}[kind]
+    found, hits = colors_on_card(octree, camera, world), first_hits(octree, camera)
+    colors = seen_color(octree, hits.node, hits.direction) + seen_above_white(octree, hits)
+    if world is not None:
+        behind = world.look(pixel_directions(camera)) if isinstance(world, CubeMap) else world
+        colors = np.where(hits.hit[:, None], colors, behind)
+    wrong = np.abs(found[:, :3] - colors).max(axis=1) > 1 / 255
+    assert wrong.mean() <= 1e-4 and (found[:, 3] == (hits.hit if world is None else 1)).mean() >= 0.9999
+
+
+def heat_on_card(coded: CodedOctree, camera: Camera, kind: int) -> np.ndarray:
+    """Heatmap (P, 4) of a view, whose ramp is gray and ends at 1."""
+
+    def work() -> np.ndarray:
+        device = BlenderDevice()
+        card = CardOctree(device, coded.octree)
+        drain(card.upload(coded.octree))
+        drain(card.upload_codes(coded))
+        drain(card.compile("hits", "decoder", "heat"))
+        unit = camera_in_unit_cube(camera, coded.octree.grid)
+        hits, (decoded, heat) = card.hit_images(unit), (device.image(*SIZE, FLOATS) for _ in range(2))
+        card.trace(unit, hits)
+        card.decode(unit, hits, decoded)
+        ramp = np.repeat(np.linspace(0, 1, 256, dtype=np.float32)[:, None], 4, axis=1)
+        card.heat(unit, hits, decoded, device.texture(ramp.view(np.uint32)), (kind, 1.0), heat)
+        return device.read(heat, FLOATS).reshape(-1, 4)
+
+    return with_gpu(work)
+
+
+@pytest.mark.parametrize(("kind", "name"), [(1, "priority"), (2, "coverage"), (3, "predicted")])
+def test_heatmaps_are_those_of_the_kernels(yard: CodedOctree, kind: int, name: str) -> None:
+    camera = cameras()[0]
+    view = drain(trace_view(yard.octree, camera, [STRATEGIES["patchnet-behind"]], coded=yard, reference=False))
+    assert view.prediction is not None and view.predicted is not None
+    score = coverage_and_luminance_score(view, view.prediction)
+    expected = {"priority": score, "coverage": view.prediction.coverage, "predicted": srgb_encode(view.predicted)}[name]
+    found = heat_on_card(yard, camera, kind)
+    assert ((found[:, 3] > 0) == view.hit).mean() >= 0.9999
+    off = np.abs(found[view.hit, 0] - np.clip(expected, 0, 1)[view.hit])
+    assert (off > 1.5 / 255).mean() < 1e-3

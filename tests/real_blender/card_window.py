@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Somebody looks through the render engine by the graphics card: turns, zooms, splits the view, frees its memory.
+
+    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P card_window.py -- OUT NAME
+
+Writes OUT/NAME.json and screenshots beside it; test_card_window.py judges them.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import clicks
+from visits import OUT, PACKAGE, Visit, choose, module, result
+
+NAME = sys.argv[-1]
+visit = Visit(NAME)
+seen = visit.seen
+viewports: list = []
+
+
+def watch() -> None:
+    """Keep every viewport that draws."""
+    import importlib
+
+    kind = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
+    before = kind.draw
+
+    def draw(self, *given):
+        before(self, *given)
+        if self not in viewports:
+            viewports.append(self)
+
+    kind.draw = draw
+
+
+def prefer(viewport: str) -> None:
+    bpy.context.preferences.addons[PACKAGE].preferences.viewport = viewport
+    clicks.area("VIEW_3D").tag_redraw()
+
+
+def settled() -> bool:
+    """Whether all viewports that are there have all samples of the card."""
+    return bool(viewports) and all(viewport._on_card is not None and viewport._on_card.done for viewport in viewports)
+
+
+def begun_anew(viewport) -> clicks.Session:
+    """Wait until a viewport takes samples of another view, and has them all."""
+    yield from clicks.wait_for(lambda: not viewport._on_card.done, "another view", 30.0)
+    yield from clicks.wait_for(lambda: viewport._on_card.done, "all samples of it", 180.0)
+
+
+def picture():
+    """The card shows what a render has: the same rays, the same footprints."""
+    space = clicks.area("VIEW_3D").spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    space.overlay.show_overlays = False
+    space.shading.type = "RENDERED"
+    yield from clicks.wait_for(settled, "all samples of the first view", 240.0)
+    (viewport,) = viewports
+    seen["card"] = module("gpu_view.cards").BlenderDevice().name
+    yield from clicks.wait_for(lambda: viewport._on_card._background not in (None, "no map"), "the world's map", 120.0)
+    yield from clicks.wait_for(settled, "all samples before the world", 180.0)
+    yield from clicks.screenshot(OUT / f"{NAME}-camera.png")
+    seen["by the CPU"] = viewport._preview is not None
+    texture = viewport._on_card._means[0]
+    data = texture.read()
+    data.dimensions = texture.width * texture.height * 4
+    found = np.frombuffer(data, np.float32).reshape(-1, 4)
+    seen["differences"] = compared(viewport, found, (texture.width, texture.height))
+
+
+def compared(viewport, found: np.ndarray, size: tuple[int, int]) -> list[float]:
+    """Share of pixels that differ by more than a grade of the screen from the CPU's preview, and the mean."""
+    import importlib
+
+    previews = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport_preview")
+    views = module("render_engine.viewport")
+    area = clicks.area("VIEW_3D")
+    view = area.spaces.active.region_3d
+    octree = result().octree
+    bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
+    camera = views.viewport_camera(view.view_matrix, view.window_matrix, size, bounds)
+    picture = views.AdaptivePicture(octree, camera, None, None, None)
+    world = viewport.world.behind(bpy.context.evaluated_depsgraph_get(), octree).world
+    preview = previews.ViewportPreview(picture, 0.3, world, None, 64, 4)
+    while not preview.done:
+        preview.work(1.0)
+    off = np.abs(preview.pixels().reshape(-1, 4) - found).max(axis=1)
+    return [float((off > 1 / 255).mean()), float(off.mean())]
+
+
+def moves():
+    """Orbit and zoom: each is another picture; frames while the view moves are single rays."""
+    (viewport,) = viewports
+    view = clicks.area("VIEW_3D").spaces.active.region_3d
+    view.view_perspective = "PERSP"
+    yield from begun_anew(viewport)
+    x, y = clicks.over_viewport()
+    yield from clicks.move(x, y)
+    clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
+    yield from begun_anew(viewport)
+    from mathutils import Quaternion
+
+    start, frames = time.monotonic(), 0
+    for _ in range(40):
+        view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
+        before = viewport._on_card._view
+        clicks.area("VIEW_3D").tag_redraw()
+        yield 0.01
+        frames += viewport._on_card._view != before
+    seen["turning frames/s"] = frames / (time.monotonic() - start)
+    yield from clicks.wait_for(settled, "all samples after turning", 180.0)
+    yield from clicks.screenshot(OUT / f"{NAME}-turned.png")
+    view.view_perspective = "ORTHO"
+    yield from begun_anew(viewport)
+    yield from clicks.screenshot(OUT / f"{NAME}-ortho.png")
+
+
+def split():
+    """Quad view: four viewports of one octree on the card."""
+    area, pane = clicks.area("VIEW_3D"), clicks.region("WINDOW")
+    with bpy.context.temp_override(window=clicks.window(), area=area, region=pane):
+        bpy.ops.screen.region_quadview()
+    yield from clicks.wait_for(lambda: len(viewports) >= 4 and settled(), "four views have all samples", 240.0)
+    yield from clicks.screenshot(OUT / f"{NAME}-quad.png")
+    seen["octrees on the card"] = len(module("gpu_view.cards")._cards)
+    with bpy.context.temp_override(window=clicks.window(), area=area, region=clicks.region("WINDOW")):
+        bpy.ops.screen.region_quadview()
+    yield 3.0
+
+
+def heat():
+    """The live heatmap: at half the resolution first, over the picture; what needs codes says so."""
+    overlay = bpy.context.window_manager.patchnet_overlay
+    space = clicks.area("VIEW_3D").spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    overlay.live = "PRIORITY"
+    yield 3.0
+    bpy.ops.patchnet.precompute_codes()
+    for kind in ("PRIORITY", "COVERAGE", "PREDICTED", "LEVEL"):
+        overlay.live = kind
+        yield from clicks.wait_for(lambda: any(v._heat and not v._heat.done for v in viewports), f"{kind} begins")
+        yield from clicks.wait_for(lambda: any(v._heat and v._heat.done for v in viewports), f"{kind} is done", 240.0)
+        yield from clicks.screenshot(OUT / f"{NAME}-{kind.lower()}.png")
+    overlay.live = "COMBINED"
+    yield from clicks.wait_for(lambda: not any(v._heat for v in viewports if v._on_card), "no heatmap")
+
+
+def by_priority():
+    """The CPU goes on at rest."""
+    choose(render_samples=0.0, budget=0.02)
+    clicks.window().scene.update_tag()
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(lambda: any(v._preview is not None and v._preview.done for v in viewports), "CPU", 240.0)
+    seen["refined by the CPU"] = max(int(v._preview.picture.samples.max()) for v in viewports if v._preview)
+    choose(render_samples=16.0)
+
+
+def chosen():
+    """Preferences: the processor alone, automatic, the card again; a limit of memory."""
+    cards, octree = module("gpu_view.cards"), result().octree
+    for kind in ("CPU", "AUTO"):
+        prefer(kind)
+        word = {"CPU": "chosen", "AUTO": "no graphics card"}[kind]
+        yield from clicks.wait_for(lambda word=word: word in cards.why_cpu(result().octree), f"a reason with {kind}")
+        seen[f"why {kind}"] = cards.why_cpu(octree)
+        yield 1.0
+    bpy.context.preferences.addons[PACKAGE].preferences.card_gib = 0.0
+    prefer("CARD")
+    yield from clicks.wait_for(lambda: "memory" in cards.why_cpu(result().octree), "a reason with no memory")
+    seen["why memory"] = cards.why_cpu(octree)
+    bpy.context.preferences.addons[PACKAGE].preferences.card_gib = 2.0
+    del octree
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(lambda: any(v._on_card is not None for v in viewports), "the card again")
+
+
+def freed():
+    """Free Memory frees the card, too."""
+    viewports.clear()  # those of the quad view have ended
+    bpy.ops.patchnet.clear_results()
+    yield from clicks.wait_for(lambda: not module("gpu_view.cards")._cards, "nothing is on the card", 30.0)
+    yield from clicks.screenshot(OUT / f"{NAME}-freed.png")
+
+
+def session():
+    """The whole visit."""
+    scene = clicks.window().scene
+    scene.render.engine = "PATCHNET"
+    prefer("CARD")
+    choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0)
+    watch()
+    for step in ("voxelize", "bake_light"):
+        getattr(bpy.ops.patchnet, step)()
+    for part in (picture, moves, split, heat, by_priority, chosen, freed):
+        yield from part()
+        visit.save(part.__name__)
+
+
+visit.play(session())

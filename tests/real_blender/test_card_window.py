@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Viewports by the graphics card in a real Blender with a window; card_window.py is what happened there."""
+
+from pathlib import Path
+
+import pytest
+
+from patchnet.tests.real_blender.executable import Blender
+
+
+@pytest.fixture(scope="module", params=["opengl", "vulkan"])
+def seen(request: pytest.FixtureRequest, installed: Blender, yard: Path, out: Path) -> dict:
+    """Report of card_window.py, with each of Blender's graphics libraries that is there."""
+    name = f"card-{request.param}"
+    found = installed.visit(name, out, name, file=yard, script="card", backend=request.param)
+    if request.param.upper() not in found["card"]:
+        pytest.skip(f"no {request.param} here, but {found['card']}")
+    return found
+
+
+def test_the_card_shows_what_renders_have(seen: dict) -> None:
+    share, mean = seen["differences"]
+    assert share < 0.002 and mean < 1e-3 and not seen["by the CPU"]
+
+
+def test_viewports_share_an_octree_on_the_card(seen: dict) -> None:
+    assert seen["octrees on the card"] == 1 and seen["turning frames/s"] > 1
+
+
+def test_priority_is_refined_by_the_cpu_at_rest(seen: dict) -> None:
+    assert seen["refined by the CPU"] > 1
+
+
+def test_the_panel_says_why_the_processor_shows_voxels(seen: dict) -> None:
+    assert seen["why CPU"] == "Viewport by the CPU: chosen in the preferences"
+    assert "is no graphics card" in seen["why AUTO"] and "0 GiB are allowed" in seen["why memory"]
+
+
+def test_nothing_is_said_of_errors(seen: dict) -> None:
+    assert "Error" not in seen["said"] and "GPU" not in seen["said"]
