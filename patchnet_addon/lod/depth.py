@@ -28,15 +28,15 @@ LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
 COLOR_BYTES_PER_NODE = 2
 BOX_BYTES_PER_LEAF = 3
-_SIDES_BYTES_PER_NODE = 1.5  # at most 2.8 with colour, 1.6 without
+_SIDES_BYTES_PER_NODE = 1.5  # at most 2.9
 # While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
 # about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
 # bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
-# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept. Sides add 48 bytes where they grow,
-# 96 in colour, and of one leaf in six 44 or 56.
+# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept. Sides add 96 bytes where they grow,
+# 192 in colour, and of one leaf in six 44 or 56.
 _LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # kept, and beside that in a leaf's pass
 _COLOR_LEAF_BYTES = 2, 40
-_SIDES_LEAF_BYTES = (8, 48), (10, 96)  # without and with colour
+_SIDES_LEAF_BYTES = (8, 96), (10, 192)  # without and with colour
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 

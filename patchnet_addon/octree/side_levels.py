@@ -21,9 +21,9 @@ from .sides import FACES
 _UNITS = 65535.0  # of a share
 _BYTE = 255.0
 _SEEN = 1.0 / 32.0  # of the face that shows most: what shows less does not make a node one with sides
-# Of a face to the node's mean, in luminance: less is not worth its bytes. Of all nodes: those that differ most have
-# sides, so that an octree does not grow by more than three bytes a node; in small octrees as many as do.
-_DIFFERS, _MOST, _FREE = 0.004, 0.1, 1 << 16
+# Of a face to the node's mean, in luminance: less is not worth its bytes. Bytes a node: those that differ most have
+# sides, so that an octree grows no more than this; in small octrees as many as do.
+_DIFFERS, _MOST_BYTES, _FREE = 0.004, 2.9, 1 << 16
 _TURNED = 0.01  # of the area that faces either way: more than rounding
 _PIECE = 1 << 18  # nodes whose children's faces are kept at a time
 
@@ -137,7 +137,9 @@ def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNod
             found[level].append(_differing(nodes, here, pieces[-1], int(first[level])))
         kept = _Faces(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
     columns = zip(*(piece for of_level in found for piece in of_level), strict=True)
-    return _most_different(*(np.concatenate(column) for column in columns), most=max(_FREE, int(_MOST * first[-1])))
+    joined = [np.concatenate(column) for column in columns]
+    node_bytes = sum(column[:1].nbytes for column in joined[1:]) or 1
+    return _most_different(*joined, most=max(_FREE, int(_MOST_BYTES / node_bytes * first[-1])))
 
 
 def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float) -> _Faces:

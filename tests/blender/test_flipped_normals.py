@@ -145,10 +145,12 @@ def cylinder(inward: bool) -> None:
     camera((3, -6, 2), (0, 0, 0))
 
 
-def ratios(*cameras: str) -> list[float]:
+def ratios(sides: str = "six") -> list[float]:
     """Mean luminance over that of Cycles, of each camera."""
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=6, size=(32, 24), samples=16, cameras=cameras or ("all",), color=False, texel_voxels=1.0)
+    job = JobSettings.of(
+        depth=6, size=(32, 24), samples=16, cameras=("all",), color=False, texel_voxels=1.0, sides=sides
+    )
     before = scene_snapshot()
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
     assert_unchanged(before)
@@ -177,6 +179,12 @@ SCENES = {
 def test_light_is_that_of_cycles_however_normals_point(scene: str, flip: bool) -> None:
     SCENES[scene](flip)
     assert ratios() == [pytest.approx(1.0, abs=0.15)] * (2 if scene == "ground in a shed" else 1)
+
+
+@pytest.mark.parametrize("scene", ["walls", "closed room", "sheet", "ground", "cylinder", "curtain from outside"])
+def test_one_luminance_is_that_of_the_side_that_cameras_see(scene: str) -> None:
+    SCENES[scene](True)
+    assert ratios("one") == [pytest.approx(1.0, abs=0.15)]
 
 
 @pytest.mark.parametrize("flip", [False, True], ids=["right", "flipped"])

@@ -101,7 +101,7 @@ def bake_luminance(
     lift = lift_world(source, charts)
     plan = yield from plan_sides(context, source, cameras, light, lift)
     switches: tuple[object, ...] = (light.color, light.denoise, bakes_on_gpu(context, device), bool(light.daylight))
-    switches += light.gloss, place_of_view(context.scene, light), plan.facing.tobytes()
+    switches += light.gloss, place_of_view(context.scene, light), plan.facing.tobytes(), plan.is_behind.tobytes()
     baker = Baker(context, source, charts, light, plan, seed=seed, device=device)
     key = "" if kept is None else bake_key(kept.scene, source, charts, light.samples, seed, switches)
     sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)

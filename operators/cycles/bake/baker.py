@@ -81,7 +81,7 @@ class Baker:
         self._attributes = attributes_needed(used)
         self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source)
         self._shining = materials_that(emits, source)
-        self._pieces, self._is_measured, self.lit = plan.pieces, plan.is_measured, plan.facing.copy()
+        self._plan, self._pieces, self.lit = plan, plan.pieces, plan.facing.copy()
         self.back_share = (plan.facing < 0).astype(np.float32)
         self.paths_traced = 0
         transformed = source.turned_materials
@@ -137,15 +137,17 @@ class Baker:
     def _weigh(self, page: int, sheets: PageTriangles, sides: Sequence[np.ndarray]) -> None:
         """Decide how much of the backs of sheets with both sides their one luminance holds.
 
-        None where the material has one side; half of others; a dark side does not count. Where nothing was measured
-        before, a dark back is left out.
+        None where the material has one side, unless cameras see the back alone; half of others; a dark side does not
+        count. Where nothing was measured before, a dark back is left out.
         """
         front, back = self._means(page, sheets.triangles, sides)
         two_sided, dark = ~self._one_sided[sheets.materials], back <= _DARK_SIDE * front
-        share = np.where(two_sided & ~dark, np.float32(0.5), np.float32(0.0))
+        is_behind, is_measured = (of[sheets.triangles] for of in (self._plan.is_behind, self._plan.is_measured))
+        share = np.where(two_sided, np.float32(0.5), np.where(is_behind, np.float32(1.0), np.float32(0.0)))
+        share[dark] = 0.0
         share[(front < _DARK_SIDE * back) & (two_sided | self._shining[sheets.materials])] = 1.0
         self.back_share[sheets.triangles] = share
-        self.lit[sheets.triangles] = np.where(dark & ~two_sided & ~self._is_measured[sheets.triangles], 1, 0)
+        self.lit[sheets.triangles] = np.where(dark & ~two_sided & ~is_measured, 1, 0)
 
     def _turn(self, page: int, triangles: np.ndarray, sides: Sequence[np.ndarray]) -> None:
         """Have triangles of closed pieces show their back, where that alone gets light."""

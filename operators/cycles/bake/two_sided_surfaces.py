@@ -2,7 +2,8 @@
 """Survey of sheets before a bake: which of their sides get light and are baked (methods 7.2f).
 
 One small bake measures the light on both sides of opaque sheets. Both sides are baked of a sheet that gets light on
-both; a solid's inside and the back of a building's wall get none and cost nothing.
+both; a solid's inside and the back of a building's wall get none and cost nothing. Voxels without sides show the front,
+or the back of what cameras see from behind alone.
 """
 
 from __future__ import annotations
@@ -27,16 +28,19 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.tracing.seen_triangles import Sight
 
 _MOST_CAMERAS = 16
+_SEEN_BEHIND = 0.9  # of the pixels that a sheet is seen in: its normals point away from who looks
 
 
 class SidePlan(NamedTuple):
     """Sides that are baked of each placed triangle.
 
-    facing: (T,) int8, 1 the front, -1 the back, 0 both. is_measured: (T,) bool, by the light that was measured there.
-    pieces: (T,) int32, number of the closed sheet, -1 for none. sight: what cameras see.
+    facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see the back alone.
+    is_measured: (T,) bool, by the light that was measured there. pieces: (T,) int32, number of the closed sheet, -1 for
+    none. sight: what cameras see.
     """
 
     facing: np.ndarray
+    is_behind: np.ndarray
     is_measured: np.ndarray
     pieces: np.ndarray
     sight: Sight
@@ -45,12 +49,13 @@ class SidePlan(NamedTuple):
 class _Survey(NamedTuple):
     """Sheets of a surface, and where their light is measured.
 
-    sheet: (T,) int32, -1 for none. is_open: (S,) bool. areas: (S,) of what has one side. asked: (N,) sheets whose light
-    is measured, at `points`.
+    sheet: (T,) int32, -1 for none. is_open, is_behind: (S,) bool. areas: (S,) of what has one side. asked: (N,) sheets
+    whose light is measured, at `points`.
     """
 
     sheet: np.ndarray
     is_open: np.ndarray
+    is_behind: np.ndarray
     areas: np.ndarray
     asked: np.ndarray
     points: SheetPoints
@@ -97,11 +102,12 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
         sight.add(batch.corners_world, opaque[batch.materials], batch.first_triangle)
     areas *= sheet >= 0
     by_sheet = np.bincount(np.maximum(sheet, 0), areas, len(is_open))
-    behind = sheet[sight.seen.triangle[(sight.seen.triangle >= 0) & sight.seen.behind]]
-    wanted = is_open.copy()
-    wanted[behind[behind >= 0]] = True
-    asked = asked_sheets(np.where(wanted, by_sheet, 0.0))
-    return _Survey(sheet, is_open, by_sheet, asked, points_on_sheets(asked, sheet, areas), sight)
+    met = sight.seen.triangle >= 0
+    seen, behind = sheet[sight.seen.triangle[met]], sight.seen.behind[met]
+    backs = np.bincount(seen[behind & (seen >= 0)], minlength=len(is_open))
+    is_behind = (backs > 0) & (backs >= _SEEN_BEHIND * np.bincount(seen[seen >= 0], minlength=len(is_open)))
+    asked = asked_sheets(np.where(is_open | (backs > 0), by_sheet, 0.0))
+    return _Survey(sheet, is_open, is_behind, by_sheet, asked, points_on_sheets(asked, sheet, areas), sight)
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -139,12 +145,13 @@ def _planned(source: SceneMesh, survey: _Survey, measured: np.ndarray, light: Li
     has_one = one_sided_materials(source)
     has_one_lit = has_one & ~materials_that(emits, source)  # what shines may do so on its back alone
     facing = np.where(closed, 1, 0).astype(np.int8)
+    is_behind = np.append(survey.is_behind, False)[survey.sheet]
     for batch in source.batches():
         mine = slice(batch.first_triangle, batch.first_triangle + len(batch))
         decided = of_sheet[survey.sheet[mine]]
         if not light.has_sides:
-            decided = np.where(decided == 0, np.int8(1), decided)
+            decided = np.where(decided == 0, np.where(is_behind[mine], np.int8(-1), np.int8(1)), decided)
         chosen = has_one[batch.materials] & (has_one_lit[batch.materials] | closed[mine])
         facing[mine] = np.where(chosen, decided, facing[mine])
     is_measured = np.isin(survey.sheet, survey.asked)
-    return SidePlan(facing, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32), survey.sight)
+    return SidePlan(facing, is_behind, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32), survey.sight)
