@@ -40,6 +40,16 @@ class _Card:
         self._code_steps: Steps[None] | None = None
         self._codes: ReferenceType[CodedOctree] | None = None
 
+    @property
+    def coming(self) -> bool:
+        """Whether the octree is on its way."""
+        return self.octree is None and not self.reason
+
+    @property
+    def codes_coming(self) -> bool:
+        """Whether its codes are on their way, or were left there."""
+        return self._code_steps is not None and not (self.coded or self.no_codes)
+
     def work(self) -> None:
         """Do a step, if any is left."""
         try:
@@ -61,7 +71,7 @@ class _Card:
 
     def _bring_codes(self, coded: CodedOctree) -> Steps[None]:
         assert self.octree is not None
-        wanted = self.octree.nbytes + code_bytes(coded)
+        wanted = card_bytes(coded.octree) + code_bytes(coded)
         if wanted > self.chosen[1] * _GIB:
             raise CardError(f"Look-ahead needs {bytes_text(wanted)} of graphics memory")
         if not fits_card(coded.weights):
@@ -116,7 +126,7 @@ def is_there(octree: Octree) -> bool:
 def is_coming(octree: Octree) -> bool:
     """Return whether an octree is on its way to the card."""
     card = _cards.get(octree)
-    return card is not None and card.octree is None and not card.reason
+    return card is not None and card.coming
 
 
 def why_cpu(octree: Octree) -> str:
@@ -129,7 +139,14 @@ def give_up(octree: Octree, reason: str) -> None:
     """Free an octree on the card, and let the CPU draw it from now on."""
     card = _cards.get(octree)
     if card is not None:
-        card.octree, card.reason = None, reason
+        card.octree, card.reason, card.no_codes = None, reason, reason
+
+
+def free_coming() -> None:
+    """Free what is on its way, which holds its octree until it is there."""
+    for octree, card in list(_cards.items()):
+        if card.coming or card.codes_coming:
+            del _cards[octree]
 
 
 def free_all() -> None:

@@ -83,6 +83,7 @@ class Viewport:
         if result is None:
             self._forget()
             self._on_card = self._heat = None
+            cards.free_coming()
             self._message(engine, context, _NO_VOXELS)
             return
         try:
