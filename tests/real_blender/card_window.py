@@ -237,6 +237,9 @@ def reloaded():
         getattr(bpy.ops.patchnet, step)()
     clicks.area("VIEW_3D").tag_redraw()
     yield from clicks.wait_for(lambda: module("gpu_view.cards").is_there(result().octree), "on the card again", 60.0)
+    sessions = module("session.scene_session")
+    # The world's map first: what makes it holds the session.
+    yield from clicks.wait_for(lambda: sessions.session_of(clicks.window().scene).world is not None, "a map", 120.0)
     viewports.clear()
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
     yield 3.0
