@@ -15,27 +15,33 @@ _TEXTURES = {1: "R32F", 2: "RG32F", 4: "RGBA32F"}
 _KINDS = {WORDS: ("UINT_2D", np.uint32, 1), FLOATS: ("FLOAT_2D", np.float32, 4)}
 
 
+class CardError(PatchNetError):
+    """Refusal of the graphics card: the processor can go on."""
+
+
 class BlenderDevice:
     """`Device` by Blender's own module."""
 
     def texture(self, words: np.ndarray) -> Any:
-        """Texture of words (n, C) uint32."""
+        """Texture of words (n, C) uint32; raises CardError."""
         import gpu
 
         full = padded(words)
         flat = full.reshape(-1).view(np.float32)
-        size = full.shape[1], full.shape[0]
-        try:
-            data = gpu.types.Buffer("FLOAT", flat.size, flat)
-            return gpu.types.GPUTexture(size, format=_TEXTURES[full.shape[2]], data=data)
-        except (RuntimeError, ValueError, MemoryError) as cause:
-            raise PatchNetError(f"{self.name} has no room for a texture of {size[0]} x {size[1]}: {cause}") from cause
+        data = gpu.types.Buffer("FLOAT", flat.size, flat)
+        return self._made((full.shape[1], full.shape[0]), format=_TEXTURES[full.shape[2]], data=data)
 
     def image(self, width_px: int, height_px: int, kind: str) -> Any:
-        """Image that shaders write."""
+        """Image that shaders write; raises CardError."""
+        return self._made((width_px, height_px), format=kind)
+
+    def _made(self, size: tuple[int, int], **values: Any) -> Any:
         import gpu
 
-        return gpu.types.GPUTexture((width_px, height_px), format=kind)
+        try:
+            return gpu.types.GPUTexture(size, **values)
+        except (RuntimeError, ValueError, MemoryError) as cause:
+            raise CardError(f"{self.name} has no room for a texture of {size[0]} x {size[1]}: {cause}") from cause
 
     def block(self, values: np.ndarray) -> Any:
         """Uniform block of values (n,) float32."""
@@ -45,7 +51,7 @@ class BlenderDevice:
         return gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", flat.size, flat))
 
     def program(self, shader: Shader) -> Any:
-        """Compile a shader; raises PatchNetError."""
+        """Compile a shader; raises CardError."""
         import gpu
 
         info = gpu.types.GPUShaderCreateInfo()
@@ -63,7 +69,7 @@ class BlenderDevice:
         try:
             return gpu.shader.create_from_info(info)
         except Exception as cause:  # Blender raises Exception itself
-            raise PatchNetError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
+            raise CardError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
         """Run a shader over pixels (across, up)."""

@@ -4,19 +4,18 @@
 from __future__ import annotations
 
 from functools import cache
-from weakref import WeakKeyDictionary
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 import bpy
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import bytes_text
 from ...patchnet_addon.runtime.worker import attended
 from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
-from .blender_device import BlenderDevice
+from .blender_device import BlenderDevice, CardError
 from .card_octree import CardOctree
 from .packing import WIDTH, card_bytes, code_bytes, fits_card
 from .shaders import BITS, VIEW_NUMBERS, VIEW_SIZE, WORDS
@@ -30,8 +29,8 @@ _CHOOSE = "Graphics Card in the preferences tries it"
 class _Card:
     """An octree on its way to the card.
 
-    octree: once all of it is there. reason: why it will never be; no_codes: why its codes will not. chosen: preferences
-    that it was begun with. coded: once codes can be decoded.
+    octree: once all of it is there. reason: why it will never be. chosen: preferences that it was begun with. coded:
+    whether its codes can be decoded; no_codes: why they never will.
     """
 
     def __init__(self, octree: Octree, chosen: tuple[str, float]) -> None:
@@ -39,32 +38,44 @@ class _Card:
         self.reason, self.no_codes, self.coded, self.chosen = "", "", False, chosen
         self._steps = self._bring(octree)
         self._code_steps: Steps[None] | None = None
+        self._codes: ReferenceType[CodedOctree] | None = None
+
+    @property
+    def coming(self) -> bool:
+        """Whether the octree is on its way."""
+        return self.octree is None and not self.reason
+
+    @property
+    def codes_coming(self) -> bool:
+        """Whether its codes are on their way, or were left there."""
+        return self._code_steps is not None and not (self.coded or self.no_codes)
 
     def work(self) -> None:
         """Do a step, if any is left."""
         try:
             with attended():  # packing is beside the window
                 next(self._steps, None)
-        except PatchNetError as error:
+        except CardError as error:
             self.reason = str(error)
 
     def work_at_codes(self, coded: CodedOctree) -> None:
-        """Do a step of bringing its codes, if any is left."""
-        if self._code_steps is None:
-            self._code_steps = self._bring_codes(coded)
+        """Do a step of bringing codes, if any is left; others than before are brought anew."""
+        if self._code_steps is None or self._codes is None or self._codes() is not coded:
+            self._code_steps, self._codes = self._bring_codes(coded), ref(coded)
+            self.coded, self.no_codes = False, ""
         try:
             with attended():
                 next(self._code_steps, None)
-        except PatchNetError as error:
+        except CardError as error:
             self.no_codes = str(error)
 
     def _bring_codes(self, coded: CodedOctree) -> Steps[None]:
         assert self.octree is not None
-        wanted = self.octree.nbytes + code_bytes(coded)
+        wanted = card_bytes(coded.octree) + code_bytes(coded)
         if wanted > self.chosen[1] * _GIB:
-            raise PatchNetError(f"Look-ahead needs {bytes_text(wanted)} of graphics memory")
+            raise CardError(f"Look-ahead needs {bytes_text(wanted)} of graphics memory")
         if not fits_card(coded.weights):
-            raise PatchNetError("These weights have no decoder on the graphics card")
+            raise CardError("These weights have no decoder on the graphics card")
         yield from self.octree.upload_codes(coded)
         yield from self.octree.compile("hits", "decoder", "heat")
         self.coded = True
@@ -72,12 +83,12 @@ class _Card:
     def _bring(self, octree: Octree) -> Steps[None]:
         device, (viewport, gib) = BlenderDevice(), self.chosen
         if reason := _against(viewport):
-            raise PatchNetError(reason)
+            raise CardError(reason)
         wanted = card_bytes(octree)
         if wanted > gib * _GIB or octree.node_count > WIDTH * device.max_side_px:
-            raise PatchNetError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")
+            raise CardError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")
         if not same_bits():
-            raise PatchNetError(f"{device.name} changes bits of textures")
+            raise CardError(f"{device.name} changes bits of textures")
         card = CardOctree(device, octree)
         yield from card.upload(octree)
         yield from card.compile("picture")
@@ -102,8 +113,7 @@ def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
 def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
     """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment."""
     card = _cards[coded.octree]
-    if not (card.coded or card.no_codes):
-        card.work_at_codes(coded)
+    card.work_at_codes(coded)
     return card.coded, card.no_codes
 
 
@@ -116,13 +126,27 @@ def is_there(octree: Octree) -> bool:
 def is_coming(octree: Octree) -> bool:
     """Return whether an octree is on its way to the card."""
     card = _cards.get(octree)
-    return card is not None and card.octree is None and not card.reason
+    return card is not None and card.coming
 
 
 def why_cpu(octree: Octree) -> str:
     """Sentence why viewports show an octree by the CPU, empty where they do not or none has been looked at."""
     card = _cards.get(octree)
     return f"Viewport by the CPU: {card.reason}" if card is not None and card.reason else ""
+
+
+def give_up(octree: Octree, reason: str) -> None:
+    """Free an octree on the card, and let the CPU draw it from now on."""
+    card = _cards.get(octree)
+    if card is not None:
+        card.octree, card.reason, card.no_codes = None, reason, reason
+
+
+def free_coming() -> None:
+    """Free what is on its way, which holds its octree until it is there."""
+    for octree, card in list(_cards.items()):
+        if card.coming or card.codes_coming:
+            del _cards[octree]
 
 
 def free_all() -> None:

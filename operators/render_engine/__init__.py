@@ -8,8 +8,9 @@ from typing import Any
 
 import bpy
 
+from ..gpu_view import cards
 from ..scene_access.stop_cycles import forget_engine
-from ..session.scene_session import open_sessions
+from ..session.scene_session import in_main_thread, open_sessions
 from . import engine, panels, viewport
 
 _CLASSES = (*engine.CLASSES, *panels.CLASSES)
@@ -48,5 +49,7 @@ def _forget_frames(*_: object) -> None:
 
     for session in open_sessions():
         session.free_frames()
+    if in_main_thread():  # not that of a render, which has no graphics context
+        cards.free_coming()
     if f"{__package__}.frame_octree" in sys.modules:  # else nothing of ours was rendered
         trim()

@@ -22,6 +22,7 @@ from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..gpu_view import cards
+from ..gpu_view.blender_device import CardError
 from ..gpu_view.card_octree import CardOctree
 from ..overlay.drawing import live
 from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
@@ -82,6 +83,7 @@ class Viewport:
         if result is None:
             self._forget()
             self._on_card = self._heat = None
+            cards.free_coming()
             self._message(engine, context, _NO_VOXELS)
             return
         try:
@@ -106,8 +108,12 @@ class Viewport:
         bounds = result.octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         view = context.region_data
         camera = viewport_camera(view.view_matrix, view.window_matrix, (region.width, region.height), bounds)
-        if self._draw_on_card(engine, context, depsgraph, result, camera):
-            return
+        try:
+            if self._draw_on_card(engine, context, depsgraph, result, camera):
+                return
+        except CardError as error:
+            cards.give_up(result.octree, str(error))
+            self._on_card = self._heat = None
         idle = self._preview is not None and self._preview.done
         prepared = self._prepare(context, _picture(context, result, camera.with_size(8, 8), None))
         if not (self.mask.ready(context, idle=idle) and prepared):
@@ -157,27 +163,34 @@ class Viewport:
         if not (alike or moved or shows_heat):
             return False
         picture.draw(engine, context.scene)
-        self._say(engine, self._draw_heat(context, card, result, camera) if shows_heat else picture.status, result)
+        status, done = picture.status, picture.done
+        if shows_heat:
+            status, heat_done = self._work_at_heat(context, card, result, camera)
+            done = done and heat_done
+        self._say(engine, status, result)
         if alike or shows_heat:
             self._forget()
-        working = not picture.done or moved or self.mask.waiting
-        if working or (self._heat is not None and not self._heat.done):
+        if not done or moved or self.mask.waiting:
             engine.tag_redraw()
         return True
 
-    def _draw_heat(self, context: bpy.types.Context, card: CardOctree, result: SceneResult, camera: Camera) -> str:
-        """Work at the live heatmap, which the overlay draws over the picture; returns what it is, in words."""
+    def _work_at_heat(
+        self, context: bpy.types.Context, card: CardOctree, result: SceneResult, camera: Camera
+    ) -> tuple[str, bool]:
+        """Work at the live heatmap, which the overlay draws: what it is, in words, and whether it is done."""
         if result.coded is None:
-            return _NO_CODES.removeprefix("PatchNet: ")
+            self._heat = None
+            return _NO_CODES.removeprefix("PatchNet: "), True
         there, problem = cards.codes_on_card(result.coded)
         if not there:
-            return problem or _READY_SOON
+            self._heat = None
+            return problem or _READY_SOON, bool(problem)
         if self._heat is None:
             self._heat = live[self.region] = CardHeat()
         kind = (PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL).index(chosen := overlay_settings(context).live) + 1
         most = {PRIORITY: STRATEGIES["patchnet"].maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
         self._heat.look(card, result.coded, _view(camera), camera, (kind, most), preferences(context).colormap)
-        return f"{chosen.capitalize()}, 0 to {most:g}"
+        return f"{chosen.capitalize()}, 0 to {most:g}", self._heat.done
 
     def _preview_of(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Octree and decoder on the graphics card equal the CPU's kernels, in Blender's own module `gpu`."""
 
+import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 
@@ -14,10 +16,12 @@ from patchnet.commands import main
 from patchnet.commands.benches.decode import camera_around
 from patchnet.commands.benches.gpu import compare_with
 from patchnet.commands.benches.trace import views_of
+from patchnet.operators.gpu_view import card_octree, cards
 from patchnet.operators.gpu_view.blender_device import BlenderDevice
 from patchnet.operators.gpu_view.card_octree import CardOctree
 from patchnet.operators.gpu_view.packing import world_words
 from patchnet.operators.gpu_view.shaders import FLOATS, WORDS
+from patchnet.operators.properties.preferences import VIEWPORT_CARD, VIEWPORT_CPU, Preferences
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import predict
@@ -38,7 +42,7 @@ from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
 from patchnet.tests.blender.gpu_context import with_gpu
-from patchnet.tests.engine.octree_samples import with_sides
+from patchnet.tests.engine.octree_samples import random_octree, with_sides
 from patchnet.tests.engine.yard_scene import yard_octree
 from patchnet.training.benchmarks.shells import shell_triangles
 
@@ -212,3 +216,68 @@ def test_heatmaps_are_those_of_the_kernels(yard: CodedOctree, kind: int, name: s
     assert ((found[:, 3] > 0) == view.hit).mean() >= 0.9999
     off = np.abs(found[view.hit, 0] - np.clip(expected, 0, 1)[view.hit])
     assert (off > 1.5 / 255).mean() < 1e-3
+
+
+def until(done: Callable[[], bool], work: Callable[[], object]) -> None:
+    """Work until something is there, as drawings of a viewport do."""
+    for _ in range(2000):
+        if done():
+            return
+        work()
+    raise AssertionError("never there")
+
+
+def test_octrees_come_to_the_card_step_by_step_and_go_with_their_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cards, "preferences", lambda _context: Preferences(viewport=VIEWPORT_CARD))
+
+    def work() -> None:
+        assert cards.same_bits()
+        octree = random_octree(seed=2, depth=5, count=400)
+        coded = drain(encode_octree(octree, load_weights()))
+        assert cards.card_of(bpy.context, octree) is None and cards.is_coming(octree)
+        until(lambda: cards.is_there(octree), lambda: cards.card_of(bpy.context, octree))
+        assert not cards.is_coming(octree) and cards.why_cpu(octree) == ""
+        until(lambda: cards.codes_on_card(coded)[0], lambda: None)
+        again = replace(coded, codes=coded.codes + 0)
+        before = cards._cards[octree].octree._bound["codes"]
+        until(lambda: cards.codes_on_card(again)[0], lambda: None)
+        assert cards._cards[octree].octree._bound["codes"] is not before
+        cards.give_up(octree, "it broke")
+        assert cards.card_of(bpy.context, octree) is None and cards.why_cpu(octree).endswith(": it broke")
+
+    with_gpu(work)
+    gc.collect()
+    assert not cards._cards
+
+
+def test_what_is_on_its_way_can_be_freed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cards, "preferences", lambda _context: Preferences(viewport=VIEWPORT_CARD))
+    octree = random_octree()
+    with_gpu(lambda: cards.card_of(bpy.context, octree))
+    assert cards.is_coming(octree)
+    cards.free_coming()
+    assert not cards._cards
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({}, "is no graphics card"),
+        ({"viewport": VIEWPORT_CPU}, "chosen in the preferences"),
+        ({"viewport": VIEWPORT_CARD, "card_gib": 0.0}, "0 GiB are allowed"),
+    ],
+)
+def test_why_the_processor_draws(values: dict[str, Any], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here on a software renderer."""
+    monkeypatch.setattr(cards, "preferences", lambda _context: Preferences(**values))
+    octree = random_octree()
+    with_gpu(lambda: until(lambda: bool(cards.why_cpu(octree)), lambda: cards.card_of(bpy.context, octree)))
+    assert said in cards.why_cpu(octree) and not cards.is_there(octree)
+
+
+def test_a_shader_that_does_not_compile_lets_the_processor_draw(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cards, "preferences", lambda _context: Preferences(viewport=VIEWPORT_CARD))
+    monkeypatch.setitem(card_octree.SHADERS, "picture", replace(card_octree.SHADERS["picture"], defines={"vec4": "no"}))
+    octree = random_octree()
+    with_gpu(lambda: until(lambda: bool(cards.why_cpu(octree)), lambda: cards.card_of(bpy.context, octree)))
+    assert "picture_main.glsl does not compile on " in cards.why_cpu(octree)

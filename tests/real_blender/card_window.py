@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody looks through the render engine by the graphics card: turns, zooms, splits the view, frees its memory.
 
-    blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P card_window.py -- OUT NAME
+    blender --enable-event-simulate -p 0 0 1300 700 yard.blend -P card_window.py -- OUT NAME
 
 Writes OUT/NAME.json and screenshots beside it; test_card_window.py judges them.
 """
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
@@ -104,8 +105,6 @@ def moves():
     yield from clicks.move(x, y)
     clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
     yield from begun_anew(viewport)
-    from mathutils import Quaternion
-
     start, frames = time.monotonic(), 0
     for _ in range(40):
         view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
@@ -138,7 +137,7 @@ def heat():
     """The live heatmap: at half the resolution first, over the picture; what needs codes says so."""
     overlay = bpy.context.window_manager.patchnet_overlay
     space = clicks.area("VIEW_3D").spaces.active
-    space.region_3d.view_perspective = "CAMERA"
+    space.region_3d.view_perspective, space.region_3d.view_distance = "PERSP", 20.0  # so far away that it looks ahead
     overlay.live = "PRIORITY"
     yield 3.0
     bpy.ops.patchnet.precompute_codes()
@@ -147,8 +146,40 @@ def heat():
         yield from clicks.wait_for(lambda: any(v._heat and not v._heat.done for v in viewports), f"{kind} begins")
         yield from clicks.wait_for(lambda: any(v._heat and v._heat.done for v in viewports), f"{kind} is done", 240.0)
         yield from clicks.screenshot(OUT / f"{NAME}-{kind.lower()}.png")
+    yield from inspect()
+    seen["memory, turning"] = yield from turned(10)
     overlay.live = "COMBINED"
     yield from clicks.wait_for(lambda: not any(v._heat for v in viewports if v._on_card), "no heatmap")
+
+
+def inspect():
+    """Values of the pixel in the middle of the view, over the heatmap."""
+    inspected, pane = module("overlay.drawing").inspected, clicks.region("WINDOW")
+    x, y = pane.x + pane.width // 2, pane.y + pane.height // 2
+    yield from clicks.move(x, y)
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=pane):
+        bpy.ops.patchnet.inspect_pixels("INVOKE_DEFAULT")
+    yield from clicks.move(x + 3, y)
+    yield 0.5
+    seen["inspected"] = [pixel.lines for pixel in inspected.values() if pixel]
+    yield from clicks.screenshot(OUT / f"{NAME}-inspect.png")
+    yield from clicks.key("ESC", x, y)
+    yield 0.5
+
+
+def turned(seconds: float):
+    """Turn the view for a while with the heatmap; bytes of the process half-way and at its end."""
+    from importlib import import_module
+
+    resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.heap").resident_bytes
+    view, taken = clicks.area("VIEW_3D").spaces.active.region_3d, []
+    start = time.monotonic()
+    while (spent := time.monotonic() - start) < seconds:
+        view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
+        clicks.area("VIEW_3D").tag_redraw()
+        taken.append((spent, resident_bytes()))
+        yield 0.01
+    return [taken[len(taken) // 2][1], taken[-1][1]]
 
 
 def by_priority():
@@ -180,6 +211,18 @@ def chosen():
     yield from clicks.wait_for(lambda: any(v._on_card is not None for v in viewports), "the card again")
 
 
+def workspaces():
+    """Another workspace and back: the viewport is another one of Blender's each time."""
+    window, before = clicks.window(), clicks.window().workspace
+    window.workspace = bpy.data.workspaces["Scripting"]
+    yield 2.0
+    window.workspace = before
+    yield 1.0
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(lambda: any(v._on_card is not None and v._on_card.done for v in viewports), "back again")
+    seen["octrees after workspaces"] = len(module("gpu_view.cards")._cards)
+
+
 def freed():
     """Free Memory frees the card, too."""
     viewports.clear()  # those of the quad view have ended
@@ -188,16 +231,32 @@ def freed():
     yield from clicks.screenshot(OUT / f"{NAME}-freed.png")
 
 
+def reloaded():
+    """Voxels again, and another file, which frees them; nothing crashes."""
+    for step in ("voxelize", "bake_light"):
+        getattr(bpy.ops.patchnet, step)()
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(lambda: module("gpu_view.cards").is_there(result().octree), "on the card again", 60.0)
+    sessions = module("session.scene_session")
+    # The world's map first: what makes it holds the session.
+    yield from clicks.wait_for(lambda: sessions.session_of(clicks.window().scene).world is not None, "a map", 120.0)
+    viewports.clear()
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    yield 3.0
+    module("session.memory").give_back()
+    seen["octrees after another file"] = len(module("gpu_view.cards")._cards)
+
+
 def session():
     """The whole visit."""
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
     prefer("CARD")
-    choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0)
+    choose(resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0)
     watch()
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
-    for part in (picture, moves, split, heat, by_priority, chosen, freed):
+    for part in (picture, moves, split, heat, by_priority, chosen, workspaces, freed, reloaded):
         yield from part()
         visit.save(part.__name__)
 
