@@ -40,7 +40,7 @@ def fill(root: Path) -> set[Path]:
         compiled_mark("all").touch()
     pages = BakePageCache(root / "bakes")
     pages.open("0123456789abcdef" * 2)
-    pages.save(3, np.ones((16, 2), np.float32), np.ones(3, np.int8))
+    pages.save(3, np.ones((2, 16, 2), np.float32), np.ones(3, np.int8), np.zeros(3, np.float32))
     own = {
         root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
         root / "bakes" / "cake.txt", root / "bakes" / "page-00001.safetensors",
