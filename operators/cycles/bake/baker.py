@@ -34,6 +34,7 @@ from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 from .two_sided_surfaces import SidePlan
 
 _MOST_LOST = 12  # nodes in a sentence
+_MOST_TRIANGLES = 1 << 22  # a call
 _DARK_SIDE = 0.02  # of the brighter side: enclosed
 _DARK_PIECE = 1e-3  # of the brightest triangle on a page: next to no light
 
@@ -195,13 +196,17 @@ class Baker:
     def _calls(
         self, page: int, fronts: PageTriangles, backs: PageTriangles
     ) -> Iterator[tuple[PageTriangles, PageTriangles]]:
-        """Divide what is baked on a page into calls of as many paths as `most_paths` says, or of one triangle."""
+        """Divide what is baked on a page into calls of as many paths as `most_paths` says, or of one triangle.
+
+        Nor has a call more than so many triangles: Blender and Cycles hold copies of them all.
+        """
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
         texels = np.bincount(texel_owners(self._charts, page) + 1, minlength=len(self._charts.page) + 1)[1:]
         triangles = np.concatenate([fronts.triangles, backs.triangles])
-        paths = np.cumsum(texels[triangles]) * int(self._charts.page_samples[page])
-        call = np.floor_divide(paths, most_paths(self._source.triangle_count)).astype(np.int64)
+        paths = texels[triangles] * int(self._charts.page_samples[page]) / most_paths(self._source.triangle_count)
+        copies = (2 if self._light.denoise else 1) / _MOST_TRIANGLES
+        call = np.floor(np.cumsum(np.maximum(paths, copies))).astype(np.int64)
         for number in np.unique(call):
             now = call == number
             yield fronts.only(now[: len(fronts)]), backs.only(now[len(fronts) :])
