@@ -10,9 +10,10 @@ import pytest
 from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.file import KIND, load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
+from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -127,6 +128,15 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
     with pytest.raises(OctreeFileError, match=cause) as caught:
         load_octree(path)
     assert "bad.safetensors" in str(caught.value)
+
+
+def test_a_file_whose_cube_has_no_side_is_refused(octree, tmp_path):
+    path = tmp_path / "bad.safetensors"
+    save_octree(octree, path)
+    arrays, metadata = read_arrays(path, KIND)
+    write_arrays(path, arrays, metadata | {"side_world": 0.0}, KIND)
+    with pytest.raises(OctreeFileError, match=r"metadata are incomplete .*the geometry has no extent"):
+        load_octree(path)
 
 
 def test_auto_depth_is_the_smallest_with_look_ahead(mesh):

@@ -11,6 +11,7 @@ from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.codes.patches import voxel_blocks
 from patchnet.patchnet_addon.lightmap.sample_sharing import crowding_of
 from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.octree.file import _inconsistency
 from patchnet.patchnet_addon.octree.levels import number_children
 from patchnet.patchnet_addon.octree.voxelize import clip_batch
 from patchnet.patchnet_addon.runtime.bounds import INT32_COUNT, UINT32_COUNT, check_count
@@ -54,6 +55,13 @@ def test_nodes_of_blocks_and_bricks(use):
 def test_children():
     with pytest.raises(SettingError, match="4,294,967,297 nodes are more than numbers of 32 bits"):
         number_children(Sized(UINT32_COUNT + 1))
+
+
+def test_an_octree_file():
+    masks = SimpleNamespace(size=UINT32_COUNT + 1, shape=(UINT32_COUNT + 1,))
+    arrays = dict.fromkeys(("child_mask", "area_world", "first_child", "luminance"), masks)
+    arrays |= {"level_start": np.zeros(5, np.int64), "normal": SimpleNamespace(shape=(masks.size, 3))}
+    assert "4,294,967,297 nodes, more than numbers of 32 bits" in _inconsistency(arrays, 3)
 
 
 def test_triangles():
