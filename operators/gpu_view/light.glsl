@@ -17,7 +17,7 @@ uint side_row(uint node) {
 uvec2 side_words(uint row, int axis) { return floatBitsToUint(texelFetch(sides, texel(3u * row + uint(axis)), 0).xy); }
 
 // Of the three faces that a direction runs against: luminance and weight of each. Of a sheet a ray sees one side, so
-// only fronts count or only backs, whichever weigh more (an odd share is of backs).
+// only fronts count or only backs, whichever weigh more (an odd share is of backs); black backs count an eighth there.
 struct Faces {
   vec3 light, weight;
   bool backs;
@@ -32,7 +32,7 @@ Faces faces_along(uint row, vec3 along) {
   uvec3 shares = (faces >> 16) & 255u;
   vec3 roots = vec3(faces & 255u) * (1.0 / 255.0), weight = abs(along) * vec3(shares), back = vec3(shares & 1u);
   Faces found;
-  found.backs = 2.0 * dot(weight, back) > weight.x + weight.y + weight.z;
+  found.backs = dot(weight, back * (0.125 + 0.875 * sign(roots))) > dot(weight, 1.0 - back);
   found.weight = weight * (found.backs ? back : 1.0 - back);
   found.light = roots * roots;
   return found;

@@ -12,6 +12,7 @@ from .octree import LUMINANCE_SCALE
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
 _LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it shows where next to nothing faces the ray
+_OF_BLACK = np.float32(0.125)  # of black backs
 _LEAST_SHARE = 7  # of 255: what shows less of a face says nothing about it
 
 
@@ -48,15 +49,21 @@ def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-de
 
 @lean_device
 def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
-    """Whether more of what faces a direction is back than front: of a sheet, a ray sees the one or the other."""
-    total, back = np.float32(0), np.float32(0)
+    """Whether more of what faces a direction is back than front: of a sheet, a ray sees the one or the other.
+
+    Black backs count an eighth: they get no light because a front lies before them, as inside an open box.
+    """
+    front, back = np.float32(0), np.float32(0)
     for axis in range(3):
         along = x if axis == 0 else y if axis == 1 else z
-        share = sides.share[row, 2 * axis + (1 if along > 0 else 0)]
+        face = 2 * axis + (1 if along > 0 else 0)
+        share = sides.share[row, face]
         weight = np.float32(abs(along)) * np.float32(share)
-        total += weight
-        back += weight if share & 1 else np.float32(0)
-    return back + back > total
+        if share & 1 == 0:
+            front += weight
+        else:
+            back += weight if sides.light[row, face] > 0 else weight * _OF_BLACK
+    return back > front
 
 
 @lean_device

@@ -95,6 +95,7 @@ def with_sides(octree, seed=0):
     nodes = np.flatnonzero(random.random(octree.node_count) < 1 / 3).astype(np.uint32)
     light, share = random.integers(0, 256, (2, len(nodes), 6)).astype(np.uint8)
     share[random.random(share.shape) < 0.2] = 0
+    light[random.random(share.shape) < 0.2] = 0
     return replace(octree, side_nodes=nodes, side_light=light, side_share=share)
 
 

@@ -103,6 +103,35 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
         np.testing.assert_allclose(seen_along_z(octree, looking, pixels), light, atol=0.015)
 
 
+def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it():
+    """Both sides of its walls lie in one voxel; it is open at the bottom."""
+    low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 0.012)
+    walls = [quad(high[2], 0.5, UP)]
+    for axis in (0, 1):
+        for at in (low[axis], high[axis]):
+            a, b = low[1 - axis], high[1 - axis]
+            corners = np.insert(np.array([[a, 0.0], [b, 0.0], [b, high[2]], [a, high[2]]]), axis, at, axis=1)
+            corners = corners if (at > 0) != bool(axis) else corners[::-1]
+            walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
+    mesh = TriangleMesh.from_arrays(np.concatenate(walls))
+
+    def shade(_batch, fragments):
+        lights = np.tile(np.array([[0.8], [0.0]], np.float32), (len(fragments), 1, 1))
+        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
+
+    grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8)
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
+    for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
+        forward = np.array(way) / np.linalg.norm(way)
+        right = np.cross(forward, [0.31, 0.2, 0.93])
+        right /= np.linalg.norm(right)
+        place = -4.0 * forward + np.array([0.01, 0.02, 0.006])
+        camera = Camera(place, right, np.cross(right, forward), forward, 0.7, 0.7, 128, 128, kind=ORTHOGRAPHIC)
+        hits = first_hits(octree, camera)
+        wrong = np.abs(hits.luminance[hits.hit] - (0.0 if way[2] > 0 else 0.8)) > 0.02
+        assert wrong.mean() < (0.05 if way[2] > 0 else 0.005), way  # from below the walls' edges are bright
+
+
 def test_light_above_white_belongs_to_the_bright_side():
     mesh, shade = plate([(0.1, 1.0, UP, 5.0), (0.09, 1.0, DOWN, 0.1)])
     octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))

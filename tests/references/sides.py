@@ -19,7 +19,8 @@ def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) ->
         faces = [2 * axis + int(way[axis] > 0) for axis in range(3)]
         weight = np.abs(way) * octree.side_share[row, faces] / 255.0
         is_back = octree.side_share[row, faces] % 2 == 1
-        backs = weight[is_back].sum() > weight[~is_back].sum()
+        counts = np.where(is_back & (octree.side_light[row, faces] == 0), weight / 8.0, weight)
+        backs = counts[is_back].sum() > counts[~is_back].sum()
         weight[is_back != backs] = 0.0
         light = (octree.side_light[row, faces] / 255.0) ** 2
         shown = np.repeat(light[:, None], 3, axis=1)

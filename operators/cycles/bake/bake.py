@@ -108,8 +108,7 @@ def bake_luminance(
     front, back = (_atlas(charts, texels, light) for texels in sides)
     atlas = replace(front, warnings=(*baker.warnings, *_coarse(charts)))
     if (baker.lit <= 0).any():
-        unlit = (plan.facing < 0) & (plan.pieces < 0)  # on the front, which is what normals say is seen
-        facing = np.where(unlit, np.int8(0), baker.lit)
+        facing = np.where(plan.pieces < 0, np.int8(0), baker.lit)  # a side of a sheet that is not baked is black
         atlas = replace(atlas, back=back, lit=baker.lit, facing=facing, back_share=baker.back_share)
     if black := (yield from black_views(context, source, atlas, plan.sight, light, lift)):
         atlas.notes[BLACK_VIEWS] = black
