@@ -242,6 +242,8 @@ def _write_difference(first, last, faces, luminance, difference):  # type: ignor
         difference[node] = 0
         for face in range(FACES):
             apart = abs(np.int64(faces.light[node, face]) - np.int64(luminance[node]))
+            if faces.light[node, face] == 0 and faces.share[node, face] & 1:
+                apart >>= 3  # a black back is hardly ever seen
             if faces.share[node, face] > least and apart > difference[node]:
                 difference[node] = apart
 
