@@ -71,7 +71,7 @@ def test_version_names_what_computes(capsys: pytest.CaptureFixture[str]) -> None
     with pytest.raises(SystemExit) as stop:
         commands.main(["--version"])
     said = capsys.readouterr().out
-    assert not stop.value.code and said.startswith("patchnet 0.") and said.count("\n") == 1
+    assert not stop.value.code and said.startswith("patchnet 1.") and said.count("\n") == 1
     assert f"numpy {np.__version__}" in said and f"Python {platform.python_version()}" in said
 
 
