@@ -70,7 +70,7 @@ def nothing_selected(buttons: dict[str, tuple[int, int]]):
         item.select_set(False)
     yield from clicks.click(buttons["patchnet.voxelize"])
     yield 0.7
-    yield from clicks.wait_for(lambda: not running(), "the step has ended", 30.0)
+    yield from clicks.wait_for(lambda: not running(), "the step has ended", 110.0)
     seen["voxelize nothing"] = {"running": running(), "result": result() is not None}
     yield from clicks.dismiss()
 
