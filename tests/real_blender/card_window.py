@@ -16,27 +16,12 @@ from mathutils import Quaternion
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, module, result
+from visits import OUT, PACKAGE, Visit, choose, module, result, watched
 
 NAME = sys.argv[-1]
 visit = Visit(NAME)
 seen = visit.seen
 viewports: list = []
-
-
-def watch() -> None:
-    """Keep every viewport that draws."""
-    import importlib
-
-    kind = importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
-    before = kind.draw
-
-    def draw(self, *given):
-        before(self, *given)
-        if self not in viewports:
-            viewports.append(self)
-
-    kind.draw = draw
 
 
 def prefer(viewport: str) -> None:
@@ -253,7 +238,7 @@ def session():
     scene.render.engine = "PATCHNET"
     prefer("CARD")
     choose(resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0)
-    watch()
+    watched(viewports)
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
     for part in (picture, moves, split, heat, by_priority, chosen, workspaces, freed, reloaded):

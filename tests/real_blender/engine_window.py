@@ -16,23 +16,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, module
+from visits import OUT, PACKAGE, Visit, choose, ends_of_renders, module, watched
 
 visit = Visit("engine")
 seen = visit.seen
-
-
-def watched(viewports: list) -> None:
-    """Keep every viewport that draws, to ask it for its state."""
-    kind = module("render_engine.viewport").Viewport
-    before = kind.draw
-
-    def draw(self, *given):
-        before(self, *given)
-        if self not in viewports:
-            viewports.append(self)
-
-    kind.draw = draw
 
 
 def show(mode: str) -> None:

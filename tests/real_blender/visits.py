@@ -4,6 +4,7 @@
 import json
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -157,3 +158,16 @@ class Visit:
     def _write(self, problem: str) -> None:
         values = self.seen | {"clock": self._clock, "problem": problem}
         self._path.write_text(json.dumps(values, indent=1, default=str))
+
+
+def watched(viewports: list) -> None:
+    """Keep every viewport that draws, to ask it for its state."""
+    kind = import_module(f"{PACKAGE}.operators.render_engine.viewport").Viewport
+    before = kind.draw
+
+    def draw(self, *given):
+        before(self, *given)
+        if self not in viewports:
+            viewports.append(self)
+
+    kind.draw = draw

@@ -107,8 +107,9 @@ def bake_luminance(
     sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
     front, back = (_atlas(charts, texels, light) for texels in sides)
     atlas = replace(front, warnings=(*baker.warnings, *_coarse(charts)))
-    if (baker.lit <= 0).any():
-        facing = np.where(plan.pieces < 0, np.int8(0), baker.lit)  # a side of a sheet that is not baked is black
+    # Of a voxel with sides, a side of a sheet that is not baked is black, whether or not any back is baked.
+    facing = np.where((plan.pieces < 0) & light.has_sides, np.int8(0), baker.lit)
+    if (facing <= 0).any():
         atlas = replace(atlas, back=back, lit=baker.lit, facing=facing, back_share=baker.back_share)
     if black := (yield from black_views(context, source, atlas, plan.sight, light, lift)):
         atlas.notes[BLACK_VIEWS] = black
