@@ -186,6 +186,7 @@ def light_octree(
                 light = settings.light
                 own = unlit(source, light) if overrides.unlit else two_lights(source, light, overrides.rotation)
                 shade = yield from own
+                facing = np.zeros(source.triangle_count, np.int8)  # these lights shine on both sides alike
         with clock.stage("voxelize"):
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)

@@ -4,11 +4,16 @@
 from collections.abc import Callable
 
 import bpy
+import numpy as np
 import pytest
 
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
+from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
+from patchnet.patchnet_addon.tracing.supersample import supersample_all
 from patchnet.tests.blender import shaders
 from patchnet.tests.blender.objects import CUBE_FACES, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import simple
@@ -63,3 +68,26 @@ def test_both_sides_are_as_bright_as_in_cycles(scene: str) -> None:
     assert below == pytest.approx(1.0, abs=0.06), "from below"
     if scene.startswith("plate"):
         assert ratios("one")[1] > 4.0, "the mean of both sides is no light of the lower one"
+
+
+def test_two_lights_shine_on_both_sides_of_a_sheet() -> None:
+    """A corrugated sheet, dark and white by turns, shows along the normals of the white slopes, or against them."""
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for name, gray, slope in (("White", 0.8, 1), ("Dark", 0.1, -1)):
+        paint = simple("BsdfPrincipled", name, Base_Color=(gray, gray, gray, 1.0))
+        corners, faces = [], []
+        for x in np.arange(-1.0, 1.0, 0.02) + (0.0 if slope > 0 else 0.01):
+            ends = (x, 0.0 if slope > 0 else 0.01), (x + 0.01, 0.01 if slope > 0 else 0.0)
+            first = len(corners)
+            corners += [(along, y, z) for along, z in ends for y in (-1.0, 1.0)]
+            faces.append((first, first + 2, first + 3, first + 1))
+        link(mesh(name, corners, faces, paint))
+    for name, way in (("Front", -1.0), ("Back", 1.0)):
+        look_from((way, 0.0, -way), (0.0, 0.0, 0.0), name).data.lens = 60.0
+    bpy.context.view_layer.update()
+    job = JobSettings.of(light="two-lights", depth=6, size=(16, 16), cameras=("Front", "Back"), color=False)
+    graph = bpy.context.evaluated_depsgraph_get()
+    octree = drain(build_lit_octree(bpy.context, job, StageClock())).octree
+    cameras = choose_cameras(graph, job.view.cameras, job.view.size, np.zeros((2, 3)))
+    front, back = (drain(supersample_all(octree, camera, 8)).luminance.mean() for camera in cameras)
+    assert back == pytest.approx(front, rel=0.1)
