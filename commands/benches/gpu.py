@@ -25,6 +25,8 @@ from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.render import Hits, first_hits
 from ...training.benchmarks.tables import markdown_table
@@ -35,6 +37,7 @@ from .egl_device import EglDevice
 from .inputs import given_octree
 from .trace import views_of
 
+ESTIMATE_OFF = 1e-3  # of luminance
 _AROUND = "Around"  # so far away that all pixels have look-ahead
 
 
@@ -82,7 +85,7 @@ def _upload(card: CardOctree, coded: CodedOctree) -> None:
 
 def _compile(card: CardOctree, camera: Camera) -> None:
     """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
-    drain(card.compile("picture", "hits", "decoder"))
+    drain(card.compile("picture", "hits", "decoder", *(("estimate",) if card.estimates else ()), "heat"))
     _Passes(card, camera.with_size(8, 8)).run_all()
 
 
@@ -93,7 +96,7 @@ class _Passes:
         self._card, self._camera = card, camera_in_unit_cube(camera, card.grid)
         size = camera.width_px, camera.height_px
         self.hits: HitImages = card.hit_images(self._camera)
-        self.decoded, *self._means = (card.device.image(*size, FLOATS) for _ in range(3))
+        self.decoded, self.scored, *self._means = (card.device.image(*size, FLOATS) for _ in range(4))
         words, side = world_words(BLACK)
         self._world = card.device.texture(words), side
 
@@ -103,6 +106,11 @@ class _Passes:
     def decode(self) -> None:
         self._card.decode(self._camera, self.hits, self.decoded)
 
+    def estimate(self) -> None:
+        """Nothing where the weights have no estimator."""
+        if self._card.estimates:
+            self._card.estimate(self._camera, self.hits, self.decoded, self.scored)
+
     def color(self) -> None:
         before, mean = self._means
         self._card.draw(self._camera, (before, mean), self._world)
@@ -110,6 +118,7 @@ class _Passes:
     def run_all(self) -> None:
         self.trace()
         self.decode()
+        self.estimate()
         self.color()
 
 
@@ -117,7 +126,7 @@ class _View:
     """View of an octree, on the card and by the CPU's kernels."""
 
     def __init__(self, card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera) -> None:
-        self._device, self._coded, self._camera = device, coded, camera
+        self._card, self._device, self._coded, self._camera = card, device, coded, camera
         self._passes = _Passes(card, camera)
         self._half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
         self._hits = first_hits(coded.octree, camera)
@@ -130,7 +139,7 @@ class _View:
         predicted = predict(self._coded, self._hits)
         equal = self._compared(predicted.look_ahead)
         runs: dict[str, Callable[[], Any]] = {
-            name: partial(self._finish, getattr(passes, name)) for name in ("trace", "decode", "color")
+            name: partial(self._finish, getattr(passes, name)) for name in ("trace", "decode", "estimate", "color")
         }
         runs |= {
             "frame": partial(self._finish, self._frame),
@@ -147,6 +156,7 @@ class _View:
             "card": {
                 "trace": pixels / seconds["trace"],
                 "decode": decoded / seconds["decode"],
+                "estimate": pixels / seconds["estimate"],
                 "color": pixels / seconds["color"],
             },
             "frame_ms": 1e3 * seconds["frame"],
@@ -159,16 +169,20 @@ class _View:
         self._passes.color()
         self._half.trace()
         self._half.decode()
+        self._half.estimate()
 
     def _finish(self, run: Callable[[], None]) -> None:
         run()
         self._device.finish()
 
     def _compared(self, look_ahead: np.ndarray) -> dict[str, float | None]:
-        """Differences from the CPU's kernels: see `compare_with`."""
+        """Differences from the CPU's kernels: see `compare_with` and `compare_estimates`."""
         read = self._device.read
         node = read(self._passes.hits.node, WORDS)
-        return compare_with(self._coded, self._hits, look_ahead, node, read(self._passes.decoded, FLOATS))
+        equal = compare_with(self._coded, self._hits, look_ahead, node, read(self._passes.decoded, FLOATS))
+        if self._card.estimates:
+            equal |= compare_estimates(self._coded, self._camera, read(self._passes.scored, FLOATS))
+        return equal
 
 
 def compare_with(
@@ -194,6 +208,19 @@ def compare_with(
     }
 
 
+def compare_estimates(coded: CodedOctree, camera: Camera, scored: np.ndarray) -> dict[str, float | None]:
+    """Correlation of order and differences of the errors to be expected of pixels that count.
+
+    scored: (H, W, 4) float32 as the estimator's shader writes it. estimate_off: share of pixels that differ by more
+    than ESTIMATE_OFF: those that see another voxel in a pixel around.
+    """
+    plus = STRATEGIES["patchnet-plus-0"]
+    view = drain(trace_view(coded.octree, camera, [plus], coded=coded, reference=False))
+    found, expected = scored.reshape(-1, 4)[view.active, 3], plus.scores(view)[view.active]
+    off = np.abs(found - expected) > ESTIMATE_OFF
+    return {"estimate_order": rank_correlation(found, expected), "estimate_off": float(off.mean())}
+
+
 def rank_correlation(one: np.ndarray, other: np.ndarray) -> float:
     """Correlation of the places of values (N,) in their order."""
     first, second = (np.argsort(np.argsort(values)).astype(np.float64) for values in (one, other))
@@ -204,7 +231,8 @@ def text(values: dict[str, Any]) -> str:
     """Sentences about card and octree, and a Markdown table with a row for each view."""
     head = [
         "view", "pixels", "hit", "look-ahead", "card: Mrays/s", "CPU", "ratio", "card: M decoded/s", "CPU", "ratio",
-        "card: M colored/s", "frame, ms", "equal nodes", "coverage", "luminance", "order",
+        "card: M estimated/s", "card: M colored/s", "frame, ms", "equal nodes", "coverage", "luminance", "order",
+        "order of estimates",
     ]  # fmt: skip
     return (
         f"{values['card']} ({values['driver']}); CPU threads: {values['threads']}\n"
@@ -224,11 +252,12 @@ def _row(view: dict[str, Any]) -> list[str]:
         f"{view['look_ahead_share']:.0%}",
         *_rates(card["trace"], cpu["trace"]),
         *_rates(card["decode"], cpu["decode"]),
+        f"{card['estimate'] / 1e6:.1f}" if "estimate_order" in view else "",
         f"{card['color'] / 1e6:.1f}",
         f"{view['frame_ms']:.1f}",
         f"{view['same_nodes']:.4%}",
         *("" if view[name] is None else f"{view[name]:.1e}" for name in ("coverage", "luminance")),
-        "" if view["order"] is None else f"{view['order']:.5f}",
+        *("" if view.get(name) is None else f"{view[name]:.5f}" for name in ("order", "estimate_order")),
     ]
 
 

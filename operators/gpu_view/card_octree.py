@@ -13,11 +13,13 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.sampling.patchnet_plus import estimators_fit
+from ...patchnet_addon.sampling.plus.weights import estimators_of
 from ...patchnet_addon.tracing.camera import CameraUnit
-from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, layer_blocks, rank_words
-from .shaders import CENTRE, DECODER, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, estimator_block, layer_blocks, rank_words
+from .shaders import CENTRE, DECODER, ESTIMATE, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
 
-SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "heat": HEAT}
+SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "estimate": ESTIMATE, "heat": HEAT}
 
 _FINER = 1 / 8  # sides of the rays behind a patch over a pixel's, of weights that look two levels ahead
 
@@ -55,7 +57,7 @@ class HitImages(NamedTuple):
 class CardOctree:
     """Textures of an octree, and of its codes where they are asked for; dropping it frees them.
 
-    nbytes: of its textures. grid: of the octree.
+    nbytes: of its textures. grid: of the octree. estimates: weights of the codes have an estimator of errors.
     """
 
     def __init__(self, device: Device, octree: Octree) -> None:
@@ -66,6 +68,7 @@ class CardOctree:
         self._bound: dict[str, Any] = {}
         self._programs: dict[str, tuple[Shader, Any]] = {}
         self._coded_words = self._width = 0
+        self.estimates = False
 
     def upload(self, octree: Octree) -> Steps[None]:
         """Pack and upload one texture after the other: all that pictures need."""
@@ -81,6 +84,9 @@ class CardOctree:
         for name, values in zip(LAYER_BLOCKS, layer_blocks(coded.weights), strict=True):
             self._bound[name] = self.device.block(values)
         self._coded_words, self._width = coded_word_count(coded), coded.weights.kind.width
+        self.estimates = estimators_fit(coded.weights)
+        if self.estimates:
+            self._bound["estimator"] = self.device.block(estimator_block(estimators_of(coded.weights)))
 
     def _add(self, name: str, pack: Callable[[], np.ndarray]) -> Steps[None]:
         """Pack a texture beside a caller that waits, and upload it."""
@@ -114,6 +120,18 @@ class CardOctree:
         bound = {f"hit_{name}": image for name, image in hits._asdict().items()} | {"out_decoded": decoded}
         view = view_block(camera, width=self._width, coded_words=self._coded_words, first_row=first)
         self._run("decoder", view, bound, (camera.width_px, rows))
+
+    def estimate(
+        self, camera: CameraUnit, hits: HitImages, decoded: Any, scored: Any, band: tuple[int, int] | None = None
+    ) -> None:
+        """Copy what is decoded into another image, with the error to be expected as score; only where it `estimates`.
+
+        band: as in `decode`; rows beside it must be decoded, too.
+        """
+        first, rows = (0, camera.height_px) if band is None else band
+        bound = {f"hit_{name}": image for name, image in hits._asdict().items()}
+        bound |= {"decoded": decoded, "out_scored": scored}
+        self._run("estimate", view_block(camera, first_row=first), bound, (camera.width_px, rows))
 
     def draw(
         self,

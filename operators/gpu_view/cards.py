@@ -77,7 +77,7 @@ class _Card:
         if not fits_card(coded.weights):
             raise CardError("These weights have no decoder on the graphics card")
         yield from self.octree.upload_codes(coded)
-        yield from self.octree.compile("hits", "decoder", "heat")
+        yield from self.octree.compile("hits", "decoder", "heat", *(("estimate",) if self.octree.estimates else ()))
         self.coded = True
 
     def _bring(self, octree: Octree) -> Steps[None]:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Hits of all pixels: node, entry point and ratio; luminance, length, level.
+// Hits of all pixels: node, entry point and ratio; luminance, length, level, distance along the axis.
 
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -10,7 +10,7 @@ void main() {
   if (hit.node != NONE) {
     float pixel_side = view.lens.z + view.lens.w * hit.t * ray.speed;
     entry = vec4(entry_of(ray, hit), clamp(pixel_side * ldexp(1.0, hit.level), 0.5, 1.0));
-    seen = vec4(luminance_along(hit.node, hit.words, ray.direction), hit.t, float(hit.level), 0.0);
+    seen = vec4(luminance_along(hit.node, hit.words, ray.direction), hit.t, float(hit.level), hit.t * ray.speed);
   }
   imageStore(out_node, pixel, uvec4(hit.node));
   imageStore(out_entry, pixel, entry);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that a voxel shows along a direction (methods 7.2i): of three of its six faces, or its mean; in colour (7.2d).
 
-float luminance_of(uvec2 words) { return float((words.y >> 8) & 65535u) * (1.0 / 65535.0); }
-
 // Numbers among the coded nodes (x) and among those with sides (z), and bits that say whether a node is one (y, w).
 uvec4 ranks_at(uint node) { return floatBitsToUint(texelFetch(ranks, texel(node >> 5), 0)); }
 

@@ -2,7 +2,7 @@
 """Octree, codes and weights as words of textures; NumPy alone.
 
 A texture holds the bits of uint32 words as floats, since Blender uploads no integers. Bytes: 8 a node, 2 for its hue,
-half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded voxel.
+half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded voxel; with codes 4 for its normal.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.sampling.plus.forms import CENTRE, FORMS, WINDOW, Kind, Plane
+from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
+from ...patchnet_addon.sampling.plus.weights import Estimators
 from ...patchnet_addon.surface.chroma import GRAY_SHARE
 
 BOXED, SIDED, BRIGHT = 1 << 24, 1 << 25, 1 << 26  # flags of a node
@@ -22,6 +25,26 @@ WIDTH_BITS = 14
 WIDTH = 1 << WIDTH_BITS  # of all textures
 HIDDEN, MAX_WIDTH = 80, 78  # outputs of a layer on the card, filled up; most inputs of one but the first
 _RANKED = 32  # nodes a word of bits
+FORM = FORMS["plus-0"]  # of the error estimator
+_NEAR = (
+    (Kind.DIFFERENCE, Plane.LUMINANCE),
+    (Kind.DIFFERENCE, Plane.PATCH),
+    (Kind.VALUE, Plane.HIT),
+    (Kind.SLOPE, Plane.DEPTH),
+    (Kind.ANGLE, Plane.NORMAL_X),
+    (Kind.VALUE, Plane.COVERAGE),
+)
+_HERE = (
+    (Kind.VALUE, Plane.LUMINANCE),
+    (Kind.DIFFERENCE, Plane.OPEN),
+    (Kind.VALUE, Plane.COSINE),
+    (Kind.VALUE, Plane.RATIO),
+    (Kind.VALUE, Plane.CHILDREN),
+    (Kind.VALUE, Plane.LOOK_AHEAD),
+    (Kind.SCALE, Plane.LUMINANCE),
+)
+# Inputs of the estimator as `estimate_main.glsl` makes them: of each place in the window, then of the pixel itself.
+INPUTS = [(*near, place) for place in WINDOW for near in _NEAR] + [(*here, CENTRE) for here in _HERE]
 
 
 def node_words(octree: Octree) -> np.ndarray:
@@ -120,6 +143,28 @@ def layer_blocks(weights: Weights) -> list[np.ndarray]:
     return blocks
 
 
+def estimator_block(estimators: Estimators) -> np.ndarray:
+    """Uniform block, flat float32, of the estimator: what INPUTS meet, the second layer, the last.
+
+    An input has UNITS weights, its share in the scale, and its linear term; 0 where FORM has no such feature.
+    """
+    (first, second, last), skip = estimators.networks[FORM.name]
+    inputs = np.zeros((len(INPUTS), UNITS + 4), np.float32)
+    for column, feature in enumerate(FORM.features):
+        row = inputs[INPUTS.index((feature.kind, feature.plane, feature.place))]
+        row[:UNITS], row[UNITS], row[UNITS + 1] = first[0][:, column], feature.share, skip[column]
+    ends = np.zeros((UNITS + 1, 4), np.float32)
+    ends[:-1, :2], ends[-1, :2] = last[0].T, last[1]
+    return np.concatenate([inputs.ravel(), first[1], second[0].T.ravel(), second[1], ends.ravel()])
+
+
+def normal_words(octree: Octree) -> np.ndarray:
+    """Words (n, 1) uint32 of mean normals: x, y and z as signed bytes."""
+    words = np.zeros((octree.node_count, 4), np.int8)
+    words[:, :3] = octree.normal
+    return words.view(np.uint32)
+
+
 def padded(words: np.ndarray) -> np.ndarray:
     """Words (rows, WIDTH, C) of a texture that holds words (n, C)."""
     count, channels = words.shape
@@ -148,6 +193,7 @@ CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
     "code_ends": lambda coded: np.ascontiguousarray(code_words(coded)[:, 4:]),
     "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
     "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
+    "normals": lambda coded: normal_words(coded.octree),
 }
 
 
@@ -159,4 +205,4 @@ def card_bytes(octree: Octree) -> int:
 
 def code_bytes(coded: CodedOctree) -> int:
     """Bytes that codes take beside it, about."""
-    return 52 * len(coded.codes) + 12 * coded.coded_count
+    return 52 * len(coded.codes) + 12 * coded.coded_count + 4 * coded.octree.node_count

@@ -10,8 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.network.kinds import MIXTURE
+from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST
+from ...patchnet_addon.sampling.plus.forms import FAR, FLOOR, SLOPE
+from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
 from ...patchnet_addon.tracing.camera import CameraUnit
-from .packing import HIDDEN, MAX_WIDTH, WIDTH, WIDTH_BITS
+from .packing import HIDDEN, INPUTS, MAX_WIDTH, WIDTH, WIDTH_BITS
 
 _FOLDER = Path(__file__).parent
 _SPLIT = 4096.0  # origins are multiples of 1 / this, and a rest
@@ -34,6 +37,12 @@ struct Layer1 {{ vec4 w[{_INPUTS * HIDDEN // 4}]; }};
 struct Layer2 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; vec4 b[{HIDDEN}]; }};
 struct Layer3 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; }};
 struct Layer4 {{ vec4 w[{MAX_WIDTH * HIDDEN // 4}]; }};
+"""
+_ESTIMATOR = f"""
+struct Estimator {{
+  vec4 inputs[{len(INPUTS) * (UNITS // 4 + 1)}]; vec4 bias_1[{UNITS // 4}]; vec4 layer_2[{UNITS * UNITS // 4}];
+  vec4 bias_2[{UNITS // 4}]; vec4 ends[{UNITS + 1}];
+}};
 """
 LAYER_BLOCKS = {f"layer_{number}": f"Layer{number}" for number in (1, 2, 3, 4)}
 
@@ -69,7 +78,7 @@ class Shader:
     @property
     def structs(self) -> str:
         """Structures of its blocks."""
-        return VIEW + (_LAYERS if len(self.blocks) > 1 else "")
+        return VIEW + (_LAYERS if "layer_1" in self.blocks else "") + (_ESTIMATOR if "estimator" in self.blocks else "")
 
     @property
     def source(self) -> str:
@@ -101,6 +110,22 @@ DECODER = Shader(
     group=(32, 4),
     tile=(8, 4),
     defines={"GROUP_MEMORY": "shared"},  # Blender 5.2 takes the word itself out of sources
+)
+ESTIMATE = Shader(
+    ("tracing.glsl", "estimate_main.glsl"),
+    ("nodes", "normals", "hit_entry", "hit_seen", "decoded"),
+    {"out_scored": FLOATS},
+    integers=("hit_node",),
+    blocks={"view": "View", "estimator": "Estimator"},
+    defines={
+        "GROUP_MEMORY": "shared",
+        "UNITS": str(UNITS),
+        "FAR": str(FAR),
+        "SLOPE": str(SLOPE),
+        "FLOOR": f"{FLOOR:.9f}",
+        "LOWEST": str(LOWEST),
+        "HIGHEST": str(HIGHEST),
+    },
 )
 HEAT = Shader(
     ("tracing.glsl", "light.glsl", "heat_main.glsl"),

@@ -15,6 +15,8 @@ ivec2 texel(uint at) { return ivec2(int(at & (WIDTH - 1u)), int(at >> WIDTH_BITS
 
 uvec2 node_words(uint node) { return floatBitsToUint(texelFetch(nodes, texel(node), 0).xy); }
 
+float luminance_of(uvec2 words) { return float((words.y >> 8) & 65535u) * (1.0 / 65535.0); }
+
 struct Ray {
   vec3 whole, rest, inverse;  // origin; 1 / direction
   float speed;                // axial distance per length

@@ -33,7 +33,7 @@ _LIVE = [
     (
         PRIORITY,
         "Priority",
-        "Missing coverage plus five times the luminance error that the network sees two levels ahead",
+        "Luminance error to be expected of each pixel without a further ray; with strategy PatchNet (paper), its score",
     ),
     (COVERAGE, "Coverage", "Share of each pixel that the network expects to be covered"),
     (PREDICTED_LIVE, "Predicted", "Luminance that the network expects of each pixel"),

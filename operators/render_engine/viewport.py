@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.heap import trim
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
-from ...patchnet_addon.sampling.registry import STRATEGIES, strategy
+from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..gpu_view import cards
 from ..gpu_view.blender_device import CardError
@@ -33,7 +33,7 @@ from ..session.scene_result import SceneResult
 from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardPicture
-from .viewport_heat import CardHeat
+from .viewport_heat import CardHeat, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
 from .viewport_world import PictureTexture, ViewportWorld, draw_message
@@ -187,10 +187,12 @@ class Viewport:
             return problem or _READY_SOON, bool(problem)
         if self._heat is None:
             self._heat = live[self.region] = CardHeat()
+        ranked_by, said = strategy_on_card(strategy(context.scene.patchnet.strategy), card)
         kind = (PRIORITY, COVERAGE, PREDICTED_LIVE, LEVEL).index(chosen := overlay_settings(context).live) + 1
-        most = {PRIORITY: STRATEGIES["patchnet"].maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
-        self._heat.look(card, result.coded, _view(camera), camera, (kind, most), preferences(context).colormap)
-        return f"{chosen.capitalize()}, 0 to {most:g}", self._heat.done
+        most = {PRIORITY: ranked_by.maximum, LEVEL: float(result.octree.depth)}.get(chosen, 1.0)
+        wanted = HeatKind(kind, most, preferences(context).colormap, ranked_by)
+        self._heat.look(card, result.coded, _view(camera), camera, wanted)
+        return f"{said if chosen == PRIORITY else chosen.capitalize()}, 0 to {most:g}", self._heat.done
 
     def _preview_of(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera

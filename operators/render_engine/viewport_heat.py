@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import ReferenceType, ref
 
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.colormaps import colormap
-from ...patchnet_addon.sampling.patchnet import LUMINANCE_WEIGHT
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube, camera_part
 from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.shaders import FLOATS
@@ -19,6 +21,40 @@ from ..gpu_view.shaders import FLOATS
 _RAMP = 256
 _FIRST_ROWS, _FEWEST_ROWS = 32, 8  # of a band
 _QUICK_S, _SLOW_S = 0.02, 0.05  # between two drawings: bands grow below, shrink above
+
+_PRIORITY = 1  # kind of a heatmap
+_PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
+
+
+class HeatKind(NamedTuple):
+    """What a heatmap shows.
+
+    kind, most: see `CardOctree.heat`. ramp: name of a colour map. ranked_by: one of the card's strategies.
+    """
+
+    kind: int
+    most: float
+    ramp: str
+    ranked_by: Strategy
+
+    @property
+    def estimated(self) -> bool:
+        """Whether the estimator of errors is needed."""
+        return self.kind == _PRIORITY and self.ranked_by is _NO_RAY
+
+
+def strategy_on_card(chosen: Strategy, card: CardOctree) -> tuple[Strategy, str]:
+    """Strategy that live priority is of where another one may be chosen, and that in words.
+
+    The card traces no finer rays, so the estimator without them stands for all but the paper's score.
+    """
+    if chosen is _PAPER or not card.estimates:
+        return _PAPER, _said(_PAPER, chosen, "these weights have no estimator of errors")
+    return _NO_RAY, _said(_NO_RAY, chosen, f"{chosen.title} is computed by the processor alone")
+
+
+def _said(used: Strategy, chosen: Strategy, why: str) -> str:
+    return f"Priority by {used.title}" if used is chosen else f"Priority by {used.title}: {why}"
 
 
 class CardHeat:
@@ -33,70 +69,65 @@ class CardHeat:
         self._wanted: tuple[Any, ...] = ()
         self._pass: _Pass | None = None
         self._rows, self._last = _FIRST_ROWS, 0.0
-        self._seen: tuple[ReferenceType[CodedOctree], Camera] | None = None
+        self._seen: tuple[ReferenceType[CodedOctree], Camera, Strategy] | None = None
 
     def look(
-        self,
-        card: CardOctree,
-        coded: CodedOctree,
-        view: tuple[Any, ...],
-        camera: Camera,
-        kind: tuple[int, float],
-        ramp: str,
+        self, card: CardOctree, coded: CodedOctree, view: tuple[Any, ...], camera: Camera, kind: HeatKind
     ) -> None:
-        """Work at the heatmap of a view. kind: see `CardOctree.heat`. ramp: name of a colour map."""
-        self._seen = ref(coded), camera
-        now, wanted = time.perf_counter(), (view, kind, ramp)
+        """Work at the heatmap of a view."""
+        self._seen = ref(coded), camera, kind.ranked_by
+        now, wanted = time.perf_counter(), (view, kind)
         if wanted != self._wanted:
             self._wanted, self.done, self._pass = wanted, False, None
-            half = _Pass(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)), ramp)
+            half = _Pass(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)), kind)
             half.decode(half.camera.height_px)
-            self.shown = half.heat(kind)
+            self.shown = half.heat()
         elif not self.done:
             if self._pass is None:
-                self._pass = _Pass(card, camera, ramp)
+                self._pass = _Pass(card, camera, kind)
             elif now - self._last < _QUICK_S:
                 self._rows *= 2
             elif now - self._last > _SLOW_S:
                 self._rows = max(self._rows // 2, _FEWEST_ROWS)
             if self._pass.decode(self._rows):
-                self.shown, self._pass, self.done = self._pass.heat(kind), None, True
+                self.shown, self._pass, self.done = self._pass.heat(), None, True
         self._last = now
 
     def describe_pixel(self, column: int, row: int) -> list[str]:
         """Lines about a pixel of the view, which the CPU's kernels look at: nothing is read back."""
-        from ...patchnet_addon.codes.predict import predict
-        from ...patchnet_addon.tracing.render import first_hits
+        from ...patchnet_addon.sampling.trace import trace_view
 
-        coded, camera = (None, None) if self._seen is None else (self._seen[0](), self._seen[1])
-        if coded is None or camera is None:
+        if self._seen is None or (coded := self._seen[0]()) is None:
             return []
-        hits = first_hits(coded.octree, camera_part(camera, column, row, 1, 1))
-        if not hits.hit[0]:
+        _, camera, ranked_by = self._seen
+        left, low = max(column - 1, 0), max(row - 1, 0)  # the estimator sees the pixels around
+        wide, high = min(column + 2, camera.width_px) - left, min(row + 2, camera.height_px) - low
+        part = camera_part(camera, left, low, wide, high)
+        view = drain(trace_view(coded.octree, part, [ranked_by], coded=coded, reference=False))
+        pixel, found = (row - low) * wide + column - left, view.prediction
+        if found is None or not view.hit[pixel]:
             return [f"Pixel {column}, {row}", "Level none: background"]
-        found, shown = predict(coded, hits), float(hits.luminance[0])
-        coverage, luminance = float(found.coverage[0]), float(found.luminance[0])
-        score = abs(1.0 - coverage) + LUMINANCE_WEIGHT * abs(shown - luminance)
         return [
             f"Pixel {column}, {row}",
-            f"Priority {score:.4g}",
-            f"Coverage {coverage:.3f}" + ("" if found.look_ahead[0] else ": no look-ahead"),
-            f"Preview luminance {shown:.4f}",
-            f"Luminance of the patch {luminance:.4f}",
-            f"Level {hits.level[0]}",
+            f"Priority {ranked_by.scores(view)[pixel]:.4g}",
+            f"Coverage {found.coverage[pixel]:.3f}" + ("" if found.look_ahead[pixel] else ": no look-ahead"),
+            f"Preview luminance {view.preview[pixel]:.4f}",
+            f"Luminance of the patch {found.luminance[pixel]:.4f}",
+            f"Level {view.hits.level[pixel]}",
         ]
 
 
 class _Pass:
     """Hits of a view, and how much of it is decoded."""
 
-    def __init__(self, card: CardOctree, camera: Camera, ramp: str) -> None:
+    def __init__(self, card: CardOctree, camera: Camera, kind: HeatKind) -> None:
         device, size = card.device, (camera.width_px, camera.height_px)
         self.camera: CameraUnit = camera_in_unit_cube(camera, card.grid)
-        self._card, self._row = card, 0
+        self._card, self._kind, self._row = card, kind, 0
         self._hits, self._decoded = card.hit_images(self.camera), device.image(*size, FLOATS)
+        self._scored = device.image(*size, FLOATS) if kind.estimated else None
         colors = np.ones((_RAMP, 4), np.float32)
-        colors[:, :3] = colormap(np.linspace(0, 1, _RAMP), ramp)
+        colors[:, :3] = colormap(np.linspace(0, 1, _RAMP), kind.ramp)
         self._ramp = device.texture(colors.view(np.uint32))
         card.trace(self.camera, self._hits)
 
@@ -104,11 +135,16 @@ class _Pass:
         """Decode some more rows; returns whether these were the last."""
         rows = min(rows, self.camera.height_px - self._row)
         self._card.decode(self.camera, self._hits, self._decoded, (self._row, rows))
-        self._row += rows
-        return self._row == self.camera.height_px
+        first, self._row = max(self._row - 1, 0), self._row + rows
+        done = self._row == self.camera.height_px
+        if self._scored is not None:  # up to the row before the last one, whose upper neighbors may be missing
+            band = first, self._row - first - (0 if done else 1)
+            self._card.estimate(self.camera, self._hits, self._decoded, self._scored, band)
+        return done
 
-    def heat(self, kind: tuple[int, float]) -> Any:
+    def heat(self) -> Any:
         """Texture of the heatmap."""
         made = self._card.device.image(self.camera.width_px, self.camera.height_px, FLOATS)
-        self._card.heat(self.camera, self._hits, self._decoded, self._ramp, kind, made)
+        seen = self._decoded if self._scored is None else self._scored
+        self._card.heat(self.camera, self._hits, seen, self._ramp, self._kind[:2], made)
         return made

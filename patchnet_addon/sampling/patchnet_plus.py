@@ -36,6 +36,13 @@ def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -
     return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
+def estimators_fit(weights: Weights) -> bool:
+    """Return whether the estimator that goes with PatchNet's weights has learned from their outputs."""
+    from .plus.weights import estimators_of
+
+    return bool(estimators_of(weights).metadata.get("patchnet") == weights.hash)
+
+
 def estimators_warning(name: str, weights: Weights) -> str | None:
     """Sentence for a strategy whose estimator has not learned from the outputs of these weights; None for all others.
 
@@ -43,13 +50,11 @@ def estimators_warning(name: str, weights: Weights) -> str | None:
     """
     from .plus.weights import estimators_of
 
-    if name.removesuffix(SUFFIX) not in {strategy.name for strategy in STRATEGIES}:
+    if name.removesuffix(SUFFIX) not in {strategy.name for strategy in STRATEGIES} or estimators_fit(weights):
         return None
-    learned, weights_hash = estimators_of(weights).metadata.get("patchnet"), weights.hash
-    if learned == weights_hash:
-        return None
+    learned = estimators_of(weights).metadata.get("patchnet")
     return (
-        f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights_hash}), "
+        f"Strategy {name} expects the errors of other PatchNet weights ({learned}) than those in use ({weights.hash}), "
         "so its priorities may be worse: choose Strategy: PatchNet Behind, or weights that "
         "patchnet lab train-plus has written"
     )

@@ -14,7 +14,7 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.benches.decode import camera_around
-from patchnet.commands.benches.gpu import compare_with
+from patchnet.commands.benches.gpu import compare_estimates, compare_with
 from patchnet.commands.benches.trace import views_of
 from patchnet.operators.gpu_view import card_octree, cards
 from patchnet.operators.gpu_view.blender_device import BlenderDevice
@@ -22,9 +22,11 @@ from patchnet.operators.gpu_view.card_octree import CardOctree
 from patchnet.operators.gpu_view.packing import world_words
 from patchnet.operators.gpu_view.shaders import FLOATS, WORDS
 from patchnet.operators.properties.preferences import VIEWPORT_CARD, VIEWPORT_CPU, Preferences
+from patchnet.operators.render_engine.viewport_heat import CardHeat, HeatKind, strategy_on_card
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import predict
+from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
@@ -85,30 +87,33 @@ def cameras() -> list[Camera]:
     ]
 
 
-def on_card(coded: CodedOctree, cameras: list[Camera]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Nodes (H, W) uint32 and what the decoder writes (H, W, 4), of each camera."""
+def on_card(coded: CodedOctree, cameras: list[Camera]) -> list[tuple[np.ndarray, ...]]:
+    """Nodes (H, W) uint32, what the decoder and the estimator write (H, W, 4), of each camera."""
 
-    def work() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    def work() -> Iterator[tuple[np.ndarray, ...]]:
         device = BlenderDevice()
         card = CardOctree(device, coded.octree)
         drain(card.upload(coded.octree))
         drain(card.upload_codes(coded))
-        drain(card.compile("hits", "decoder"))
+        drain(card.compile("hits", "decoder", "estimate"))
         for camera in cameras:
             unit = camera_in_unit_cube(camera, coded.octree.grid)
-            hits, decoded = card.hit_images(unit), device.image(unit.width_px, unit.height_px, FLOATS)
+            hits = card.hit_images(unit)
+            decoded, scored = (device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(2))
             card.trace(unit, hits)
             half = unit.height_px // 2
             card.decode(unit, hits, decoded, (0, half))
             card.decode(unit, hits, decoded, (half, unit.height_px - half))
-            yield device.read(hits.node, WORDS), device.read(decoded, FLOATS)
+            card.estimate(unit, hits, decoded, scored, (0, half - 1))
+            card.estimate(unit, hits, decoded, scored, (half - 1, unit.height_px - half + 1))
+            yield device.read(hits.node, WORDS), device.read(decoded, FLOATS), device.read(scored, FLOATS)
 
     return with_gpu(lambda: list(work()))
 
 
 def check(coded: CodedOctree, cameras: list[Camera]) -> None:
     """Compare all pixels with the CPU's."""
-    for camera, (node, decoded) in zip(cameras, on_card(coded, cameras), strict=True):
+    for camera, (node, decoded, scored) in zip(cameras, on_card(coded, cameras), strict=True):
         hits = first_hits(coded.octree, camera)
         look_ahead = predict(coded, hits).look_ahead
         found: dict[str, Any] = compare_with(coded, hits, look_ahead, node, decoded)
@@ -117,6 +122,9 @@ def check(coded: CodedOctree, cameras: list[Camera]) -> None:
         assert hits.hit.any()
         if look_ahead.any():
             assert found["coverage"] < 5e-4 and found["luminance"] < 2e-3 and found["order"] >= 0.999, camera.name
+        np.testing.assert_array_equal(scored[..., :3], decoded[..., :3])
+        estimates: dict[str, Any] = compare_estimates(coded, camera, scored)
+        assert estimates["estimate_order"] >= 0.999 and estimates["estimate_off"] < 1e-3, camera.name
 
 
 def test_hits_and_predictions_are_those_of_the_kernels(yard: CodedOctree) -> None:
@@ -216,6 +224,47 @@ def test_heatmaps_are_those_of_the_kernels(yard: CodedOctree, kind: int, name: s
     assert ((found[:, 3] > 0) == view.hit).mean() >= 0.9999
     off = np.abs(found[view.hit, 0] - np.clip(expected, 0, 1)[view.hit])
     assert (off > 1.5 / 255).mean() < 1e-3
+
+
+def test_live_priority_is_by_the_estimator_or_the_paper(yard: CodedOctree) -> None:
+    """In bands it is as in one go, and pixels that are inspected have the CPU's."""
+    camera = cameras()[0].with_size(96, 80)
+    plus, paper, no_ray = (STRATEGIES[name] for name in ("patchnet-plus", "patchnet", "patchnet-plus-0"))
+
+    def work() -> tuple[np.ndarray, np.ndarray, list[list[str]]]:
+        device = BlenderDevice()
+        card = CardOctree(device, yard.octree)
+        drain(card.upload(yard.octree))
+        drain(card.upload_codes(yard))
+        drain(card.compile("hits", "decoder", "estimate", "heat"))
+        assert strategy_on_card(no_ray, card) == (no_ray, "Priority by PatchNet Plus, no ray")
+        assert strategy_on_card(paper, card) == (paper, "Priority by PatchNet (paper)")
+        ranked_by, said = strategy_on_card(plus, card)
+        assert ranked_by is no_ray and said.endswith(": PatchNet Plus is computed by the processor alone")
+        live = CardHeat()
+        kind = HeatKind(1, 0.5, "viridis", ranked_by)
+        until(lambda: live.done, lambda: live.look(card, yard, ("a view",), camera, kind))
+        unit = camera_in_unit_cube(camera, yard.octree.grid)
+        hits, (decoded, scored, heat) = card.hit_images(unit), (device.image(96, 80, FLOATS) for _ in range(3))
+        card.trace(unit, hits)
+        card.decode(unit, hits, decoded)
+        card.estimate(unit, hits, decoded, scored)
+        ramp = np.ones((256, 4), np.float32)
+        ramp[:, :3] = colormap(np.linspace(0, 1, 256), "viridis")
+        card.heat(unit, hits, scored, device.texture(ramp.view(np.uint32)), (1, 0.5), heat)
+        card.estimates = False
+        assert strategy_on_card(plus, card)[0] is paper
+        pixels = [live.describe_pixel(column, row) for row in range(0, 80, 8) for column in (0, 48, 95)]
+        return device.read(live.shown, FLOATS), device.read(heat, FLOATS), pixels
+
+    shown, whole, pixels = with_gpu(work)
+    np.testing.assert_array_equal(shown, whole)
+    view = drain(trace_view(yard.octree, camera, [no_ray], coded=yard, reference=False))
+    scores, hit = view.picture(no_ray.scores(view)), view.picture(view.hit)
+    places = [(row, column) for row in range(0, 80, 8) for column in (0, 48, 95)]
+    assert any(hit[place] for place in places)
+    for place, lines in zip(places, pixels, strict=True):
+        assert lines[1] == (f"Priority {scores[place]:.4g}" if hit[place] else "Level none: background")
 
 
 def until(done: Callable[[], bool], work: Callable[[], object]) -> None:

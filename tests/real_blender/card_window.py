@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Somebody looks through the render engine by the graphics card: turns, zooms, splits the view, frees its memory.
 
-    blender --enable-event-simulate -p 0 0 1300 700 yard.blend -P card_window.py -- OUT NAME
+    blender --enable-event-simulate -p 0 0 1300 700 yard.blend -P card_window.py -- OUT NAME SECONDS
+
+SECONDS: how long two viewports turn, saved meanwhile.
 
 Writes OUT/NAME.json and screenshots beside it; test_card_window.py judges them.
 """
@@ -18,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from visits import OUT, PACKAGE, Visit, choose, module, result, watched
 
-NAME = sys.argv[-1]
+NAME, TURNED_S = sys.argv[-2], float(sys.argv[-1])
 visit = Visit(NAME)
 seen = visit.seen
 viewports: list = []
@@ -123,6 +125,7 @@ def heat():
     overlay = bpy.context.window_manager.patchnet_overlay
     space = clicks.area("VIEW_3D").spaces.active
     space.region_3d.view_perspective, space.region_3d.view_distance = "PERSP", 20.0  # so far away that it looks ahead
+    space.overlay.show_overlays = True  # with the line about what is shown
     overlay.live = "PRIORITY"
     yield 3.0
     bpy.ops.patchnet.precompute_codes()
@@ -131,10 +134,15 @@ def heat():
         yield from clicks.wait_for(lambda: any(v._heat and not v._heat.done for v in viewports), f"{kind} begins")
         yield from clicks.wait_for(lambda: any(v._heat and v._heat.done for v in viewports), f"{kind} is done", 240.0)
         yield from clicks.screenshot(OUT / f"{NAME}-{kind.lower()}.png")
+    seen["priority by"] = [v._heat._wanted[1].ranked_by.name for v in viewports if v._heat]
     yield from inspect()
-    seen["memory, turning"] = yield from turned(10)
+    overlay.live = "PRIORITY"
+    yield from two_views()
+    seen["turned"] = yield from turned(TURNED_S)
+    yield from clicks.screenshot(OUT / f"{NAME}-two.png")
+    join()
     overlay.live = "COMBINED"
-    yield from clicks.wait_for(lambda: not any(v._heat for v in viewports if v._on_card), "no heatmap")
+    yield from clicks.wait_for(lambda: viewports and not any(v._heat for v in viewports if v._on_card), "no heatmap")
 
 
 def inspect():
@@ -152,19 +160,52 @@ def inspect():
     yield 0.5
 
 
+def views() -> list:
+    return [area for area in clicks.window().screen.areas if area.type == "VIEW_3D"]
+
+
+def two_views():
+    """Another viewport beside the first one."""
+    with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D")):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+    yield 1.0
+    for area in views():
+        area.spaces.active.shading.type = "RENDERED"
+    heats = module("overlay.drawing").live
+    yield from clicks.wait_for(lambda: sum(heat.done for heat in heats.values()) >= 2, "two heatmaps", 240.0)
+
+
+def join() -> None:
+    with bpy.context.temp_override(window=clicks.window(), area=views()[-1]):
+        bpy.ops.screen.area_close()
+    viewports.clear()  # that of the area has ended
+
+
 def turned(seconds: float):
-    """Turn the view for a while with the heatmap; bytes of the process half-way and at its end."""
+    """Turn all viewports for a while, each by the heatmap and by the picture in turns, and save now and then.
+
+    Returns frames, saves, and each second the seconds so far and bytes of the process.
+    """
     from importlib import import_module
 
     resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.heap").resident_bytes
-    view, taken = clicks.area("VIEW_3D").spaces.active.region_3d, []
-    start = time.monotonic()
+    overlay, path = bpy.context.window_manager.patchnet_overlay, str(OUT / f"{NAME}.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    start, frames, saves, taken = time.monotonic(), 0, 0, []
     while (spent := time.monotonic() - start) < seconds:
-        view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
-        clicks.area("VIEW_3D").tag_redraw()
-        taken.append((spent, resident_bytes()))
+        for area in views():
+            view = area.spaces.active.region_3d
+            view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
+            area.tag_redraw()
+        frames += 1
+        if len(taken) <= spent:
+            taken.append((round(spent, 1), resident_bytes()))
+            overlay.live = ("PRIORITY", "PRIORITY", "COMBINED", "PREDICTED")[len(taken) // 5 % 4]
+        if saves <= spent / 8:
+            bpy.ops.wm.save_mainfile()
+            saves += 1
         yield 0.01
-    return [taken[len(taken) // 2][1], taken[-1][1]]
+    return {"frames": frames, "saves": saves, "memory": taken}
 
 
 def by_priority():
@@ -230,6 +271,11 @@ def reloaded():
     yield 3.0
     module("session.memory").give_back()
     seen["octrees after another file"] = len(module("gpu_view.cards")._cards)
+    for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
+        getattr(bpy.ops.patchnet, step)()
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(settled, "all samples in the file that was saved", 180.0)
+    yield from clicks.screenshot(OUT / f"{NAME}-saved.png")
 
 
 def session():

@@ -59,6 +59,7 @@ class Blender:
         simulate: bool = True,
         screen: tuple[int, int] = SMALL_SCREEN,
         backend: str = "",
+        seconds: float = 900.0,
     ) -> dict:
         """Let NAME_window.py play in a window that shows a file; its report `out`/NAME.json, and what Blender said.
 
@@ -68,7 +69,7 @@ class Blender:
         opened = () if file is None else (file,)
         done = self.run_window(
             *opened, "-P", path, "--", out, *arguments,
-            seconds=900.0, simulate=simulate, screen=screen, backend=backend,
+            seconds=seconds, simulate=simulate, screen=screen, backend=backend,
         )  # fmt: skip
         said, report = done.stdout + done.stderr, out / f"{name}.json"
         (out / f"{name}.log").write_text(said)
