@@ -22,7 +22,8 @@ PAGE = Path(__file__).with_name("commands.md")
 HEAD = """\
 # Commands
 
-Made by `docs/make_commands.py` from the commands themselves: change them there, then run it.
+With this page you can look up every argument of every command. It is made by `docs/make_commands.py` from the commands
+themselves: change them there, then run it.
 
 What the arguments of `run` mean, output files, animations and exit codes: [command-line.md](command-line.md).
 `blender --command patchnet` has the sub-commands that say so: [batch.md](batch.md#the-command-in-blender).

@@ -255,7 +255,8 @@ def settings() -> Iterator[str]:
 HEAD = """\
 # Operators
 
-Made by `docs/make_operators.py` from the operators themselves: change them there, then run it.
+With this page you can call every operator from a script, and look up every setting. It is made by
+`docs/make_operators.py` from the operators themselves: change them there, then run it.
 
 Every operator is called `bpy.ops.patchnet.NAME(...)`. An argument that is not given is the scene's setting of that
 name, `scene.patchnet.NAME`, which is what the panel shows; the last section lists them all. Giving `depth` or

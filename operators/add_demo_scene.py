@@ -15,8 +15,7 @@ NAME = "PatchNet Courtyard"
 
 
 class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
-    """Build a courtyard with cameras and light in a new scene of this file, select its objects, and look through its
-    camera; other scenes stay as they are"""
+    """Add a courtyard with lights and three cameras as a new scene, select its objects, and look through a camera"""
 
     bl_idname = "patchnet.add_demo_scene"
     bl_label = "PatchNet Demo Scene"

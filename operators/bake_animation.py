@@ -17,8 +17,7 @@ from .settings.job_settings import JobSettings
 class PATCHNET_OT_bake_animation(
     FrameProperties, AnimationProperties, JobProperties, JobOperator, bpy.types.Operator
 ):
-    """Run all steps for every frame, each into a folder of its own in the output folder; finished frames are skipped.
-    An octree that fits the cameras fits those of its own frame"""
+    """Run all steps for every frame, each into a folder of its own in the output folder"""
 
     bl_idname = "patchnet.bake_animation"
     bl_label = "Bake Animation"

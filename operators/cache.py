@@ -89,7 +89,7 @@ def _size(path: Path) -> int:
 
 
 class PATCHNET_OT_measure_cache(bpy.types.Operator):
-    """Look how much compiled kernels, light of bakes and finished octrees take in the cache folder"""
+    """Measure the disk space of compiled kernels, baked light and finished octrees in the cache folder"""
 
     bl_idname = "patchnet.measure_cache"
     bl_label = "Measure Cache"
@@ -104,9 +104,7 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
 
 
 class PATCHNET_OT_clear_cache(bpy.types.Operator):
-    """Delete compiled kernels, light of bakes and finished octrees from the cache folder, and nothing else.
-    Kernels are compiled again when needed, bakes begin anew, and files that are opened have no
-    voxels"""
+    """Delete compiled kernels, baked light and finished octrees from the cache folder; later jobs make them again"""
 
     bl_idname = "patchnet.clear_cache"
     bl_label = "Clear Cache"

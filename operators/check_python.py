@@ -12,7 +12,7 @@ from .properties.preferences import kept, preferences
 
 
 class PATCHNET_OT_check_python(bpy.types.Operator):
-    """Run the Python above, and say which torch it has"""
+    """Run the Python above, and report its version of torch"""
 
     bl_idname = "patchnet.check_python"
     bl_label = "Check Python"

@@ -17,7 +17,7 @@ _DRAWN_AGAIN_S = 0.5
 
 
 class PATCHNET_OT_clear_results(bpy.types.Operator):
-    """Free the memory that the octree of this scene and its look-ahead take; what was shown and written stays"""
+    """Free the memory of this scene's octree and look-ahead; images and files stay"""
 
     bl_idname = "patchnet.clear_results"
     bl_label = "Free Memory"

@@ -16,8 +16,7 @@ from .settings.job_settings import JobSettings
 
 
 class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
-    """Measure on the first camera what error every strategy leaves after the budget, beside the reference; the numbers
-    stand in the panel, the pictures of the chosen strategy among Blender's images"""
+    """Trace a reference for the first camera, and measure the error that each strategy leaves after the budget"""
 
     bl_idname = "patchnet.compare"
     bl_label = "Compare Strategies"

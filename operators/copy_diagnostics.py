@@ -37,7 +37,7 @@ _last = _Last()
 
 
 class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
-    """Copy versions, machine, settings and the last errors to the clipboard, to be pasted where help is asked for"""
+    """Copy versions, machine, settings and the last errors to the clipboard, to paste them into a request for help"""
 
     bl_idname = "patchnet.copy_diagnostics"
     bl_label = "Copy Diagnostics"

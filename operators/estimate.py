@@ -14,8 +14,7 @@ from .settings.job_settings import ESTIMATED, JobSettings, recorded
 
 
 class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties, JobOperator, bpy.types.Operator):
-    """Say how deep the octree would be, what memory and files it would take, and how much of the pictures would have
-    look-ahead, without building it"""
+    """Estimate depth, time, memory, and the share of pixels with look-ahead, without making voxels"""
 
     bl_idname = "patchnet.estimate"
     bl_label = "Estimate"

@@ -34,8 +34,7 @@ _OTHER = "the file was made of another scene, or of this one before it was chang
 
 
 class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
-    """Take the voxels of a file, as the command line or a farm wrote it, for those of this scene; with their look-ahead
-    if its file is beside it"""
+    """Load the voxels of an octree file into this scene, and its look-ahead if that file is beside it"""
 
     bl_idname = "patchnet.load_octree"
     bl_label = "Load Octree"

@@ -18,7 +18,7 @@ from .settings.job_settings import JobSettings
 
 
 class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):
-    """Let the network look at what lies two levels below every voxel, so that views can be judged at once"""
+    """Encode the detail two levels below every voxel, so that the network can rate the pixels of any view"""
 
     bl_idname = "patchnet.precompute_codes"
     bl_label = "Prepare Look-Ahead"

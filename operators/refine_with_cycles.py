@@ -32,7 +32,7 @@ _READING_S = 5.0  # that Cycles takes for a small scene before it renders, about
 class PATCHNET_OT_refine_with_cycles(
     CameraProperties, ViewProperties, CyclesRefineProperties, CodesJob, bpy.types.Operator
 ):
-    """Render the pixels where the preview of the first camera is worst with Cycles, over the preview"""
+    """Let Cycles render the pixels of highest priority in the preview of the first camera"""
 
     bl_idname = "patchnet.refine_with_cycles"
     bl_label = "Refine with Cycles"

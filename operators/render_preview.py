@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
-    """Show the preview, its heatmap and the refined picture of the first camera as Blender images"""
+    """Render preview, heatmap and refined picture of the first camera as Blender images"""
 
     bl_idname = "patchnet.render_preview"
     bl_label = "Render Preview"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class PATCHNET_OT_run_all(JobProperties, JobOperator, bpy.types.Operator):
-    """Voxelize, bake, look ahead, and refine the view of the camera where its preview is wrong"""
+    """Voxelize objects, bake light, and render preview, heatmap and refined picture; up-to-date steps are skipped"""
 
     bl_idname = "patchnet.run_all"
     bl_label = "Preview Selection"

@@ -16,8 +16,7 @@ from .voxel_object import show
 
 
 class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
-    """Show the voxels of one level in the scene, in the color of their light, for which Solid shading is set to show
-    attributes; renders and Voxelize never see them"""
+    """Add the voxels of one level to the scene, in the color of their light; renders and Voxelize ignore them"""
 
     bl_idname = "patchnet.show_voxels"
     bl_label = "Show Voxels"

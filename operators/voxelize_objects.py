@@ -17,7 +17,7 @@ from .settings.job_settings import JobSettings
 
 
 class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):
-    """Turn objects into a sparse voxel octree, as finely as the cameras need it"""
+    """Turn the objects into a sparse voxel octree, with voxels as small as Voxel Detail says"""
 
     bl_idname = "patchnet.voxelize"
     bl_label = "Voxelize"

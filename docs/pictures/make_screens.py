@@ -26,6 +26,7 @@ OUT = ROOT / "out" / "screens"
 HERE = Path(__file__).parent
 MOST_BYTES = 300_000
 MOST_PX = 1200
+SCREEN = (1400, 900)
 PREFERENCES = (278, 786, 972, 1088)  # left, upper, right, lower: without the path of the installed file
 
 
@@ -84,7 +85,7 @@ def main() -> None:
     OUT.mkdir(parents=True)
     program = blender()
     install(program)
-    done = program.run_window("-P", HERE / "screens.py", "--", OUT, *args.parts, seconds=3000.0)
+    done = program.run_window("-P", HERE / "screens.py", "--", OUT, *args.parts, seconds=3000.0, screen=SCREEN)
     (OUT / "screens.log").write_text(done.stdout + done.stderr)
     for path in sorted(OUT.glob("*.png")):
         if not args.names or path.stem in args.names:

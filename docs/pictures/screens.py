@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Screenshots of PatchNet in a Blender window, for the documentation; make_screens.py starts it.
 
-    blender --enable-event-simulate -p 0 0 1500 1100 -P screens.py -- OUT [PART ...]
+    blender --enable-event-simulate -p 0 0 1400 900 -P screens.py -- OUT [PART ...]
 
 Adds the demo scene, previews it, and writes OUT/*.png; OUT/screens.txt holds the traceback of what went wrong, or "".
 PARTs are functions of this file, by default all of `PARTS`.

@@ -23,7 +23,7 @@ from .shaders import BITS, VIEW_NUMBERS, VIEW_SIZE, WORDS
 _GIB = 1 << 30
 _SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
 _UNTRIED = ("METAL",)
-_CHOOSE = "Graphics Card in the preferences tries it"
+_CHOOSE = "Viewport Device: GPU in the preferences tries it"
 
 
 class _Card:

@@ -41,7 +41,7 @@ class _MouseOperator(_Operator):
 
 
 class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
-    """Move the line between the two pictures with the mouse: click to leave it there, Esc or right click to go back"""
+    """Move the line between the two pictures with the mouse; a click leaves it there, Esc puts it back"""
 
     bl_idname = "patchnet.drag_wipe"
     bl_label = "Drag Wipe"
@@ -81,8 +81,7 @@ class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
 
 
 class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
-    """Show coverage, luminance, priority and level of the pixel under the mouse, over the camera's view, PatchNet's
-    images and live heatmaps. Other tools go on; Esc, a right click or this button ends it"""
+    """Show coverage, luminance, priority, level and samples of the pixel under the mouse, until Esc or a right click"""
 
     bl_idname = "patchnet.inspect_pixels"
     bl_label = "Inspect Pixels"

@@ -15,7 +15,7 @@ _waiting: list[str] = []  # names of images that want a window
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
-    """Show this picture in an Image Editor that shows nothing of your own, else in a new window"""
+    """Show this picture in an Image Editor without a picture of yours, else in a new window"""
 
     bl_idname = "patchnet.show_picture"
     bl_label = "Show Picture"

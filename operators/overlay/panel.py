@@ -9,7 +9,7 @@ from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
 from ..session import views
 from ..session.scene_session import session_of
-from ..ui.tab import PanelBase, draw_sentence, split
+from ..ui.tab import OVERLAY, PanelBase, draw_sentence, split
 from . import overlay_settings as settings
 from .drawing import inspected
 from .handlers import NO_VIEW
@@ -69,6 +69,7 @@ class PATCHNET_PT_overlay(_OverlayPanel, bpy.types.Panel):
     bl_label = "Overlay"
     bl_space_type = "VIEW_3D"
     bl_parent_id = "PATCHNET_PT_main"
+    bl_order = OVERLAY
     bl_options = {"DEFAULT_CLOSED"}
     shown_by = "show_viewport"
 

@@ -46,14 +46,14 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
 
     cache_folder: StringProperty(
         name="Cache Folder",
-        description="Folder for compiled kernels, light of bakes and finished octrees; empty for the "
-        "extension's own. Counts from the next start of Blender",
+        description="Folder for compiled kernels, baked light and finished octrees, from the next start of Blender on; "
+        "empty uses the extension's own",
         subtype="DIR_PATH",
     )
     kept_gib: FloatProperty(
-        name="Keep Octrees (GiB)",
-        description="Finished octrees and their look-ahead are kept in the cache folder, so that they are there again "
-        "when the file is opened. They may take so much; those that were used longest ago go first. 0 keeps none",
+        name="Octree Cache (GiB)",
+        description="Disk limit of finished octrees, which are there again when their file is opened; a higher one "
+        "keeps more of them, 0 keeps none",
         default=KEPT_GIB,
         min=KEPT.low,
         max=KEPT.high,
@@ -63,9 +63,9 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
     if OTHER_PYTHON:
         torch_python: StringProperty(
-            name="Python with torch",
-            description="Program of a Python that has torch, such as /opt/venv/bin/python: it then prepares "
-            "look-ahead. Empty for Blender's own Python, with the same result",
+            name="Python with Torch",
+            description="Python program with torch that prepares look-ahead, such as /opt/venv/bin/python; empty uses "
+            "Blender's own without torch, with the same result",
             subtype="FILE_PATH",
             update=_forget_python,
         )
@@ -77,32 +77,32 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
     open_pictures: EnumProperty(
         name="Open Pictures",
-        description="Where the heatmap comes up when a view is done",
+        description="Where the heatmap opens when a preview is ready",
         items=[
             (
                 OPEN_WINDOW,
-                "Image Editor or New Window",
-                "An Image Editor that is open and shows nothing of your own, else a new window, not over the viewport",
+                "Editor or Window",
+                "An open Image Editor without a picture of yours, else a new window beside the viewport",
             ),
-            (OPEN_EDITOR, "Open Image Editor", "An Image Editor that is open and shows nothing of your own"),
-            (OPEN_NEVER, "Nowhere", "Pictures are among the images, and come up nowhere"),
+            (OPEN_EDITOR, "Image Editor", "An open Image Editor without a picture of yours, else nowhere"),
+            (OPEN_NEVER, "Nowhere", "No picture opens by itself; Image Editors list all of them"),
         ],
         default=OPEN_WINDOW,
     )
     viewport: EnumProperty(
-        name="Viewport",
-        description="What shows voxels in viewports, shading mode Rendered, with the render engine PatchNet",
+        name="Viewport Device",
+        description="Device that draws viewports in shading mode Rendered, with the render engine PatchNet",
         items=[
-            (VIEWPORT_AUTO, "Automatic", "The graphics card where it is known to work, else the processor"),
-            (VIEWPORT_CARD, "Graphics Card", "The graphics card, also a kind that nobody has tried yet"),
-            (VIEWPORT_CPU, "Processor", "The processor alone"),
+            (VIEWPORT_AUTO, "Automatic", "The GPU where it is known to work, else the CPU"),
+            (VIEWPORT_CARD, "GPU", "The GPU, also of a kind that was never tested"),
+            (VIEWPORT_CPU, "CPU", "All cores of the CPU; slower, and without live heatmaps"),
         ],
         default=VIEWPORT_AUTO,
     )
     card_gib: FloatProperty(
-        name="Graphics Memory (GiB)",
-        description="Graphics memory that the voxels of a scene may take, 11 bytes a node and more; what needs more is "
-        "shown by the processor",
+        name="GPU Memory (GiB)",
+        description="Limit of GPU memory for the voxels of a scene; a higher one draws larger octrees on the GPU, the "
+        "CPU draws all others",
         default=CARD_GIB,
         min=KEPT.low,
         max=KEPT.high,
@@ -112,7 +112,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
     )
     log_level: EnumProperty(
         name="Log Level",
-        description="What is written to the terminal",
+        description="Least severe messages in the terminal; Debug writes most",
         items=[(name, name.capitalize(), "") for name in _LEVELS],
         default="WARNING",
     )
@@ -121,6 +121,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         """Settings, and what operators found out about them."""
         layout = self.layout
         layout.use_property_split = True
+        for name in ("colormap", "open_pictures", "viewport", "card_gib"):
+            layout.prop(self, name)
         layout.prop(self, "cache_folder", placeholder="The Extension's Own")
         split = layout.split(factor=0.6)  # room for all sizes
         split.label(text=kept.cache or "Size not measured")
@@ -135,8 +137,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
                 text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
             )
             row.operator("patchnet.check_python", text="Check")
-        for name in ("colormap", "open_pictures", "viewport", "card_gib", "log_level"):
-            layout.prop(self, name)
+        layout.prop(self, "log_level")
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
 
 

@@ -21,6 +21,7 @@ from .stages import AnimationProperties, CyclesRefineProperties, DisplayProperti
 
 _SIDES = {"size_x": 0, "size_y": 1}
 _OTHER = "other"
+_FIRST_LEVEL = 6  # few enough voxels of any scene to show as cubes
 
 
 def _side(name: str, index: int) -> Any:
@@ -46,7 +47,7 @@ def _checkbox(name: str, label: str, first: float) -> Any:
         if on != read(values):
             setattr(values, name, first if on else 0)
 
-    return BoolProperty(name=label, description="Choose it yourself, rather than automatically", get=read, set=write)
+    return BoolProperty(name=label, description="Set the number by hand, instead of automatically", get=read, set=write)
 
 
 def _short_list() -> Any:
@@ -68,6 +69,7 @@ def _checkboxes() -> dict[str, Any]:
     numbers = {row.name: (row.label, row.first) for row in TABLE.values() if row.kind is Kind.AUTOMATIC}
     label, first = TABLE["size"].label, TABLE["size"].first
     numbers |= {name: (f"{label} {name[-1].upper()}", first[index]) for name, index in _SIDES.items()}
+    numbers["level"] = ("Level", _FIRST_LEVEL)
     return {f"use_{name}": _checkbox(name, *of) for name, of in numbers.items()}
 
 

@@ -72,13 +72,13 @@ class AnimationProperties:
 
     skip_existing: BoolProperty(
         name="Skip Finished",
-        description="Leave frames alone whose files are complete and are what would be made again; off makes them anew",
+        description="Keep frames whose files are complete and up to date, instead of baking them again",
         default=True,
     )
     same_grid: BoolProperty(
-        name="Same Grid",
-        description="Voxels stand at the same places and have the same size at all frames, so that pictures do not swim"
-        ": the scene is read at all frames first",
+        name="Same Voxel Grid",
+        description="Keep voxels at the same places and of the same size at all frames, so that pictures do not "
+        "flicker; reads the scene at all frames first",
         default=False,
     )
 
@@ -122,8 +122,8 @@ class DisplayProperties(LevelProperties):
         options=OF_ONE_CALL,
     )
     limit: number(
-        "Limit",
-        "Voxels at most: where a level has more, a coarser one is shown",
+        "Voxel Limit",
+        "Most voxels to show; a higher limit shows finer levels and draws slower",
         200_000,
         SHOWN_VOXELS,
         soft_max=5_000_000,

@@ -11,6 +11,7 @@ import bpy
 from ..gpu_view.cards import is_there, why_cpu
 from ..jobs.job_operator import JobOperator
 from ..overlay.overlay_settings import overlay_settings
+from ..schema.table import TABLE
 from ..session import results
 from ..ui.tab import PanelBase, draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
@@ -29,6 +30,7 @@ class _RenderPanel(PanelBase):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
+    bl_order = -1  # above Simplify, as in Cycles
     COMPAT_ENGINES = {ENGINE}
 
     @classmethod
@@ -61,8 +63,15 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
     bl_label = "Voxels"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """State of the octree, the button that makes it, and what a render makes it from otherwise."""
+        """Draw settings of new voxels, the button that makes them, and the state of the present ones."""
         layout = split(self.layout)
+        for name in ("scope", "resolution", "depth", "voxel_size", "light", "samples"):
+            if TABLE[name].counts(context.scene.patchnet):
+                layout.prop(context.scene.patchnet, name)
+        if JobOperator.running:
+            draw_progress(layout)
+        else:
+            layout.operator("patchnet.run_all", icon="PLAY")
         result = results.result_of(context.scene)
         column = layout.column(align=True)
         if result is None:
@@ -74,12 +83,6 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
                 draw_sentence(column, context, line)
             if line := why_cpu(result.octree):
                 draw_sentence(column, context, line)
-        if JobOperator.running:
-            draw_progress(layout)
-        else:
-            layout.operator("patchnet.run_all", icon="PLAY")
-        for name in ("scope", "light", "samples", "color"):
-            layout.prop(context.scene.patchnet, name)
 
 
 class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):

@@ -36,4 +36,5 @@ def with_flags(text: str) -> str:
         flag = switch if row.kind is Kind.SWITCH else f"{argument} {value}"
         return f"{match[0]} ({flag})" if argument else match[0]
 
-    return _WORDS.sub(flagged, text).replace("(Network On)", "(Network On, --device)")  # which means more than a row
+    # --device means more than the row.
+    return _WORDS.sub(flagged, text).replace("(Network Device)", "(Network Device, --device)")

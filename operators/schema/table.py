@@ -47,17 +47,18 @@ _SURFACE = (
         ),
     ),
     Setting(
-        "resolution", "Resolution", "How small the finest voxels are", OCTREE, Kind.CHOICE, AUTO,
+        "resolution", "Voxel Detail", "How small the finest voxels are", OCTREE, Kind.CHOICE, AUTO,
         choices=(
             (AUTO, "By Cameras", "The coarsest voxels that give the cameras an estimate in nearly all pixels"),
             (FIT, "Fit to Cameras", "Fine voxels only where cameras see the surface, for large pictures"),
-            (DEPTH, "Depth", "A number of levels"),
+            (DEPTH, "Octree Depth", "A number of levels"),
             (VOXEL_SIZE, "Voxel Size", "A length"),
         ),
         field_name="fit",
     ),
     Setting(
-        "depth", "Depth", "Levels of the octree; each further one halves the voxels and takes four times the memory",
+        "depth", "Octree Depth",
+        "Levels of the octree; each further one halves the voxels and takes four times the memory",
         OCTREE, Kind.NUMBER, 9, bounds.DEPTH,
         counts=lambda values: values.resolution == DEPTH,
     ),
@@ -92,7 +93,7 @@ _LIGHT = (
         argument="--light", help="light",
     ),
     Setting(
-        "samples", "Samples", "Paths per baked texel; more reduce noise and take longer",
+        "samples", "Bake Samples", "Paths per baked texel; more reduce noise and take longer",
         LIGHT, Kind.NUMBER, 4, bounds.SAMPLES,
         counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
     ),
@@ -102,7 +103,7 @@ _LIGHT = (
         LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="take the noise out of baked light",
     ),
     Setting(
-        "texel_voxels", "Texel (Voxels)",
+        "texel_voxels", "Texel Size",
         "Side of a baked texel in voxels; larger texels bake faster and blur shadows",
         LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
         argument="--texel-voxels", help="side of a baked texel in finest voxels",
@@ -144,7 +145,7 @@ _LIGHT = (
         argument="--color", help="keep color beside luminance, for pictures and exports",
     ),
     Setting(
-        "sides", "Sides", "Light that a voxel shows along a ray", LIGHT, Kind.CHOICE, SIX_SIDES,
+        "sides", "Voxel Sides", "Light that a voxel shows along a ray", LIGHT, Kind.CHOICE, SIX_SIDES,
         choices=(
             (SIX_SIDES, "Six", "Of the surface that faces the ray, so that thin walls have a lit and a dark side; up "
              "to three more bytes per voxel"),
@@ -160,7 +161,7 @@ _NETWORK = (
         argument="--weights", help="weights file instead of the one that is shipped",
     ),
     Setting(
-        "network_device", "Network On", "Device that the network encodes on; results are the same up to rounding",
+        "network_device", "Network Device", "Device that the network encodes on; results are the same up to rounding",
         CODES, Kind.CHOICE, AUTO,
         choices=(
             (AUTO, "Automatic", "A GPU where torch has one, else CPU"
@@ -191,7 +192,7 @@ _VIEWS = (
         choices=tuple((item.name, item.title, item.description) for item in STRATEGIES.values()),
     ),
     Setting(
-        "unrefined", "Unrefined",
+        "unrefined", "Unrefined Pixels",
         "What pixels show that are not refined",
         VIEW, Kind.CHOICE, PREVIEW,
         choices=(
@@ -201,12 +202,12 @@ _VIEWS = (
         argument="--unrefined", help="what pixels show that are not refined",
     ),
     Setting(
-        "budget", "Budget", "Share of the pixels to refine; more lower the error and take longer",
+        "budget", "Pixel Budget", "Share of the pixels to refine; more lower the error and take longer",
         VIEW, Kind.SHARE, 0.3, bounds.BUDGET,
         argument="--budget", help="share of active pixels to refine, 0 to 1",
     ),
     Setting(
-        "refined_samples", "Refined Samples",
+        "refined_samples", "Refine Samples",
         "Mean samples per refined pixel; more lower the error and take longer, and go to pixels of high priority",
         VIEW, Kind.NUMBER, 64.0, bounds.REFINED_SAMPLES,
         argument="--refined-samples", help="mean samples of refined pixels, 16 to 1024, by priority",
@@ -214,7 +215,7 @@ _VIEWS = (
     ),
     Setting(
         "spp", "Pixel Samples",
-        "Mean samples per pixel, more where the priority is high; 0 refines the share set by Budget instead",
+        "Mean samples per pixel, more where the priority is high; 0 refines the share set by Pixel Budget instead",
         VIEW, Kind.AUTOMATIC, None, bounds.SPP,
         argument="--spp", help="mean samples per active pixel, 1 to 1024, by priority, instead of a share", unit="MEAN",
         widget={"soft_max": 64.0}, automatic="By Budget", first=16.0,
@@ -227,7 +228,7 @@ _VIEWS = (
         widget={"soft_max": 64.0, "precision": 0}, automatic="By Priority", first=16.0,
     ),
     Setting(
-        "reference", "In All Previews",
+        "reference", "Always Compare",
         "Trace 32 x 32 rays in every pixel of all previews and measure the error of all strategies; takes far longer",
         VIEW, Kind.SWITCH, False, effect=Effect.PERHAPS,
         argument="--reference", help="also trace 32 x 32 rays in every pixel, and state the errors of all strategies",
@@ -252,7 +253,7 @@ _VIEWS = (
         automatic="By Strategy", first=0.1,
     ),
     Setting(
-        "importance", "Importance",
+        "importance", "Painted Weights",
         "Painted weights that multiply the priority; 1 or white keeps it, 0 or black is never refined",
         IMPORTANCE, Kind.CHOICE, NOTHING,
         choices=(
@@ -279,7 +280,7 @@ _VIEWS = (
 
 _REFINEMENT = (
     Setting(
-        "cycles_budget", "Pixels",
+        "cycles_budget", "Cycles Pixels",
         "Share of the pixels that Cycles renders, by priority; more lower the error and take longer",
         REFINEMENT, Kind.SHARE, 0.2, bounds.CYCLES_BUDGET,
     ),

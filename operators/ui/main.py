@@ -8,14 +8,28 @@ import bpy
 from ...patchnet_addon.export.vdb import vdb_module_name
 from ...patchnet_addon.runtime.quantities import counted
 from ..jobs.job_operator import JobOperator
+from ..scene_access.images import PICTURES
 from ..session import results
 from ..session.memory import held
 from ..session.result_images import shown_pictures
 from ..settings.job_settings import ESTIMATED
 from .presets_menu import PATCHNET_PT_presets
-from .tab import SubPanel, Tab, changed_text, draw_first, draw_notes, draw_progress, draw_sentence, draw_stale, split
+from .tab import (
+    LAST,
+    SubPanel,
+    Tab,
+    changed_text,
+    draw_automatic,
+    draw_first,
+    draw_notes,
+    draw_progress,
+    draw_sentence,
+    draw_stale,
+    split,
+)  # fmt: skip
 
 _MOST_CAMERAS = 3
+_TITLES = {"overlay": "Refined First"}  # of pictures; the sub-panel Overlay is another thing
 
 
 class PATCHNET_PT_main(Tab, bpy.types.Panel):
@@ -31,11 +45,11 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = split(self.layout)
         draw_first(layout, context.scene.patchnet)
+        row = layout.row()
+        row.scale_y = 1.5
         if JobOperator.running:
-            draw_progress(layout)
+            draw_progress(row)
         else:
-            row = layout.row()
-            row.scale_y = 1.5
             row.operator("patchnet.run_all", icon="PLAY")
         _draw_pictures(layout, context)
         result = results.result_of(context.scene)
@@ -54,11 +68,16 @@ def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
         if len(cameras) > 1:
             column.label(text=camera, icon="CAMERA_DATA")
         grid = column.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
-        for what, name in names.items():
-            grid.operator("patchnet.show_picture", text=what.title(), icon="IMAGE_DATA").image = name
+        for what in sorted(names, key=_place):
+            text = _TITLES.get(what, what.title())
+            grid.operator("patchnet.show_picture", text=text, icon="IMAGE_DATA").image = names[what]
     if len(cameras) > _MOST_CAMERAS:
         more = len(cameras) - _MOST_CAMERAS
         draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
+
+
+def _place(what: str) -> int:
+    return PICTURES.index(what) if what in PICTURES else len(PICTURES)
 
 
 def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said: list[str]) -> None:
@@ -90,6 +109,7 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
     """Size, time and errors of the result."""
 
     bl_label = "Statistics"
+    bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -117,13 +137,15 @@ def _size(nbytes: int) -> str:
 class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
     """Voxels in the scene, and for other programs."""
 
-    bl_label = "Export"
+    bl_label = "Show and Export"
+    bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Settings, the two buttons, and what this Blender cannot write."""
         layout = split(self.layout)
-        for name in ("level", "display", "limit"):
+        draw_automatic(layout, context.scene.patchnet, "level", "Level", "Finest")
+        for name in ("display", "limit"):
             layout.prop(context.scene.patchnet, name)
         layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
         layout.operator("patchnet.export_octree", icon="EXPORT")

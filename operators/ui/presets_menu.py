@@ -27,7 +27,7 @@ class PATCHNET_PT_presets(PresetPanel, bpy.types.Panel):
 
 
 class PATCHNET_OT_apply_preset(bpy.types.Operator):
-    """Set resolution, light, pictures and budget to those of the preset"""
+    """Set voxel detail, light, pictures and pixel budget to those of the preset"""
 
     bl_idname = "patchnet.apply_preset"
     bl_label = "Apply Preset"

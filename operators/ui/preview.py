@@ -11,7 +11,19 @@ from ..schema.table import AUTO, FIT, VIEW
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..settings.job_settings import recorded
-from .tab import SubPanel, Tab, draw_samples, draw_sentence, draw_setting, draw_settings, draw_stale, draw_todo, split
+from .tab import (
+    LAST,
+    SubPanel,
+    Tab,
+    draw_advanced,
+    draw_samples,
+    draw_sentence,
+    draw_setting,
+    draw_settings,
+    draw_stale,
+    draw_todo,
+    split,
+)  # fmt: skip
 
 BETTER = 0.95  # share of the chosen strategy's error from which another one is worth a sentence
 
@@ -32,8 +44,8 @@ def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
     if values.resolution == FIT:
         return f"{text}choose a smaller Picture Size or fewer cameras, then {again}"
     if values.resolution == AUTO:
-        return f"{text}{again} if camera or size changed, else choose Resolution: Fit to Cameras"
-    return f"{text}choose Resolution: By Cameras, then {again}"
+        return f"{text}{again} if camera or size changed, else choose Voxel Detail: Fit to Cameras"
+    return f"{text}choose Voxel Detail: By Cameras, then {again}"
 
 
 def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
@@ -66,17 +78,17 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
         """Settings, the button, and advice on the picture."""
         layout = split(self.layout)
         values = context.scene.patchnet
-        for name in ("cameras", "strategy", "unrefined", "background"):
+        for name in ("cameras", "strategy", "unrefined"):
             draw_setting(layout, values, name)
         draw_samples(layout, values)
-        for name in ("heatmap_maximum", "out"):
-            draw_setting(layout, values, name)
+        draw_setting(layout, values, "out")
         layout.operator("patchnet.render_preview", icon="RENDER_STILL")
         draw_stale(layout, context, "view")
         result = results.result_of(context.scene)
         if result is not None and result.pictures:
             for text in advice(result, values):
                 draw_todo(layout.box(), context, text, "LIGHT_DATA")
+        draw_advanced(layout, values, "view")
 
 
 class PATCHNET_PT_importance(Tab, bpy.types.Panel):
@@ -101,6 +113,7 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
     """Strategies compared: the error that each leaves on the chosen view."""
 
     bl_label = "Compare"
+    bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -108,7 +121,7 @@ class PATCHNET_PT_compare(SubPanel, bpy.types.Panel):
         layout = split(self.layout)
         layout.operator("patchnet.compare", icon="SORTSIZE")
         draw_setting(layout, context.scene.patchnet, "reference")
-        layout.prop(context.scene.patchnet, "strategy")  # all of them
+        layout.prop(context.scene.patchnet, "strategy", text="Use Strategy")  # of all
         result = results.result_of(context.scene)
         if result is None or result.comparison is None:
             draw_sentence(layout, context, "Not compared yet", "INFO")
@@ -138,6 +151,7 @@ class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
     """Refinement with Cycles: how much it renders over the preview, and how well."""
 
     bl_label = "Refine with Cycles"
+    bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

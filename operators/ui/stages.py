@@ -7,7 +7,17 @@ import bpy
 
 from ..schema.table import CYCLES, GLOSS_OFF
 from ..session import results
-from .tab import SubPanel, Tab, changed_text, draw_sentence, draw_setting, draw_settings, draw_stale, split
+from .tab import (
+    SubPanel,
+    Tab,
+    changed_text,
+    draw_advanced,
+    draw_sentence,
+    draw_setting,
+    draw_settings,
+    draw_stale,
+    split,
+)  # fmt: skip
 
 
 class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
@@ -20,10 +30,10 @@ class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
         """Settings, the button, what does not fit."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "octree")
-        row = layout.row(align=True)
-        row.operator("patchnet.voxelize", icon="MESH_GRID")
-        row.operator("patchnet.load_octree", text="", icon="FILEBROWSER")
+        layout.operator("patchnet.voxelize", icon="MESH_GRID")
+        layout.operator("patchnet.load_octree", icon="FILEBROWSER")
         draw_stale(layout, context, "surface")
+        draw_advanced(layout, context.scene.patchnet, "octree")
 
 
 class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
@@ -40,6 +50,7 @@ class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
         draw_stale(layout, context, "light")
         if context.scene.patchnet.light == CYCLES and context.scene.patchnet.gloss == GLOSS_OFF:
             draw_sentence(layout, context, "Diffuse light only, no gloss", "INFO")
+        draw_advanced(layout, context.scene.patchnet, "light")
 
 
 class PATCHNET_PT_animation(Tab, bpy.types.Panel):

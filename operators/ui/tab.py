@@ -28,6 +28,10 @@ else:
 
 # Settings that a first user sees; sub-panels have all others.
 FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
+# Settings that hardly anybody changes: Advanced of their sub-panels has them.
+ADVANCED = (
+    "memory", "texel_voxels", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
+)  # fmt: skip
 # What empty text settings mean.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
 # Of texts in panels, where nothing is scaled: points, what tabs and frames take of a region, and what an icon does.
@@ -35,6 +39,8 @@ _POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
 # What to do about a step that does not fit any more, and the settings that it was made with.
 _STALE = {"surface": ("voxelize", "octree"), "light": ("bake", "light"), "view": ("render", "view")}
 _MOST_NOTES = 5
+# `bl_order` of sub-panels: the steps of a preview come first, then the overlay, then what follows a preview.
+OVERLAY, LAST = 1, 2
 
 
 class Tab(PanelBase):
@@ -85,10 +91,20 @@ def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
 
 
 def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw the settings of a step that count now, but those of the first panel."""
+    """Draw the settings of a step that count now, but those of the first panel and of Advanced."""
     for name in step_settings(values, step):
-        if name not in FIRST:
+        if name not in FIRST and name not in ADVANCED:
             draw_setting(layout, values, name)
+
+
+def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
+    """Draw those of a step that hardly anybody changes, below a heading that is closed at first."""
+    header, body = layout.panel(f"PATCHNET_advanced_{step}", default_closed=True)
+    header.label(text="Advanced")
+    if body is not None:
+        for name in step_settings(values, step):
+            if name in ADVANCED:
+                draw_setting(split(body), values, name)
 
 
 def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
@@ -106,19 +122,19 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
         layout.prop_search(values, name, bpy.data, "images")
     elif name == "size":
         column, empty = layout.column(align=True), TABLE[name].automatic if any(values.size) else "As Render"
-        _draw_automatic(column, values, "size_x", "Picture Size X", empty)
-        _draw_automatic(column, values, "size_y", "Y", empty)
+        draw_automatic(column, values, "size_x", "Picture Size X", empty)
+        draw_automatic(column, values, "size_y", "Y", empty)
     elif name == "strategy":
         layout.prop(values, "short_strategy")
     elif name in TABLE and TABLE[name].kind is Kind.AUTOMATIC:
-        _draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
+        draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
     elif name == "cameras":
         layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")
     else:
         layout.prop(values, name, placeholder=_WHEN_EMPTY.get(name, ""))
 
 
-def _draw_automatic(
+def draw_automatic(
     layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str, label: str, automatic: str
 ) -> None:
     """Draw a checkbox, and the number where it is on, else what is taken instead."""

@@ -18,7 +18,7 @@ class Layout:
     def __init__(self, texts: list[str] | None = None) -> None:
         self.texts: list[str] = [] if texts is None else texts
 
-    def panel(self, name: str) -> tuple["Layout", "Layout"]:
+    def panel(self, name: str, default_closed: bool = False) -> tuple["Layout", "Layout"]:
         """Header and body of a part that users close, which is open."""
         return Layout(self.texts), Layout(self.texts)
 

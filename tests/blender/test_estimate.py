@@ -59,7 +59,7 @@ def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     scene.patchnet.budget = 0.5  # has no part in it
     assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
     scene.patchnet.resolution = "FIT"
-    assert "Estimate again: 'Resolution' changed" in drawn(PATCHNET_PT_main)
+    assert "Estimate again: 'Voxel Detail' changed" in drawn(PATCHNET_PT_main)
     scene.patchnet.resolution = "AUTO"
     bpy.data.objects["Lath 2"].location.x += 0.1
     update()

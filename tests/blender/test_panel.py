@@ -44,7 +44,8 @@ def update() -> None:
 
 def test_order_and_names() -> None:
     titles = [item.bl_label for item in ui.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
-    assert titles == ["Octree", "Light", "Network", "Preview", "Compare", "Refine with Cycles", "Export", "Statistics"]
+    last = ["Compare", "Refine with Cycles", "Show and Export", "Statistics"]  # after Overlay
+    assert titles == ["Octree", "Light", "Network", "Preview", *last]
     assert {item.bl_category for item in ui.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
     assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
     tabs = [item for item in ui.CLASSES if hasattr(item, "bl_category")]
@@ -147,15 +148,15 @@ def test_changed_settings_are_named_and_advice_has_buttons(scene: bpy.types.Scen
     for share, drawn_too in ((0.4, True), (1.0, False)):
         result.lookahead_share = share
         text = drawn(PATCHNET_PT_preview)
-        assert ("wm.context_set_enum" in text and "Resolution: Fit to Cameras" in text) == drawn_too
+        assert ("wm.context_set_enum" in text and "Voxel Detail: Fit to Cameras" in text) == drawn_too
     scene.patchnet.resolution = "VOXEL_SIZE"
-    assert "'Resolution' changed: voxelize again" in drawn(PATCHNET_PT_octree)
+    assert "'Voxel Detail' changed: voxelize again" in drawn(PATCHNET_PT_octree)
     scene.patchnet.resolution = "AUTO"
     assert not any("again" in line for line in drawn(PATCHNET_PT_octree))
     scene.patchnet.weights = ""
     assert "'Weights' changed: prepare again" in drawn(PATCHNET_PT_network)
     scene.patchnet.budget = 0.1
-    assert "'Budget' changed: render again" in drawn(PATCHNET_PT_preview)
+    assert "'Pixel Budget' changed: render again" in drawn(PATCHNET_PT_preview)
 
 
 def test_statistics(scene: bpy.types.Scene) -> None:
@@ -290,10 +291,10 @@ def test_sentences_of_a_window_have_no_flags() -> None:
         texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in docs]
         found += [(path.name, text) for text in texts if isinstance(text, str) and re.search(r"(^|[ (])--[a-z]", text)]
     assert found == []
-    said = with_flags("Choose Gloss: From Camera, bake with Sides: One, or Denoise: Off (Network On)")
+    said = with_flags("Choose Gloss: From Camera, bake with Voxel Sides: One, or Denoise: Off (Network Device)")
     assert said == (
-        "Choose Gloss: From Camera (--gloss camera), bake with Sides: One (--sides one), or Denoise: Off "
-        "(--no-denoise) (Network On, --device)"
+        "Choose Gloss: From Camera (--gloss camera), bake with Voxel Sides: One (--sides one), or Denoise: Off "
+        "(--no-denoise) (Network Device, --device)"
     )
     assert list(named_settings("choose Strategy: PatchNet Plus, one ray")) == ["Strategy: PatchNet Plus, one ray"]
 

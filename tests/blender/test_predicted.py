@@ -89,7 +89,7 @@ def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
         result = results.result_of(scene)
         assert not stale_text(result, scene, "view")
     scene.patchnet.unrefined = "preview"
-    assert stale_text(result, scene, "view") == "'Unrefined' changed: render again"
+    assert stale_text(result, scene, "view") == "'Unrefined Pixels' changed: render again"
     scene.patchnet.render_samples = 0.0
     for panel in (PATCHNET_PT_preview, engine_panels.PATCHNET_PT_render_refinement):
         assert "unrefined" in drawn(panel)

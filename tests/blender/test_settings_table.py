@@ -103,7 +103,7 @@ def test_flat_names_are_sorted_into_groups() -> None:
         (
             ComputeSettings,
             {"network_device": "TPU"},
-            r"The network's device \(Network On\) 'tpu' is unknown: choose auto, cpu, cuda",
+            r"The network's device \(Network Device\) 'tpu' is unknown: choose auto, cpu, cuda",
         ),
         (ComputeSettings, {"memory_bytes": 1}, "is outside"),
         (
