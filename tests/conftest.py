@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixtures of several groups of tests; imports nothing of PatchNet or Blender before a test wants it."""
+"""Fixtures of several groups of tests; imports neither PatchNet nor Blender itself."""
 
 import signal
 from collections.abc import Iterator

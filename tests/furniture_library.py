@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small furniture library (.sh3f) that tests write themselves: cubes with names and sizes."""
+"""A small furniture library (.sh3f) of cubes."""
 
 import zipfile
 from collections.abc import Mapping, Sequence

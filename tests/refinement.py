@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a budget refines by plain scores, for tests to compare with."""
+"""Refined pixels of a budget by plain scores."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Devices that tests of torch run on: the CPU, and a GPU where there is one, else pytest reports 'no GPU here'."""
+"""Devices for tests of torch: the CPU, and a GPU where there is one, else a skip that says so."""
 
 import pytest
 

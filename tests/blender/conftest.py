@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixtures of the tests in Blender. They end their process like the command does: see `patchnet.__main__.leave`."""
+"""Fixtures of the tests in Blender, whose process ends like the command: see `patchnet.__main__.leave`."""
 
 import gc
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawing panels where there is no window: a layout that takes every call and remembers texts, names and operators."""
+"""Draw panels without a window: a layout that records texts, names and operators."""
 
 from typing import Any
 

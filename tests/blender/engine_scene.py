@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The small scene as our render engine gets it, and the passes that come back."""
+"""The small scene for the render engine, and the passes of its renders."""
 
 import itertools
 from pathlib import Path

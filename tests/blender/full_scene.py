@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The small scene, made into a file as users have them: everything in it that a careless job could disturb."""
+"""A file with everything that a job could change by accident, built from the small scene."""
 
 from pathlib import Path
 

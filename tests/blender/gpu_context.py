@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Context of Blender's module `gpu` where there is no window."""
+"""Context of Blender's module `gpu` without a window."""
 
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small scene that exercises the whole job in a second or two: laths before a slab, a lamp, a camera."""
+"""A small scene for whole jobs of one or two seconds: laths before a slab, a lamp, a camera."""
 
 import subprocess
 import sys

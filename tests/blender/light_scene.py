@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small scenes whose baked light is compared with Cycles' own picture of the same surface, region by region.
+"""Small scenes whose baked light is compared with Cycles' picture of the same surface, region by region.
 
 The surface lies at z = 0 within [-1, 1]^2. The camera looks straight down on it from just above, below all that shadows
 it, so that picture and bake show the same surface.

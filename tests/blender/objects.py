@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes, lamps, cameras and instances for scenes that tests put together."""
+"""Meshes, lamps, cameras and instances for test scenes."""
 
 from collections.abc import Sequence
 

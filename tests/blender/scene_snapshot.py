@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything in a .blend that a job could change, as one value that tests compare before and after.
+"""Compare everything in a .blend that a job could change, before and after.
 
 before = scene_snapshot()
 ...

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two halves of a bake, of which the noise is known: they share neither paths nor the places that these go out from."""
+"""The two halves of a bake, which estimate noise, share neither paths nor their origins."""
 
 import bpy
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Limits of the bake: what it cannot show as a render does is said in one sentence; what it can is not warned of."""
+"""Warnings of materials that a bake cannot show like a render, and none of others."""
 
 import bpy
 import numpy as np

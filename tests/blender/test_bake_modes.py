@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake light while the user edits: what stands in the mesh that is edited counts, and the mode is left alone."""
+"""Bake light in Edit Mode and Sculpt Mode: the edited mesh counts, the mode stays."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Joined triangles show what their materials ask of each object: coordinates, random numbers, colours, back sides."""
+"""Joined triangles keep coordinates, random numbers, colours and attributes of each object."""
 
 from collections.abc import Callable
 
@@ -68,14 +68,21 @@ def light_inside(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(points), np.concatenate(values)
 
 
-@pytest.mark.parametrize("kind", ["Generated", "Object"])
-@pytest.mark.parametrize("in_group", [False, True])
+def absolute(tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, scale: float = 1.0) -> bpy.types.NodeSocket:
+    """Absolute values of a vector, times a number."""
+    for operation in ("SCALE", "ABSOLUTE"):
+        math = tree.nodes.new("ShaderNodeVectorMath")
+        math.operation = operation
+        math.inputs[3].default_value = scale
+        tree.links.new(value, math.inputs[0])
+        value = math.outputs[0]
+    return value
+
+
+@pytest.mark.parametrize(("kind", "in_group"), [("Generated", False), ("Object", True)])
 def test_coordinates_of_each_object(kind: str, in_group: bool) -> None:
     def coordinates(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        absolute = tree.nodes.new("ShaderNodeVectorMath")
-        absolute.operation = "ABSOLUTE"
-        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs[kind], absolute.inputs[0])
-        return absolute.outputs[0]
+        return absolute(tree, read_by("TexCoord", kind)(tree))
 
     first = square("First", glowing(coordinates, in_group))
     first.matrix_world = Matrix.Translation((3, 1, -2)) @ Euler((0.4, 0.2, 1.0)).to_matrix().to_4x4()
@@ -120,18 +127,10 @@ def noise(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
 
 @pytest.mark.parametrize("output", ["Random", "Location", "Color", "Alpha", "Object Index", "Material Index", "noise"])
 def test_object_info_is_what_cycles_says(output: str) -> None:
-    def info(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        return tree.nodes.new("ShaderNodeObjectInfo").outputs[output]
-
-    item = square("Plate.017", glowing(noise if output == "noise" else info))
+    item = square("Plate.017", glowing(noise if output == "noise" else read_by("ObjectInfo", output)))
     item.location, item.color, item.pass_index = (0.3, 0.7, 0.2), (0.1, 0.6, 0.9, 0.4), 3
     item.data.materials[0].pass_index = 7
-    source, atlas = baked()
-    points, values = light_inside(source, atlas)
-    expected = own_bake(item)
-    texel = ((points[:, :2] - np.array(item.location)[:2] + 1) / 2 * 64).astype(int)
-    np.testing.assert_allclose(values, expected[texel[:, 1], texel[:, 0]], rtol=0.03, atol=0.01)
-    assert expected.max() > 0.01
+    assert_as_cycles([item], 0.03)
 
 
 def test_back_sides_know_it() -> None:
@@ -250,20 +249,12 @@ def test_more_uv_maps_than_a_mesh_takes_by_its_own_operator() -> None:
     assert_as_cycles(items)
 
 
-@pytest.mark.parametrize("node", ["Geometry", "X", "Y", "Z"])
-def test_tangents_around_an_axis(node: str) -> None:
-    def absolute(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-        math = tree.nodes.new("ShaderNodeVectorMath")
-        math.operation = "ABSOLUTE"
-        new = "NewGeometry" if node == "Geometry" else "Tangent"
-        tangent = read_by(new, "Tangent", **({} if node == "Geometry" else {"axis": node}))(tree)
-        tree.links.new(tangent, math.inputs[0])
-        return math.outputs[0]
-
+@pytest.mark.parametrize(("kind", "settings"), [("NewGeometry", {}), ("Tangent", {"axis": "Z"})])
+def test_tangents_around_an_axis(kind: str, settings: dict[str, str]) -> None:
     item = painted("Plate", "FLOAT", "POINT")
     for vertex in item.data.vertices:
         vertex.co.z = 0.3 * vertex.co.x
-    item.data.materials[0] = glowing(absolute)
+    item.data.materials[0] = glowing(lambda tree: absolute(tree, read_by(kind, "Tangent", **settings)(tree)))
     assert_as_cycles([item], 0.05)
 
 
@@ -315,14 +306,7 @@ INSTANCED = {
 def test_particles_and_coordinates_of_what_instances(case: str) -> None:
     def socket(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
         kind, output, settings = INSTANCED[case]
-        value = read_by(kind, output, **settings)(tree)
-        for operation in ("SCALE", "ABSOLUTE"):
-            math = tree.nodes.new("ShaderNodeVectorMath")
-            math.operation = operation
-            math.inputs[3].default_value = 0.1  # the scale
-            tree.links.new(value, math.inputs[0])
-            value = math.outputs[0]
-        return value
+        return absolute(tree, read_by(kind, output, **settings)(tree), 0.1)
 
     item = slab("Plate", glowing(socket), (-0.3, -0.3), (0.3, 0.3))
     item.hide_render = True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Linked, hidden, unselected and instanced objects, and those kept from some rays, light and shadow as in a picture."""
+"""Linked, hidden and instanced objects and ray visibility: the bake agrees with a render."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import pytest
 
 from patchnet.tests.blender.light_scene import assert_agrees, compare
 from patchnet.tests.blender.objects import collection_instance, geometry_nodes, lamp, link, mesh, moved_to, pane, slab
-from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple, world
+from patchnet.tests.blender.shaders import grey, material, mixed, shader, shown, simple
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -161,37 +161,6 @@ def test_slots_of_objects_and_several_materials() -> None:
     assert len(set(found.rendered[4].round(2))) == 3, "three materials side by side"
 
 
-def test_mixed_shaders_in_nested_groups() -> None:
-    """Diffuse, glossy, emission and transparent, in a group in a group, the factor a socket of both."""
-    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
-    outer = bpy.data.node_groups.new("Outer", "ShaderNodeTree")
-    for each in (inner, outer):
-        each.interface.new_socket("Factor", in_out="INPUT", socket_type="NodeSocketFloat")
-        each.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-    lit = mixed(inner, shader(inner, "BsdfDiffuse"), shader(inner, "BsdfGlossy", Roughness=0.3), 0.3)
-    glowing = mixed(inner, lit, shader(inner, "Emission", Strength=0.8), 0.5)
-    inner.links.new(inner.nodes.new("NodeGroupInput").outputs[0], glowing.node.inputs[0])
-    inner.links.new(glowing, inner.nodes.new("NodeGroupOutput").inputs[0])
-    use = outer.nodes.new("ShaderNodeGroup")
-    use.node_tree = inner
-    outer.links.new(outer.nodes.new("NodeGroupInput").outputs[0], use.inputs[0])
-    seen = mixed(outer, use.outputs[0], shader(outer, "BsdfTransparent"), 0.25)
-    outer.links.new(seen, outer.nodes.new("NodeGroupOutput").inputs[0])
-    for number, (x, factor) in enumerate(((-0.5, 0.2), (0.5, 0.9))):
-        paint, tree = material(f"Mix {number}")
-        top = tree.nodes.new("ShaderNodeGroup")
-        top.node_tree = outer
-        top.inputs[0].default_value = factor
-        shown(tree, top.outputs[0])
-        item = pane(f"Sheet {number}", paint, 0.0, (0.4, 0.8, 1.0))
-        item.location.x = x
-    sun()
-    sun().rotation_euler.x = np.pi  # both sides of sheets count
-    found = compare(512, ("Sheet 0", "Sheet 1"))
-    assert_agrees(found)
-    assert np.ptp(found.rendered[4]) > 0.15, "the factors differ"
-
-
 def test_scattering_volumes() -> None:
     """A box of fog over half of the surface, and a spot that shines through it."""
     slab()
@@ -204,15 +173,3 @@ def test_scattering_volumes() -> None:
     lamp("SPOT", 60.0, (0.5, 0.0, 1.5), spot_size=1.5, shadow_soft_size=0.05).rotation_euler.y = 0.4
     bpy.context.scene.cycles.volume_bounces = 1
     assert_agrees(compare(), contrast=0.3)
-
-
-def test_fog_of_the_world() -> None:
-    slab()
-    pane("Roof", grey(0.0))
-    tree = world()
-    tree.nodes["Background"].inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-    output = next(node for node in tree.nodes if node.type == "OUTPUT_WORLD")
-    tree.links.new(shader(tree, "VolumeScatter", Density=0.3), output.inputs["Volume"])
-    lamp("POINT", 30.0, (0.0, 0.0, 1.0), shadow_soft_size=0.05)
-    bpy.context.scene.cycles.volume_bounces = 1
-    assert_agrees(compare(256), contrast=0.3)

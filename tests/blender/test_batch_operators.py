@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every operator of the extension in one process without a window, as `blender -b --python-expr` runs it, with its log.
+"""Every operator in one process without a window, as `blender -b --python-expr` runs it, with its log.
 
 A new operator fails here until it is listed.
 """
@@ -33,7 +33,7 @@ CALLS = {
     "copy_diagnostics": "",
 }
 # test_preferences.py, on a cache of its own; test_cycles_refine.py, with light that was baked; test_panel.py;
-# test_add_demo_scene.py
+# test_demo_scene.py
 ELSEWHERE = {"clear_cache", "refine_with_cycles", "show_picture", "add_demo_scene"}
 # Not without a window; tests/real_blender/test_overlay.py tries them.
 WINDOW = {"toggle_overlay", "drag_wipe", "inspect_pixels"}
@@ -111,10 +111,3 @@ def test_each_says_so_in_the_log(done: subprocess.CompletedProcess[str], files: 
     assert results[-1]["message"].startswith("0 frames made, 2 were there")
     stages = {line["stage"] for line in said if line["event"] == "stage"}
     assert {"Reading the scene", "Encoding", "Writing files", "skipped"} <= stages
-
-
-def test_bad_input_ends_the_process_and_is_in_the_log(files: Path) -> None:
-    done = batch("bpy.ops.patchnet.run_all(depth=4, cameras='Nobody')", files)
-    assert done.returncode == 1
-    error = events(done)[-1]
-    assert error["event"] == "error" and "no camera 'Nobody'" in error["message"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers of Blender's properties are those of the table, and what scripts set beside it is refused."""
+"""Bounds of Blender's properties equal the table; other values are refused."""
 
 import math
 from collections.abc import Iterator
@@ -9,9 +9,8 @@ import pytest
 
 from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
 from patchnet.operators.properties import PatchNetSettings
-from patchnet.operators.properties.preferences import KEPT_GIB, PatchNetPreferences
+from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.registration import _CLASSES
-from patchnet.operators.session.octree_cache import VARIABLE, limit_bytes
 from patchnet.patchnet_addon.runtime import bounds
 
 ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]
@@ -50,19 +49,3 @@ def test_nan_is_refused_with_a_sentence(name: str, scene: bpy.types.Scene) -> No
     setattr(scene.patchnet, name, math.nan)
     with pytest.raises(RuntimeError, match=r"nan is outside .* to "):
         bpy.ops.patchnet.run_all(light="two-lights")
-
-
-def test_lowest_numbers_of_properties_are_taken(scene: bpy.types.Scene) -> None:
-    for name in ("voxel_size", "texel_voxels"):
-        setattr(scene.patchnet, name, 0.0)
-        low = getattr(scene.patchnet, name)
-        assert low > 0
-        {"voxel_size": bounds.VOXEL_SIZE, "texel_voxels": bounds.TEXEL_VOXELS}[name].check(low)
-
-
-@pytest.mark.parametrize("text", ["inf", "nan", "-1", "much"])
-def test_variable_outside_its_bounds_leaves_the_preference(
-    text: str, registered: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(VARIABLE, text)
-    assert limit_bytes() == int(KEPT_GIB * 2**30)

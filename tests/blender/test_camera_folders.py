@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Each camera has a folder of its own, which the report names, and none is left by a run that it omits."""
+"""One output folder per camera, listed in the report; a later run removes stale ones."""
 
 import json
 import os

@@ -76,16 +76,6 @@ def test_of_the_scale_of_the_object_a_mirroring_sign_matters(
     np.testing.assert_allclose(np.stack([after.right, after.up, after.forward]) @ after.forward, [0, 0, 1], atol=1e-9)
 
 
-def test_size_replaces_the_resolution(camera: bpy.types.Object) -> None:
-    scene = bpy.context.scene
-    scene.render.resolution_percentage = 50
-    ours = tracing_camera(camera, scene)
-    assert (ours.width_px, ours.height_px) == (scene.render.resolution_x // 2, scene.render.resolution_y // 2)
-    ours = tracing_camera(camera, scene, (130, 65))
-    assert (ours.width_px, ours.height_px) == (130, 65)
-    assert ours.half_x / ours.half_y == pytest.approx(2.0)
-
-
 def test_panoramas_are_refused(camera: bpy.types.Object) -> None:
     camera.data.type = "PANO"
     with pytest.raises(SceneError, match=r"'Eye'.*perspective or orthographic"):

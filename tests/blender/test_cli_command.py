@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`blender --command patchnet`: its sub-commands, exit codes and log, on the scene that is open or on one it opens.
+"""`blender --command patchnet`: sub-commands, exit codes and log, on the open file or a named one.
 
 Blender as a Python module has no command line, so these call what Blender calls; tests/real_blender runs the real one.
 """
@@ -12,11 +12,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-import patchnet
-from patchnet import commands
-from patchnet.commands import blender_command
 from patchnet.commands.blender_command import execute
-from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime import log
 from patchnet.tests.blender.job_scene import QUICK
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -49,17 +45,6 @@ def test_run_of_the_open_file(scene_file: Path, weights: Path, capsys: pytest.Ca
     assert {"Reading the scene", "Encoding"} <= set(lines) and len(lines) == len(set(lines)), "plain lines: no terminal"
     assert "\r" not in said.err
     assert_unchanged(before)
-
-
-def test_changes_after_opening_count(scene_file: Path, tmp_path: Path) -> None:
-    words = ["octree", "--depth", "4", "--light", "two-lights", "--out", str(tmp_path / "frames"), "--frames", "2"]
-    assert execute(words) == 0
-    path = tmp_path / "frames" / "frame-0002" / "octree.safetensors"
-    first = load_octree(path).grid
-    bpy.data.objects["Lath 0"].location.y += 3.0  # as a script before --command may do
-    bpy.context.view_layer.update()
-    assert execute(words) == 0
-    assert load_octree(path).grid != first
 
 
 def test_frames_of_a_named_file(
@@ -128,13 +113,6 @@ def test_nothing_is_open(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
     assert "relative to the .blend file" in capsys.readouterr().err
 
 
-def test_wrong_log_format_is_bad_input(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert execute(["info", "x", "--log-format", "xml"]) == 2
-    monkeypatch.setenv(log.VARIABLE, "xml")
-    assert execute(["info", "x"]) == 2 and commands.main(["info", "x"]) == 2
-    assert "There is no log format 'xml'" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("log_format", ["text", "json"])
 def test_unexpected_is_code_1_with_a_traceback(
     log_format: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -151,15 +129,6 @@ def test_unexpected_is_code_1_with_a_traceback(
         assert error["exit_code"] == 1 and "Traceback" in error["traceback"] and len(said.splitlines()) == 2
 
 
-def test_interruption_is_code_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupt(args: object) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("patchnet.commands.info.run", interrupt)
-    assert execute(["info", "x"]) == 130
-    assert capsys.readouterr().err == "patchnet: interrupted\n"
-
-
 def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["--help"]) == 0
     said = capsys.readouterr().out
@@ -171,10 +140,3 @@ def test_help_names_the_program(capsys: pytest.CaptureFixture[str]) -> None:
 def test_registered_twice_and_forgotten_at_the_end() -> None:
     done = subprocess.run([sys.executable, "-c", AT_EXIT], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and done.stdout.endswith("registered\n"), done.stdout + done.stderr
-
-
-def test_unregistering_what_is_not_registered() -> None:
-    patchnet.register()
-    patchnet.unregister()
-    blender_command.unregister()
-    assert blender_command._handles == []

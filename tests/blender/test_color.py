@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour from scene to picture: a red and a green wall under white light look as in Cycles; luminance is untouched."""
+"""Colour from scene to picture against Cycles; luminance is the same without colour."""
 
 from pathlib import Path
 
@@ -7,14 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.session import results
-from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -135,33 +130,3 @@ def test_fine_texture_keeps_its_colours() -> None:
         mean = colors[front & here].mean(axis=0)
         # What texture does to light is limited to a factor of 4, so that a little of the other colour stays.
         np.testing.assert_allclose(mean / mean.sum(), np.array(hue) / sum(hue), atol=0.08)
-
-
-def test_a_stopped_bake_in_colour_goes_on_and_is_not_taken_for_a_gray_one(tmp_path: Path) -> None:
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-
-    def bake(color: bool, kept: BakePageCache) -> np.ndarray:
-        pages = KeptPages.of(kept, bpy.context.evaluated_depsgraph_get())
-        light = LightSettings(samples=1, color=color)
-        return drain(bake_luminance(bpy.context, source, 0.05, light, kept=pages)).texels
-
-    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
-        first = bake(True, kept)
-        raise KeyboardInterrupt
-    assert list(tmp_path.glob("*/page-*"))
-    with BakePageCache(tmp_path) as kept:
-        assert bake(False, kept).shape == (len(first), 2)
-        np.testing.assert_array_equal(bake(True, kept), first)
-        np.testing.assert_array_equal(bake(False, kept), first[:, :2])
-
-
-def test_operators(scene: bpy.types.Scene) -> None:
-    scene.patchnet.color = True
-    bpy.ops.patchnet.voxelize(depth=5)
-    unlit = results.voxels_of(scene).octree
-    red = unlit.color_float(np.array([0]))[0]
-    assert unlit.chroma is not None and red.std() > 0.01
-    bpy.ops.patchnet.bake_light(light="two-lights")
-    assert results.voxels_of(scene).octree.chroma is not None
-    bpy.ops.patchnet.bake_light(light="two-lights", color=False)
-    assert results.voxels_of(scene).octree.chroma is None

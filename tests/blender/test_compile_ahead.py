@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels are compiled in another process, before the first job of a window or beside a job; errors stop no job."""
+"""Compile kernels in another process, before the first job of a window or beside a job."""
 
 import subprocess
 import sys
@@ -73,12 +73,6 @@ def test_stopping_ends_the_other_process(folder: Path, other: Callable[[str], Si
     assert len(drained.processes) == 1, "the next job goes on"
 
 
-def test_small_jobs_call_the_kernels(tmp_path: Path) -> None:
-    words = [sys.executable, ahead.SCRIPT, "--", "patchnet", Path(patchnet.__file__).parent, *sys.path]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
-    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stdout + done.stderr
-
-
 @pytest.fixture
 def second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A process that sleeps in the place of the second Python; the mark, and what was started."""
@@ -112,21 +106,6 @@ def test_beside_a_job_that_calls_none_of_them(second: SimpleNamespace) -> None:
     with pytest.raises(SceneError), kernels_beside.compiling_beside():
         raise SceneError("nothing to see")
     assert not second.mark.exists() and all(process.poll() is not None for process in second.processes)
-
-
-def test_nothing_is_started_beside_a_job_on_one_core_or_without_a_python(
-    second: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "executable", "/opt/blender/blender")
-    with kernels_beside.compiling_beside():
-        pass
-    second.mark.unlink()
-    monkeypatch.undo()
-    monkeypatch.setattr(kernels, "compiled_mark", lambda *_: second.mark)
-    monkeypatch.setattr(kernels_beside, "usable_cores", lambda: 1)
-    with kernels_beside.compiling_beside():
-        pass
-    assert second.processes == []
 
 
 def test_the_second_python_calls_the_kernels() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""References of operators and commands are what they are, every line shown runs, and so does the page of a scene."""
+"""Reference pages match operators and commands; documented lines and the tutorial run."""
 
 import ast
 import re

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras that see nothing, and black pictures: operators, command and render engine say why."""
+"""Reasons for empty and black pictures in operators, commands and the render engine."""
 
 import logging
 from collections.abc import Callable

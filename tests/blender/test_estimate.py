@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimate says what a job would take, what does not fit, and when it is stale."""
+"""Estimate: memory and time of a job, what does not fit, and when the estimate is outdated."""
 
 import bpy
 import pytest
@@ -32,17 +32,6 @@ def test_estimate(scene: bpy.types.Scene) -> None:
     assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
     for line in found.lines:
         assert line in text
-
-
-def test_estimate_knows_its_texels(scene: bpy.types.Scene) -> None:
-    from patchnet.commands.benches.bake import own_texels
-    from patchnet.operators.scene.read import read_scene
-    from patchnet.patchnet_addon.lightmap.charts import layout_charts, texels_wanted
-    from patchnet.patchnet_addon.runtime.progress import drain
-
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    laid_out = own_texels(drain(layout_charts(source, 0.05))).sum()
-    assert drain(texels_wanted(source, 0.05)) == pytest.approx(laid_out, rel=0.1)
 
 
 def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exports through the operator, read by Blender's own importers where it has one.
-
-The .vdb tests need a module `openvdb` or `pyopenvdb` beside bpy, whose wheels have none.
-"""
+"""Export Voxels, read by Blender's own importers where there is one."""
 
 from pathlib import Path
 
@@ -10,15 +7,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.scene_access.blender_version import VOLUMES_ARE_SHIFTED
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.export.vdb import vdb_module_name
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud
 from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-
-needs_vdb = pytest.mark.skipif(not vdb_module_name(), reason="this Blender has no openvdb module")
 
 
 @pytest.fixture(autouse=True)
@@ -31,14 +24,7 @@ def cloud(level: int) -> VoxelCloud:
     return voxel_cloud(results.voxels_of(bpy.context.scene).octree, level)
 
 
-def bounds(level: int) -> np.ndarray:
-    """Corners (2, 3) of the box around the voxels of a level."""
-    voxels = cloud(level)
-    half = voxels.side_world[:, None] / 2
-    return np.stack([(voxels.centres_world - half).min(axis=0), (voxels.centres_world + half).max(axis=0)])
-
-
-@pytest.mark.parametrize("ending", [".ply", ".npz", ".safetensors", pytest.param(".vdb", marks=needs_vdb)])
+@pytest.mark.parametrize("ending", [".ply", ".npz", ".safetensors"])
 def test_every_format_leaves_the_scene_alone(ending: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path, before = tmp_path / f"voxels{ending}", scene_snapshot()
     assert bpy.ops.patchnet.export_octree(filepath=str(path), level=4) == {"FINISHED"}
@@ -72,37 +58,6 @@ def test_ply_in_blender(tmp_path: Path) -> None:
     colors = np.empty((len(mesh.vertices), 4), np.float32)
     mesh.color_attributes.active_color.data.foreach_get("color", colors.ravel())
     np.testing.assert_allclose(colors[:, 0], voxels.luminance, atol=0.005)
-
-
-@needs_vdb
-@pytest.mark.parametrize("level", [4, 5])
-def test_vdb_in_blender_lies_over_the_voxels(scene: bpy.types.Scene, level: int, tmp_path: Path) -> None:
-    path = tmp_path / "voxels.vdb"
-    bpy.ops.patchnet.export_octree(filepath=str(path), level=level)
-    volume = bpy.data.volumes.new("Volume")
-    volume.filepath = str(path)
-    assert volume.grids.load() and {grid.name for grid in volume.grids} == {"luminance", "density"}
-    smoke, skin = (bpy.data.objects.new(data.name, data) for data in (volume, bpy.data.meshes.new("Skin")))
-    scene.collection.objects.link(smoke)
-    scene.collection.objects.link(skin)
-    modifier = skin.modifiers.new("Skin", "VOLUME_TO_MESH")
-    modifier.object, modifier.grid_name, modifier.threshold = smoke, "density", 1e-4
-    mesh = skin.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    corners = np.empty(len(mesh.vertices) * 3, np.float32)
-    mesh.vertices.foreach_get("co", corners)
-    side = cloud(level).side_world[0]
-    # Nearly nothing is reached one voxel beyond the outermost centres, half a voxel beyond the outermost faces.
-    expected = bounds(level) + np.array([[-0.5], [0.5]]) * side
-    shift = 0.5 * side if VOLUMES_ARE_SHIFTED else 0.0
-    np.testing.assert_allclose(corners.reshape(-1, 3).min(axis=0), expected[0] + shift, atol=0.02 * side)
-    np.testing.assert_allclose(corners.reshape(-1, 3).max(axis=0), expected[1] + shift, atol=0.02 * side)
-
-
-@pytest.mark.skipif(bool(vdb_module_name()), reason="this Blender has an openvdb module")
-def test_vdb_is_refused_where_blender_has_no_module(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="no openvdb module"):
-        bpy.ops.patchnet.export_octree(filepath=str(tmp_path / "voxels.vdb"))
-    assert not list(tmp_path.iterdir())
 
 
 def test_bad_input_is_one_sentence(tmp_path: Path) -> None:

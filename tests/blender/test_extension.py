@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The checkout itself as a live extension, enabled on fresh user resources.
+"""The checkout as an enabled extension on fresh user resources.
 
 What disabling leaves is looked for in zips: by .ci/enable_extension.py, and by tests/real_blender/test_package.py.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes far from the origin, tiny and huge ones: the picture of the same scene at home, or a sentence with a name."""
+"""Scenes far from the origin, tiny and huge: the same picture, or an error that names the object."""
 
 import warnings
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Libraries that another Blender has removed: one sentence says so, in whatever step they are missed."""
+"""Missing libraries, which another Blender removed, are one sentence in any step."""
 
 import subprocess
 import sys

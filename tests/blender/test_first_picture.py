@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures that a job shows before it is done: the first rays, also before light is baked, heatmap, refinement."""
+"""Unfinished pictures during a job: first rays before the bake, heatmap, refinement."""
 
 from pathlib import Path
 from types import SimpleNamespace

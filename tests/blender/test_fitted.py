@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera-fitted octrees through the operators and the command: look-ahead everywhere, light and codes of any leaf."""
+"""Camera-fitted octrees by operators and jobs: look-ahead in every pixel."""
 
 from pathlib import Path
 
@@ -56,13 +56,6 @@ def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.render_preview(size=SIZE) == {"FINISHED"}
     assert results.voxels_of(scene).lookahead_share > 0.98
     drop_result_images()
-
-
-def test_cycles_bakes_texels_that_follow_the_leaves(scene: bpy.types.Scene) -> None:
-    assert bpy.ops.patchnet.voxelize(resolution="FIT", size=SIZE) == {"FINISHED"}
-    assert bpy.ops.patchnet.bake_light(samples=1, texel_voxels=8.0) == {"FINISHED"}
-    lit = results.voxels_of(scene).octree
-    assert lit.provenance["fitted"] and lit.provenance["light"] == "cycles" and lit.luminance.max() > 0
 
 
 def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.types.Scene, weights: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`--frames` of `patchnet run` and `patchnet octree`; a command that is killed goes on with the first missing frame."""
+"""`--frames` of `patchnet run` and `patchnet octree`; a killed command resumes at the first missing frame."""
 
 import json
 import os
@@ -13,7 +13,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.blender.job_scene import QUICK, build, read_until, saved
+from patchnet.tests.blender.job_scene import QUICK, read_until
 
 
 def times(out: Path) -> list[int]:
@@ -121,15 +121,3 @@ def test_interrupted_and_killed_command_goes_on(scene_file: Path, tmp_path: Path
     for frame in (1, 2, 3):
         name = f"frame-000{frame}/octree.safetensors"
         assert (out / name).read_bytes() == (whole / name).read_bytes()
-
-
-def test_octrees_of_frames_say_what_had_to_be_assumed(
-    tmp_path: Path, registered: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    build(light=False)
-    scene, out = saved(tmp_path / "dark.blend"), tmp_path / "out"
-    words = ["octree", str(scene), "--depth", "4", "--samples", "1", "--frames", "1-2", "--out", str(out)]
-    assert commands.main(words) == 0
-    said = "The scene has no light: it was lit with a sun and a sky"
-    assert said in capsys.readouterr().err
-    assert said in json.dumps(json.loads((out / "report.json").read_text()))

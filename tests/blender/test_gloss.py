@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Metals, mirrors and glass in baked light: which materials they are, what is baked of them, and what is said."""
+"""Gloss of metals, mirrors and glass in baked light, and its warnings."""
 
 import io
 from contextlib import redirect_stderr

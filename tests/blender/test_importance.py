@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted importance: images, files and vertex groups, in the panel's operators and on the command line."""
+"""Importance by images, files and vertex groups, in operators and on the command line."""
 
 import json
 from pathlib import Path
@@ -10,13 +10,12 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.operators.importance.painted import Importance
-from patchnet.operators.importance.pixels import importance_key, pixel_importance
+from patchnet.operators.importance.pixels import importance_key
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.views import View
 from patchnet.operators.scene_access.images import save_png
 from patchnet.operators.session.result_images import image_name
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.tests.blender.job_scene import SMALL, pixels_of, saved
@@ -93,31 +92,6 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
     assert np.ptp(expected) > 0.5
 
 
-def test_modifiers_and_instances_are_looked_up(weights: Path) -> None:
-    group("Matters", 1.0, "Lath 0")
-    array = bpy.data.objects["Lath 0"].modifiers.new("Rows", "ARRAY")
-    array.count, array.use_relative_offset, array.use_constant_offset = 2, False, True
-    array.constant_offset_displace = (1.0, 0.0, 0.0)
-    bpy.context.view_layer.update()
-    buffers = look(weights, Importance(vertex_group="Matters"), size=(48, 16)).buffers
-    near = buffers.picture(np.where(buffers.hit & (buffers.hits.z_world < 5.0), buffers.importance, 0.0))
-    columns = np.flatnonzero(near[4:12].max(axis=0))
-    assert len(columns) >= 2 and (np.diff(columns) > 1).any()  # two bars with a gap
-
-
-@pytest.mark.parametrize(
-    ("importance", "message"),
-    [
-        (Importance(image="Nobody"), "no image 'Nobody'"),
-        (Importance(vertex_group="Nobody"), "No voxelized object has the vertex group 'Nobody'"),
-        (Importance(file=Path("/nowhere/mask.png")), "does not exist"),
-    ],
-)
-def test_what_is_not_there(weights: Path, importance: Importance, message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        look(weights, importance)
-
-
 def test_operators_use_the_setting() -> None:
     settings = bpy.context.scene.patchnet
     settings.importance = "IMAGE"
@@ -153,12 +127,3 @@ def test_command_line(weights: Path, tmp_path: Path) -> None:
     (view,) = report["frames"]
     assert 0 < view["refinable_pixels"] < view["active_pixels"]
     assert main([*arguments, "--mask", str(tmp_path / "none.png")]) == 2
-
-
-def test_pixels_outside_a_silhouette_take_their_neighbours(weights: Path) -> None:
-    group("Matters", 1.0)
-    view = look(weights, None, scope="SELECTED")
-    settings = Importance(vertex_group="Matters")
-    grid = drain(run_job(bpy.context, JobSettings.of(light="two-lights", weights=weights, scope="SELECTED", **SMALL)))
-    given = drain(pixel_importance(settings, "SELECTED", grid.coded.octree.grid, view.buffers))
-    np.testing.assert_array_equal(given > 0, view.buffers.active)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The modal side of the shared mixin, with a stand-in for the window that background mode lacks."""
+"""The modal part of job operators, with a stand-in for the window that background mode lacks."""
 
 import threading
 from types import SimpleNamespace
@@ -9,7 +9,6 @@ import pytest
 
 from patchnet.operators.jobs import job_operator
 from patchnet.operators.jobs.job_operator import JobOperator
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.patchnet_addon.runtime.worker import computed
 
@@ -127,25 +126,6 @@ def test_there_is_one_percentage_which_never_falls(monkeypatch: pytest.MonkeyPat
     ]  # fmt: skip
 
 
-def test_a_job_that_goes_on_where_it_was_says_so() -> None:
-    window, operator = Window(), Known(0)
-    operator.invoke(window, event("LEFTMOUSE"))
-    operator.modal(window, event("ESC"))
-    assert operator.reports == [({"INFO"}, "Stopped. Press again to go on.")]
-
-
-def test_escape_stops_and_cleans_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(job_operator, "SLICE_S", 1e-9)
-    window, operator = Window(), Counting(5)
-    operator.invoke(window, event("LEFTMOUSE"))
-    operator.modal(window, event("TIMER"))
-    assert operator.modal(window, event("A")) == {"RUNNING_MODAL"}
-    assert operator.modal(window, event("WHEELUPMOUSE")) == {"PASS_THROUGH"}
-    assert not operator.closed
-    assert operator.modal(window, event("ESC")) == {"CANCELLED"}
-    assert operator.closed and JobOperator.running == "" and window.timers == [] and window.texts[-1] is None
-
-
 def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
     window, operator = Window(), Compiling()
     operator.invoke(window, event("LEFTMOUSE"))
@@ -164,18 +144,6 @@ def test_window_lives_during_a_long_step_and_escape_acts_in_it() -> None:
     while (state := again.modal(window, event("TIMER"))) == {"RUNNING_MODAL"}:
         pass
     assert state == {"FINISHED"} and again.reports == [({"INFO"}, "compiled: True")]
-
-
-@pytest.mark.parametrize(
-    ("error", "text"), [(SettingError("Give a number."), "Give a number."), (MemoryError(), "ran out of memory")]
-)
-def test_expected_errors_are_reported(error: Exception, text: str) -> None:
-    window, operator = Window(), Counting(2, error)
-    operator.invoke(window, event("LEFTMOUSE"))
-    assert operator.modal(window, event("TIMER")) == {"CANCELLED"}
-    ((kind, message),) = operator.reports
-    assert kind == {"ERROR"} and text in message
-    assert JobOperator.running == "" and window.timers == []
 
 
 def test_unexpected_errors_are_raised_and_leave_no_timer() -> None:

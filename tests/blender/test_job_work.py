@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time of jobs by what this machine took for others: rates, plans and estimates."""
+"""Time estimates from measured jobs of this machine: rates, plans, estimates."""
 
 import json
 from pathlib import Path

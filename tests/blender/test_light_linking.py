@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lamps and emitters that shine on some objects only, or that only some objects shadow; and light of a view layer."""
+"""Light linking and shadow linking, and view layers: the bake agrees with a render."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -63,24 +62,6 @@ def test_receivers_of_an_emitting_mesh() -> None:
     found = compare(256, BOTH)
     assert_agrees(found)
     assert found.rendered[:, 0].mean() > 2.0 * found.rendered[:, -1].mean()
-
-
-def test_lamp_from_another_file(tmp_path: Path) -> None:
-    """A linked sun, whose receivers are a collection that is linked, too."""
-    path = tmp_path / "library.blend"
-    left = slab("Left", high=(0.0, 1.0))
-    sun = lamp("SUN", 3.0, angle=0.0)
-    sun.light_linking.receiver_collection = receivers([left])
-    bpy.data.libraries.write(str(path), {left, sun})
-    bpy.ops.wm.read_homefile(use_empty=True)
-    with bpy.data.libraries.load(str(path), link=True) as (_, linked):
-        linked.objects, linked.collections = ["Left", "Sun"], ["Receivers"]
-    for item in linked.objects:
-        bpy.context.scene.collection.objects.link(item)
-    slab("Right", low=(0.0, -1.0))
-    lamp("POINT", 3.0, (0.0, 0.0, 0.8), shadow_soft_size=0.2)
-    assert bpy.data.collections["Receivers"].library
-    assert_halves(0)
 
 
 def test_instances_are_receivers_as_their_instancer() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory that jobs give back, and results across undo and redo."""
+"""Memory of jobs and results; results across undo and redo."""
 
 import gc
 import tracemalloc
@@ -10,7 +10,7 @@ import pytest
 
 from patchnet.operators.scene_access.images import free_copies, show_image
 from patchnet.operators.session.memory import held
-from patchnet.operators.session.scene_session import open_sessions, session_of
+from patchnet.operators.session.scene_session import open_sessions
 from patchnet.tests.blender.job_scene import drop_result_images, pixels_of, principled, result, run_small
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -81,10 +81,6 @@ def push(name: str) -> None:
     assert bpy.ops.ed.undo_push(message=name) == {"FINISHED"}
 
 
-def current() -> bpy.types.Scene:
-    return bpy.context.scene
-
-
 def undo() -> None:
     assert bpy.ops.ed.undo() == {"FINISHED"}
     bpy.context.view_layer.update()
@@ -93,19 +89,6 @@ def undo() -> None:
 def redo() -> None:
     assert bpy.ops.ed.redo() == {"FINISHED"}
     bpy.context.view_layer.update()
-
-
-def test_unrelated_edits_leave_results_current() -> None:
-    push("start")
-    run_small()
-    octree = result().octree
-    current().camera.data.lens = 35.0
-    bpy.data.objects["Slab"].select_set(False)
-    push("lens")
-    undo()
-    assert result().octree is octree and result().stale == set()
-    redo()
-    assert result().octree is octree and result().stale == set()
 
 
 def test_undo_of_a_move_makes_results_fit_again() -> None:
@@ -148,19 +131,6 @@ def test_undo_to_before_a_result(step: str, change, what: str) -> None:
     assert result().stale == set()
 
 
-def test_changes_after_an_undo_are_noticed() -> None:
-    push("start")
-    run_small()
-    current().camera.data.lens = 35.0
-    push("lens")
-    undo()
-    bpy.data.objects["Lath 1"].location.x += 0.3
-    bpy.context.view_layer.update()
-    bpy.data.objects["Lath 2"].location.x += 0.3
-    bpy.context.view_layer.update()
-    assert result().stale == {"surface"}
-
-
 def test_pictures_and_voxels_that_an_undo_takes_away() -> None:
     drop_result_images()
     push("start")
@@ -175,21 +145,3 @@ def test_pictures_and_voxels_that_an_undo_takes_away() -> None:
     assert result().pictures == shown
     redo()
     assert len(bpy.data.objects["PatchNet Voxels"].data.vertices) == count > 100 and result().stale == set()
-
-
-def test_presets_are_undone() -> None:
-    current().patchnet.samples = 9
-    push("start")
-    (folder,) = [path for path in bpy.utils.preset_paths("patchnet") if "operators" in path]
-    bpy.ops.patchnet.apply_preset("EXEC_DEFAULT", True, filepath=f"{folder}/Draft.py")
-    assert current().patchnet.samples == 1
-    undo()
-    assert current().patchnet.samples == 9
-
-
-def test_scene_that_an_undo_removes() -> None:
-    push("start")
-    session_of(bpy.data.scenes.new("Other"))
-    push("scene")
-    undo()
-    assert "Other" not in bpy.data.scenes and len(open_sessions()) <= 1

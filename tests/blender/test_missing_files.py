@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that a scene names and that are not there are warned of with their paths."""
+"""Warnings name files that a scene refers to and that are missing."""
 
 from pathlib import Path
 

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finished octrees and codes are there again when the file is opened, in another process too."""
+"""Octrees and codes are loaded from the cache when a file is opened again."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cache import cache_size, clear_cache
+from patchnet.operators.cache import clear_cache
 from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
 from patchnet.tests.blender.job_scene import SMALL, build, saved
@@ -92,38 +89,6 @@ def test_damage_is_a_result_that_is_not_there(file: Path, tmp_path: Path) -> Non
     content[-3] ^= 0xFF
     octree.write_bytes(content)
     assert reopen(file) is None and not octree.exists()
-
-
-def test_cache_is_measured_and_cleared(file: Path, tmp_path: Path) -> None:
-    root = tmp_path / "cache"
-    assert cache_size(root).octrees > 100_000
-    bpy.ops.patchnet.clear_results()
-    assert reopen(file) is not None, "freeing memory leaves the disk alone"
-    assert clear_cache(root) > 0 and cache_size(root).octrees == 0
-    assert list(root.glob("octrees/*")) == []
-    assert reopen(file) is None
-
-
-def test_another_process_renders_without_a_bake(file: Path, tmp_path: Path) -> None:
-    """Render as `blender -b FILE -E PATCHNET -f 1` does."""
-    code = """
-import sys, bpy, patchnet
-patchnet.register()
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-from patchnet.operators.cycles.bake import baker
-def refuse(*_):
-    raise AssertionError("baked again")
-baker.bake_now = refuse
-scene = bpy.context.scene
-scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
-scene.render.filepath = sys.argv[2]
-bpy.ops.render.render(write_still=True)
-patchnet.unregister()
-"""
-    command = [sys.executable, "-c", code, str(file), str(tmp_path / "picture.png")]
-    environment = {**os.environ, "PATCHNET_CACHE": str(tmp_path / "cache")}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert (tmp_path / "picture.png").exists() and "baked again" not in done.stderr, done.stderr
 
 
 def test_a_frame_of_an_animation_finds_what_was_baked_for_it(file: Path, tmp_path: Path, bakes: list[str]) -> None:

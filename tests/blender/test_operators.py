@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every operator for real on a small scene: what it makes, what it says, and that it leaves the scene alone."""
+"""Every operator on a small scene: results, messages, an unchanged scene."""
 
 import itertools
 import json
@@ -19,6 +19,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.tests.blender.job_scene import SMALL, build, drop_result_images, pixels_in, pixels_of
@@ -126,15 +127,6 @@ def test_the_reference_is_traced_where_it_is_asked_for(scene: bpy.types.Scene, t
     assert raw in bpy.data.images and results.voxels_of(scene).comparison is None
 
 
-def test_scope(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.voxelize(depth=5)  # in background all visible objects
-    everything = results.voxels_of(scene).octree.area_world[0]
-    bpy.ops.patchnet.voxelize(depth=5, scope="SELECTED")
-    selected = results.voxels_of(scene).octree.area_world[0]
-    assert selected == pytest.approx(2 * 2 * 2 + 4 * 2 * 0.1, rel=1e-4)
-    assert everything == pytest.approx(selected + 5 * (4 * 2 * 0.05 + 2 * 0.05**2), rel=1e-4)
-
-
 def test_settings_of_the_scene_hold_unless_given(scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution, scene.patchnet.depth = "DEPTH", 4
     bpy.ops.patchnet.voxelize()
@@ -144,17 +136,6 @@ def test_settings_of_the_scene_hold_unless_given(scene: bpy.types.Scene) -> None
     bpy.ops.patchnet.voxelize(voxel_size=0.25)
     assert results.voxels_of(scene).octree.grid.voxel_size_world == pytest.approx(0.25)
     assert scene.patchnet.depth == 4
-
-
-def test_polls_say_what_is_missing(scene: bpy.types.Scene) -> None:
-    with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
-        bpy.ops.patchnet.bake_light()
-    with pytest.raises(RuntimeError, match="no voxels yet: run Voxelize first"):
-        bpy.ops.patchnet.precompute_codes()
-    with pytest.raises(RuntimeError, match="not prepared yet: run Prepare Look-Ahead first"):
-        bpy.ops.patchnet.render_preview()
-    with pytest.raises(RuntimeError, match="no results to free"):
-        bpy.ops.patchnet.clear_results()
 
 
 def test_memory_is_freed(scene: bpy.types.Scene) -> None:
@@ -201,17 +182,6 @@ def test_bad_input_changes_nothing(
     assert results.result_of(scene) is None
 
 
-def test_errors_keep_what_was_there(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    run_small(out=str(tmp_path))
-    kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    result = results.result_of(scene)
-    scene.camera.data.type = "PANO"
-    with pytest.raises(RuntimeError, match="perspective or orthographic"):
-        run_small(out=str(tmp_path))
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
-    assert results.result_of(scene) is result
-
-
 def test_stopping_anywhere_leaves_nothing_behind(weights: Path, tmp_path: Path) -> None:
     """Neither files nor the daylight that a scene without light gets."""
     build(light=False)
@@ -236,3 +206,31 @@ def test_images_of_the_person_are_left_alone() -> None:
     assert ours != own and tuple(own.size) == (4, 4) and tuple(ours.size) == (5, 3)
     again = show_image("PatchNet Preview", np.ones((6, 5), np.float32))
     assert again == ours and tuple(again.size) == (5, 6)
+
+
+def leaf_luminance(octree: Octree) -> np.ndarray:
+    return octree.luminance[octree.child_mask == 0] / 65535.0
+
+
+def assert_scaled(given: Octree, automatic: Octree) -> None:
+    """`given` shows the light of `automatic` times a smaller exposure."""
+    unclamped = leaf_luminance(automatic) < 0.999
+    assert unclamped.any() and given.exposure < automatic.exposure
+    scaled = leaf_luminance(automatic) * given.exposure / automatic.exposure
+    np.testing.assert_allclose(leaf_luminance(given)[unclamped], scaled[unclamped], atol=2e-5)
+
+
+def test_exposure_is_chosen_or_given_and_kept(scene: bpy.types.Scene) -> None:
+    bpy.ops.patchnet.voxelize(depth=5)
+    unlit = results.voxels_of(scene).octree
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    automatic = results.voxels_of(scene).octree
+    assert automatic.provenance["exposure"] == "automatic"
+    scene.patchnet.exposure = 0.25
+    bpy.ops.patchnet.bake_light(light="two-lights")
+    given = results.voxels_of(scene).octree
+    assert (given.exposure, given.provenance["exposure"]) == (0.25, "given")
+    assert_scaled(given, automatic)
+    bpy.ops.patchnet.voxelize(depth=5)
+    again = results.voxels_of(scene).octree
+    assert again.exposure == unlit.exposure and "exposure" not in again.provenance, "a colour is not exposed"

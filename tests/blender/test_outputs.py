@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands and operators refuse outputs that would replace what they read or what is foreign, before they begin."""
+"""Commands and operators refuse to replace inputs or foreign files, before they begin."""
 
-import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,12 +8,10 @@ import bpy
 import pytest
 
 from patchnet import commands
-from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.tests.blender.job_scene import QUICK, build, saved
 
 STAGES = ("Reading", "Finding", "Voxelizing", "Drawing", "Writing", "Looking")
 OCTREE = ["--depth", "4", "--light", "two-lights"]
-REPORT = {"versions": {"patchnet": "0.0.1"}}
 
 
 @pytest.fixture(scope="module")
@@ -103,23 +99,6 @@ def test_the_scenes_own_files_are_not_replaced(
         assert "preview.png is what is read here" in capsys.readouterr().err
 
 
-def test_results_of_ours_are_replaced(files: Path, tmp_path: Path, weights: Path) -> None:
-    out = tmp_path / "out"
-    words = ["run", str(files / "small.blend"), "--weights", str(weights), *QUICK, "--out", str(out)]
-    assert commands.main(words) == 0
-    first = (out / "octree.safetensors").stat().st_mtime_ns
-    assert commands.main(words) == 0
-    assert (out / "octree.safetensors").stat().st_mtime_ns > first
-    cloud = tmp_path / "cloud.ply"
-    for level in ("2", "3"):
-        assert commands.main(["export", str(out / "octree.safetensors"), "--level", level, "--out", str(cloud)]) == 0
-    tree = tmp_path / "tree.safetensors"
-    for depth in ("3", "4"):
-        words = ["octree", str(files / "small.blend"), "--depth", depth, "--light", "two-lights", "--out", str(tree)]
-        assert commands.main(words) == 0
-    assert load_octree(tree).depth == 4
-
-
 @pytest.mark.parametrize(
     ("call", "why"),
     [
@@ -149,8 +128,3 @@ def test_what_the_open_file_names_is_not_exported_over(files: Path, registered: 
     bpy.ops.patchnet.voxelize(depth=4)
     with pytest.raises(RuntimeError, match=READ):
         bpy.ops.patchnet.export_octree(filepath=str(files / "link.safetensors"))
-
-
-def test_nothing_is_left_beside(files: Path) -> None:
-    assert not [name for name in os.listdir(files) if name.startswith(".")]
-    assert json.loads((files / "report" / "report.json").read_text()) == {"mine": 1}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The overlay without a window: where pictures lie, what is said of pixels, which views are kept, named images."""
+"""The overlay without a window: placement, values of pixels, kept views, named images."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -234,10 +234,3 @@ def test_show_overlays_hides_ours_too(kind: str, monkeypatch: pytest.MonkeyPatch
     values.show_viewport = values.show_editor = False
     drawing.draw_region(context)
     assert looked == [kind]
-
-
-def test_views_go_with_their_file(made: tuple[View, ViewSettings]) -> None:
-    result, wanted = made
-    views.keep_view(bpy.context.scene, shown_view.view_to_show(result, wanted, 0.0))
-    build()
-    assert not views.has_views(bpy.context.scene)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar tab: what it shows, before and after, what is stale and why, estimates, presets, comparison."""
+"""The sidebar tab: settings, notes, outdated results, estimates, advice, comparison."""
 
-import ast
-import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +9,6 @@ import bpy
 import blf  # isort: skip  (there once bpy is)
 import pytest
 
-from patchnet.operators import ui
 from patchnet.operators.overlay.panel import _draw_how_to_see
 from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
@@ -24,12 +21,11 @@ from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_previ
 from patchnet.operators.ui.stages import PATCHNET_PT_network, PATCHNET_PT_octree
 from patchnet.operators.ui.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
-from patchnet.patchnet_addon.sampling.registry import FOR_USERS, STRATEGIES
+from patchnet.patchnet_addon.sampling.registry import FOR_USERS
 from patchnet.tests.blender.drawn import Layout, drawn, everything, small_preview
 from patchnet.tests.blender.job_scene import principled
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("scene")
 
 OPERATORS = {
@@ -40,17 +36,6 @@ OPERATORS = {
 
 def update() -> None:
     bpy.context.view_layer.update()
-
-
-def test_order_and_names() -> None:
-    titles = [item.bl_label for item in ui.CLASSES if getattr(item, "bl_parent_id", "") == "PATCHNET_PT_main"]
-    last = ["Compare", "Refine with Cycles", "Show and Export", "Statistics"]  # after Overlay
-    assert titles == ["Octree", "Light", "Network", "Preview", *last]
-    assert {item.bl_category for item in ui.CLASSES if hasattr(item, "bl_category")} == {"PatchNet"}
-    assert bpy.ops.patchnet.run_all.get_rna_type().name == "Preview Selection"
-    tabs = [item for item in ui.CLASSES if hasattr(item, "bl_category")]
-    opened = {item.bl_label for item in tabs if "DEFAULT_CLOSED" not in getattr(item, "bl_options", set())}
-    assert opened == {"PatchNet"}
 
 
 def test_first_panel_has_five_settings(scene: bpy.types.Scene) -> None:
@@ -112,18 +97,6 @@ def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
                 assert ("depth" in everything().splitlines()) == (resolution == "DEPTH")
 
 
-def test_polls_are_sentences() -> None:
-    for name in ("voxelize", "bake_light", "precompute_codes", "render_preview", "compare", "show_voxels"):
-        try:
-            getattr(bpy.ops.patchnet, name)("EXEC_DEFAULT", **({"depth": 4} if name == "voxelize" else {}))
-            results.forget(bpy.context.scene)
-        except RuntimeError as error:
-            said = str(error).partition("poll() ")[2].strip()
-            assert said[:1].isupper() and len(said.split()) > 4, f"{name}: {error}"
-        else:
-            assert name == "voxelize"
-
-
 def test_stale_says_why(scene: bpy.types.Scene) -> None:
     small_preview()
     assert not any(line.endswith(" again") for line in everything().splitlines())
@@ -169,20 +142,6 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     ):  # fmt: skip
         assert part in text
     assert set(result.seconds) >= {"read", "depth", "light", "voxelize", "codes", "views"}
-
-
-def test_compare(scene: bpy.types.Scene) -> None:
-    first = small_preview().comparison
-    bpy.ops.patchnet.render_preview(size=(24, 16))
-    assert results.voxels_of(scene).comparison is None
-    assert bpy.ops.patchnet.compare(size=(24, 16)) == {"FINISHED"}
-    again = results.voxels_of(scene).comparison
-    assert again == first and {row.name for row in again.rows} == set(STRATEGIES)
-    assert again.rows[0].name == "optimal" and all(row.error <= again.unrefined for row in again.rows)
-    text = drawn(PATCHNET_PT_compare)
-    for row in again.rows:
-        assert error_text(row.error) in text
-    assert any("Eye, 24 x 16" in line for line in text) and error_text(again.unrefined) in text
 
 
 def test_advice_on_strategies(scene: bpy.types.Scene) -> None:
@@ -280,17 +239,7 @@ def test_what_is_left_out_is_said_in_the_panel(scene: bpy.types.Scene) -> None:
     assert results.voxels_of(scene).all_notes == []
 
 
-def test_sentences_of_a_window_have_no_flags() -> None:
-    """Commands add them, in one place."""
-    found = []
-    for path in sorted([*(ROOT / "operators").rglob("*.py"), *(ROOT / "patchnet_addon").rglob("*.py")]):
-        if path.name in ("table.py", "named.py", "compile_ahead.py", "log.py"):
-            continue
-        tree = ast.parse(path.read_text())
-        docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        texts = [n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in docs]
-        found += [(path.name, text) for text in texts if isinstance(text, str) and re.search(r"(^|[ (])--[a-z]", text)]
-    assert found == []
+def test_commands_add_flags_to_sentences_of_a_window() -> None:
     said = with_flags("Choose Gloss: From Camera, bake with Voxel Sides: One, or Denoise: Off (Network Device)")
     assert said == (
         "Choose Gloss: From Camera (--gloss camera), bake with Voxel Sides: One (--sides one), or Denoise: Off "

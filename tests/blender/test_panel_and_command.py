@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of the panel and arguments of `patchnet run` are the same, with the same defaults; what differs is named."""
+"""The panel and `patchnet run` have the same settings and defaults; exceptions are listed."""
 
 import argparse
 from pathlib import Path

@@ -1,31 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What unrefined pixels show, preview or predicted: in jobs, operators, panels, commands, renders, viewports."""
+"""Predicted pictures as unrefined pixels: in jobs, operators, panels, overlay and renders."""
 
-import json
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.operators.pipeline.views import View
 from patchnet.operators.properties import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
 from patchnet.operators.session import results
-from patchnet.operators.session.shown_view import comparison_of, view_to_show
+from patchnet.operators.session.shown_view import view_to_show
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.operators.ui.tab import stale_text
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.render import seen_above_white
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.engine_scene import WORLD, build_for_engine, camera, kept, rendered
-from patchnet.tests.blender.job_scene import SMALL, pixels_in, view_of
+from patchnet.tests.blender.job_scene import SMALL, view_of
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -36,35 +33,6 @@ CHOSEN = STRATEGIES[DEFAULT]
 def seen(scene: bpy.types.Scene, *, color: bool = False, **wanted: object) -> View:
     """A view of the small scene."""
     return view_of(scene, ViewSettings(size=SIZE, refined_samples=1024.0, **wanted), color=color)
-
-
-@pytest.mark.parametrize("color", [False, True])
-def test_a_job_refines_what_it_shows(scene: bpy.types.Scene, color: bool) -> None:
-    plain, found = seen(scene, color=color), seen(scene, color=color, unrefined="predicted")
-    buffers, mask = found.buffers, found.ranking.mask
-    np.testing.assert_array_equal(found.refined.luminance, np.where(mask, buffers.reference, buffers.predicted))
-    if color:
-        wanted = np.where(mask[:, None], buffers.reference_color, buffers.predicted_color)
-        np.testing.assert_array_equal(found.refined.colors, wanted)
-    for name in ("preview", "predicted", "reference"):
-        np.testing.assert_array_equal(found.pictures[name], plain.pictures[name])
-    for name in ("priority", "order", "overlay", "refined", "error"):
-        assert not np.array_equal(found.pictures[name], plain.pictures[name]), name
-
-
-def test_figures_of_the_preview_stay_beside_the_others(scene: bpy.types.Scene) -> None:
-    plain, found = seen(scene), seen(scene, unrefined="predicted")
-    report, predicted = found.report, found.report["predicted"]
-    assert report == plain.report | {"unrefined": "predicted", "refined": report["refined"]}
-    error = (found.buffers.predicted.astype(float) - found.buffers.reference)[found.buffers.active] ** 2
-    assert predicted["mse_unrefined"] == pytest.approx(error.mean()) and predicted["mse"].keys() == report["mse"].keys()
-    assert found.errors == pytest.approx((predicted["mse_unrefined"], predicted["mse"][DEFAULT]))
-    assert plain.errors == pytest.approx((report["mse_unrefined"], report["mse"][DEFAULT]))
-    assert report["uniform"]["1"] == pytest.approx(report["mse_unrefined"]) and set(report["uniform"]) == set("1234")
-    table = comparison_of(found)
-    assert table.unrefined == predicted["mse_unrefined"] and {row.error for row in table.rows} == set(
-        predicted["mse"].values()
-    )
 
 
 def test_overlay_has_the_predicted_picture_and_its_error(scene: bpy.types.Scene) -> None:
@@ -96,23 +64,6 @@ def test_operators_and_panels_have_the_setting(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.compare(size=SMALL["size"]) == {"FINISHED"}
     labels = drawn(PATCHNET_PT_compare)
     assert "Preview, unrefined" in labels and "Predicted, unrefined" in labels
-
-
-def test_it_stands_beside_pixels_by_cycles(
-    scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    words = ["run", str(scene_file), "--weights", str(weights), "--depth", "5", "--size", "24", "16", "--samples", "1"]
-    cycles = ["--cycles-budget", "0.3", "--cycles-samples", "2", "--cycles-compare"]
-    assert commands.main([*words, *cycles, "--unrefined", "predicted", "--out", str(out)]) == 0
-    (frame,) = json.loads((out / "report.json").read_text())["frames"]
-    found = frame["cycles"]
-    assert found["unrefined"] == "predicted" and found["mse"]["predicted"] != found["mse"]["preview"]
-    assert found["samples"] == 2 and found["reference_samples"] == 8
-    printed = capsys.readouterr().out
-    assert f"  {'predicted':<24} {error_text(found['mse']['predicted']):>6}" in printed
-    assert "Cycles on" in printed and "full Cycles render" in printed
-    assert 0 < (pixels_in(out / "Eye" / "cycles_mask.png")[..., :3] == 0).mean() < 1
 
 
 @pytest.mark.parametrize("transparent", [False, True])

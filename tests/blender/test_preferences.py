@@ -3,7 +3,6 @@
 
 import json
 import logging
-import sys
 from pathlib import Path
 
 import bpy
@@ -14,15 +13,12 @@ import pytest
 from patchnet.operators.cache import cache_size, clear_cache
 from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.pipeline.encoder import chosen_encoder
-from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
 from patchnet.operators.settings.groups import ComputeSettings
-from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.kernels import compiled_mark
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
 
@@ -104,16 +100,6 @@ def test_diagnostics() -> None:
     assert any("Nobody" in line for line in said["last warnings and errors"])
     assert str(Path.home()) not in text
     assert bpy.ops.patchnet.copy_diagnostics() == {"FINISHED"}
-
-
-def test_another_python_encodes(weights: Path) -> None:
-    pytest.importorskip("torch")
-    settings = JobSettings.of(light="two-lights", weights=weights, **SMALL)
-    mine = drain(run_job(bpy.context, settings))
-    other = drain(run_job(bpy.context, settings.changed(torch_python=Path(sys.executable))))
-    assert "another Python" in other.report["encoder"] and mine.report["encoder"] == "own kernels on the CPU"
-    np.testing.assert_allclose(other.coded.codes.astype(float), mine.coded.codes.astype(float), atol=2e-2, rtol=2e-3)
-    assert other.warnings == mine.warnings
 
 
 def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None:

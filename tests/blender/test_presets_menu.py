@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets of the panel: those that are shipped, and those of the user."""
+"""Presets of the panel: shipped ones and the user's."""
 
 from pathlib import Path
 
@@ -9,7 +9,6 @@ import pytest
 from patchnet.operators.ui import presets_menu
 
 pytestmark = pytest.mark.usefixtures("scene")
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def shipped() -> dict[str, Path]:

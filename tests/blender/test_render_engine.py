@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine in background: what its passes hold, when it needs a new octree, and what it says about errors."""
+"""The render engine in background: passes, stills, animations, importance, errors."""
 
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -14,6 +13,7 @@ from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import BY_PRIORITY, NO_DEPTH, PASSES
 from patchnet.operators.render_engine.render_frame import pull
 from patchnet.operators.session import results
+from patchnet.operators.session.scene_session import session_of
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.eta import FramesEta
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
@@ -174,22 +174,6 @@ def test_a_border_shows_the_same_pixels(scene: bpy.types.Scene, crop: bool) -> N
         assert not part["Combined"][: rows.start].any()
 
 
-def test_an_orthographic_camera_and_wide_pixels(scene: bpy.types.Scene) -> None:
-    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 3.0
-    scene.render.pixel_aspect_x = 2.0
-    found = rendered(scene)
-    assert np.array_equal(found["Level"].ravel() >= 0, expected(scene).hit)
-    assert 0.2 < (found["Level"] >= 0).mean() < 0.9
-
-
-def test_a_colored_octree_renders_in_color(scene: bpy.types.Scene) -> None:
-    bsdf = bpy.data.materials["Slab"].node_tree.nodes["Principled BSDF"]
-    bsdf.inputs["Base Color"].default_value = (0.8, 0.1, 0.1, 1.0)
-    scene.patchnet.color = True
-    combined = rendered(scene)["Combined"]
-    assert (combined[..., 0] > 3.0 * combined[..., 1]).any()
-
-
 def test_the_octree_that_is_there_is_used_until_it_is_stale(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.voxelize() == {"FINISHED"}
     octree = results.voxels_of(scene).octree
@@ -256,18 +240,6 @@ def _keys(item: bpy.types.Object, places: list[tuple[int, float]]) -> None:
     bpy.context.view_layer.update()
 
 
-def test_light_is_baked_within_the_render_and_leaves_nothing(scene: bpy.types.Scene) -> None:
-    scene.patchnet.light, scene.patchnet.samples = "cycles", 1
-    kinds = ("scenes", "objects", "meshes", "materials", "images", "worlds", "lights")
-    rendered(scene)
-    before = {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds}
-    results.forget(scene)
-    combined = rendered(scene)["Combined"]
-    assert {kind: sorted(item.name for item in getattr(bpy.data, kind)) for kind in kinds} == before
-    assert kept(scene).light == "cycles" and kept(scene).octree.provenance["scene"] == scene.name
-    assert combined[..., 0].max() > 0.1 and scene.render.engine == ENGINE
-
-
 def test_errors_and_warnings_are_sentences(scene: bpy.types.Scene, capfd: pytest.CaptureFixture[str]) -> None:
     scene.render.use_multiview = True
     bpy.ops.render.render()
@@ -285,45 +257,6 @@ def test_errors_and_warnings_are_sentences(scene: bpy.types.Scene, capfd: pytest
         bpy.ops.render.render()
 
 
-class Stopping:
-    """Render engine as `pull` needs it, stopped at the third look."""
-
-    looks = 0
-
-    def update_stats(self, *_: object) -> None:
-        """Nobody watches."""
-
-    update_progress = update_stats
-
-    def test_break(self) -> bool:
-        self.looks += 1
-        return self.looks == 3
-
-
-def test_a_stop_cleans_up_at_once() -> None:
-    log: list[object] = []
-
-    def steps() -> Iterator[Progress]:
-        try:
-            for index in range(10):
-                log.append(index)
-                yield Progress(index, 10, "Working")
-        finally:
-            log.append("clean")
-
-    with pytest.raises(StoppedError):
-        pull(Stopping(), steps(), 0.0, 1.0)
-    assert log == [0, 1, 2, "clean"]
-
-
-def test_a_stop_is_heard_in_the_middle_of_a_step() -> None:
-    go = threading.Event()
-    with pytest.raises(StoppedError):
-        pull(Stopping(), computed(lambda: go.wait(60.0), Progress(0, 1, "Compiling")), 0.0, 1.0)
-    assert not go.is_set()
-    go.set()
-
-
 def with_our_engine() -> set[str]:
     """Names of panels."""
     every = bpy.types.Panel.__subclasses__()
@@ -339,3 +272,92 @@ def test_the_properties_editor_is_not_empty() -> None:
     panels.remove_from_blenders()
     assert with_our_engine() == {item.__name__ for item in panels.CLASSES}
     panels.add_to_blenders()
+
+
+@pytest.mark.parametrize("moving", [True, False], ids=["all of it", "the world alone"])
+def test_what_is_baked_is_lit_as_at_its_frame(scene: bpy.types.Scene, moving: bool) -> None:
+    """Against a still of the same frame: Blender leaves data-blocks as they are while it goes from frame to frame."""
+    scene.patchnet.light, scene.patchnet.samples = "cycles", 64
+    lath, lamp = scene.objects["Lath 2"], bpy.data.lights.new("Lamp", "SUN")
+    scene.collection.objects.link(bpy.data.objects.new("Lamp", lamp))
+    strength = scene.world.node_tree.nodes["Background"].inputs["Strength"]
+    for frame, x, energy, world in ((1, 0.0, 1.0, 0.5), (2, 0.3, 3.0, 1.0)):
+        strength.default_value = world
+        strength.keyframe_insert("default_value", frame=frame)
+        if moving:
+            lath.location.x, lamp.energy = x, energy
+            lath.keyframe_insert("location", index=0, frame=frame)
+            lamp.keyframe_insert("energy", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 2
+    scene.frame_set(1)
+    before = lath.location.x, lamp.energy
+    folder = Path(scene.render.filepath).parent
+    bpy.ops.render.render(animation=True)
+    assert (lath.location.x, lamp.energy, strength.default_value) == (*before, 0.5), "as the scene was left"
+    begin, end = (passes_in(folder / f"picture-{frame:04d}.exr") for frame in (1, 2))
+    first, second = begin["Combined"], end["Combined"]
+    surface = (begin["Depth"] < NO_DEPTH)[..., 0]
+    assert np.abs(second - first)[surface, :3].max(axis=-1).mean() > 0.08, "not of the background alone"
+    results.forget(scene)
+    session_of(scene).made_frame = None
+    scene.frame_set(2)
+    assert np.abs(second - rendered(scene)["Combined"]).mean() < 0.004, "but for noise"
+
+
+def passes(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+    """The passes (H, W) of a still, of one channel each."""
+    return {name: values[..., 0] for name, values in rendered(scene).items() if values.shape[-1] == 1}
+
+
+def test_a_vertex_group_follows_the_object_and_its_modifiers(scene: bpy.types.Scene) -> None:
+    """With a weight of a half; what is off in viewports is painted in renders nevertheless."""
+    plain = passes(scene)
+    slab = scene.objects["Slab"]
+    slab.vertex_groups.new(name="Matters").add(range(len(slab.data.vertices)), 0.5, "REPLACE")
+    modifier = slab.modifiers.new("Shift", "DISPLACE")
+    modifier.direction, modifier.mid_level, modifier.strength, modifier.show_viewport = "Y", 0.0, 0.4, False
+    bpy.context.view_layer.update()
+    moved = passes(scene)
+    scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Matters"
+    scene.patchnet.budget = 1.0
+    masked = passes(scene)
+    assert not np.array_equal(plain["Depth"], moved["Depth"])
+    behind = (masked["Depth"] > 5.3) & (masked["Level"] >= 0)
+    before = masked["Depth"] < 5.0
+    assert behind.any() and before.any()
+    assert np.array_equal(masked["Priority"][behind], moved["Priority"][behind] * np.float32(0.5))
+    assert not masked["Priority"][before].any() and (masked["Sample Count"][before] == 1).all()
+    assert (masked["Sample Count"][behind] == 1024).all()
+
+
+def test_what_is_not_there_is_said_before_anything_is_made(scene: bpy.types.Scene) -> None:
+    scene.patchnet.importance, scene.patchnet.importance_image = "IMAGE", "Nobody"
+    with pytest.raises(RuntimeError, match="There is no image 'Nobody' for the importance"):
+        bpy.ops.render.render()
+    scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Nobody"
+    with pytest.raises(RuntimeError, match="No voxelized object has the vertex group 'Nobody'"):
+        bpy.ops.render.render()
+    assert results.result_of(scene) is None
+
+
+class Stopping:
+    """Render engine as `pull` needs it, stopped at the third look."""
+
+    looks = 0
+
+    def update_stats(self, *_: object) -> None:
+        """Nobody watches."""
+
+    update_progress = update_stats
+
+    def test_break(self) -> bool:
+        self.looks += 1
+        return self.looks == 3
+
+
+def test_a_stop_is_heard_in_the_middle_of_a_step() -> None:
+    go = threading.Event()
+    with pytest.raises(StoppedError):
+        pull(Stopping(), computed(lambda: go.wait(60.0), Progress(0, 1, "Compiling")), 0.0, 1.0)
+    assert not go.is_set()
+    go.set()

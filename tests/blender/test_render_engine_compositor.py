@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of the engine in the compositor: nodes know them, and files that nodes write hold them pixel for pixel."""
+"""Passes of the engine in the compositor and in files of File Output nodes."""
 
 from pathlib import Path
 
@@ -66,12 +66,6 @@ def write_passes(layers: bpy.types.Node, folder: Path) -> None:
         tree.links.new(socket, node.inputs[item.name])
 
 
-def test_nodes_know_the_passes(layers: bpy.types.Node) -> None:
-    there = {socket.name: socket.type for socket in layers.outputs if socket.enabled}
-    kinds = {"COLOR": "RGBA", "VALUE": "VALUE", "VECTOR": "VECTOR"}
-    assert {socket_name(item.name): kinds[item.kind] for item in PASSES}.items() <= there.items()
-
-
 def test_files_of_nodes_hold_the_passes(scene: bpy.types.Scene, layers: bpy.types.Node, tmp_path: Path) -> None:
     write_passes(layers, tmp_path)
     own = rendered(scene)
@@ -82,18 +76,3 @@ def test_files_of_nodes_hold_the_passes(scene: bpy.types.Scene, layers: bpy.type
         written = np.stack([found[f"{item.name}.{letter}"] for letter in letters], axis=-1)
         assert np.array_equal(written, own[item.name]), item.name
         assert np.ptp(written[..., :3]) > 0.0, item.name
-
-
-def test_nodes_compute_with_the_passes(scene: bpy.types.Scene, layers: bpy.types.Node, tmp_path: Path) -> None:
-    """Seven minus Level is the same in the file."""
-    write_passes(layers, tmp_path)
-    tree = layers.id_data
-    minus = tree.nodes.new("CompositorNodeMath" if _TREE_OF_SCENE else "ShaderNodeMath")
-    minus.operation = "SUBTRACT"
-    minus.inputs[0].default_value = 7.0
-    tree.links.new(layers.outputs["Level"], minus.inputs[1])
-    node = next(item for item in tree.nodes if item.bl_idname == "CompositorNodeOutputFile")
-    tree.links.new(minus.outputs["Value"], node.inputs["Level"])
-    own = rendered(scene)
-    (path,) = tmp_path.glob("nodes*.exr")
-    assert np.array_equal(read_exr(path)["Level.V"], 7.0 - own["Level"][..., 0])

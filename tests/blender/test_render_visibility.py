@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles renders is voxelized, where a viewport would show something else, and nothing of the scene changes."""
+"""Voxelize what Cycles renders, not what a viewport shows; the scene stays unchanged."""
 
 from pathlib import Path
 

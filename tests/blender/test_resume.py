@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bake that was stopped or killed goes on where it was, and ends with the same bits."""
+"""A stopped or killed bake resumes and ends with the same bits; keys of its pages."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,11 +13,9 @@ from patchnet.operators.cycles.bake.bake import bake_key
 from patchnet.operators.scene.fingerprint import SceneFingerprint
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.operators.state.watch import read_state
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import build, principled
 from patchnet.tests.blender.objects import geometry_nodes
@@ -108,12 +106,6 @@ def test_a_folder_that_cannot_be_written_costs_only_the_resuming(tmp_path: Path)
         atlas, _ = bake(kept)
     assert atlas is not None and atlas.texels.any()
     assert occupied.read_text() == "in the way"
-
-
-def test_page_sides_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "100")
-    with pytest.raises(SettingError, match="PATCHNET_PAGE_SIDE"):
-        bake(None)
 
 
 def key(scope: str = "VISIBLE", samples: int = 4) -> str:
@@ -266,15 +258,6 @@ def test_bevels_have_one_key() -> None:
     assert len(keys) == 1
     if len(uvs) == 1:  # most often in Blender 5.2, where they differ in larger scenes
         pytest.skip("the bevel evaluated to the same bits each time")
-
-
-def test_the_state_of_a_scene_knows_what_nodes_are_given() -> None:
-    (item,) = bevelled()
-    before = read_state(bpy.context.scene).identity()
-    give_number(item, 0.5)
-    assert read_state(bpy.context.scene).identity() != before
-    give_number(item, 0.0)
-    assert read_state(bpy.context.scene).identity() == before
 
 
 @pytest.mark.parametrize("change", ["UV", "bevel", "nodes"])

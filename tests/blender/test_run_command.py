@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet run` and `patchnet info` on files of several kinds, and on everything that can be wrong with them."""
+"""`patchnet run`, `info` and `octree`: files of several kinds and wrong input."""
 
 import json
 import os
@@ -65,13 +65,6 @@ def test_another_format_without_a_camera_and_light(
     assert report["frames"][1]["active_pixels"] > 20
 
 
-def test_depth_of_field_is_told_once(tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    build()
-    bpy.data.cameras["Eye"].dof.use_dof = True
-    assert run(saved(tmp_path / "scene.blend"), tmp_path / "out", weights) == 0
-    assert capsys.readouterr().err.count("Note: Camera 'Eye' has depth of field") == 1
-
-
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="hiding /etc/mtab takes root")
 def test_blender_says_nothing_of_no_concern_at_its_import(tmp_path: Path) -> None:
     words = ["unshare", "--mount", "--propagation", "private", "sh", "-c", WITHOUT_MTAB, "sh", tmp_path, sys.executable]
@@ -79,19 +72,6 @@ def test_blender_says_nothing_of_no_concern_at_its_import(tmp_path: Path) -> Non
     if done.returncode == 99 or "unshare" in done.stderr:
         pytest.skip("mounts are not allowed here")
     assert done.returncode == 2 and done.stderr.startswith("patchnet: error: ") and done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("device", "sentence"), [("gpu", "--device 'gpu' is unknown: choose auto, cpu, cuda"), ("cuda:777", "'cuda:777'")]
-)
-def test_devices_that_are_not_there(
-    device: str, sentence: str, scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Before anything is baked."""
-    assert run(scene_file, tmp_path / "out", weights, "--device", device) == 2
-    said = capsys.readouterr().err
-    assert sentence in said and "Voxelizing" not in said
-    assert not (tmp_path / "out").exists()
 
 
 def damaged(path: Path) -> Path:
@@ -148,15 +128,6 @@ def test_bad_arguments_end_with_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_bad_weights_end_with_one_sentence(
-    scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    foreign = damaged(tmp_path / "foreign.safetensors")
-    for path, message in ((tmp_path / "missing.safetensors", "does not exist"), (foreign, "not a PatchNet file")):
-        assert run(scene_file, tmp_path / "out", str(path)) == 2
-        assert_one_sentence(capsys.readouterr().err, message)
-
-
 def test_info(scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert run(scene_file, out, weights) == 0
@@ -183,3 +154,22 @@ def assert_one_sentence(text: str, message: str) -> None:
     lines = text.strip().splitlines()
     assert lines[-1].startswith("patchnet: error: ") and message in lines[-1], text
     assert "Traceback" not in text
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--depth", "fit"], "--view"),
+        (["--depth", "7", "--view", "1", "0", "0", "0", "0", "0"], "--view"),
+        (["--depth", "deep"], "'deep'"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
+        (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is no axis"),
+        (["--depth", "5", "--bisect", "x", "1.5"], "--bisect"),
+        (["--depth", "5", "--bisect", "x", "0.5", "--rotate", "3"], "--rotate"),
+        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--bisect", "x", "0.5"], "--depth fit"),
+    ],
+)
+def test_octree_settings_that_contradict_each_other(words, said, capfd):
+    assert commands.main(["octree", "none.obj", "--out", "none.safetensors", *words]) == 2
+    assert said in capfd.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A file that is saved in the middle of a job is the user's own: nothing that the job added or set is in it."""
+"""A file saved during a job contains nothing of the job."""
 
 from collections.abc import Callable
 from pathlib import Path

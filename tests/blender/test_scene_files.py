@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene files of every kind, and files that are none."""
+"""Open scene files of every kind, damaged files and files of other kinds."""
 
 import subprocess
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What other people's files hold, voxelized and compared with Cycles from the same camera."""
+"""Materials found in files of other people, compared with Cycles from the same camera."""
 
 from collections.abc import Callable
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Table of settings, and what is derived from it: keys, what makes steps stale, properties and arguments."""
 
-from dataclasses import MISSING, fields
 from pathlib import Path
 
 import bpy
@@ -9,16 +8,15 @@ import pytest
 
 from patchnet.operators.render_engine.frame_octree import surface_key
 from patchnet.operators.schema.setting import Effect
-from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, TABLE, rows
+from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, rows
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.groups import (
     ComputeSettings,
     LightSettings,
-    NetworkSettings,
     SurfaceSettings,
     ViewSettings,
 )
-from patchnet.operators.settings.job_settings import SETTING_PATHS, JobSettings, recorded
+from patchnet.operators.settings.job_settings import JobSettings, recorded
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build
 
@@ -53,32 +51,6 @@ def test_devices_change_no_key() -> None:
     assert other != settings
     assert surface_key(depsgraph, other) == surface_key(depsgraph, settings)
     assert repr(other) == repr(settings)
-
-
-def test_every_setting_is_a_property_and_a_field() -> None:
-    properties = bpy.context.scene.patchnet.bl_rna.properties
-    names = JobSettings().flat()
-    for row in TABLE.values():
-        assert (properties[row.name].name, properties[row.name].description) == (row.label, row.description)
-        assert row.job_field in names
-
-
-def test_flat_names_are_sorted_into_groups() -> None:
-    groups = [kind for item in fields(JobSettings) if (kind := item.default_factory) is not MISSING]
-    assert len(SETTING_PATHS) == 1 + sum(len(fields(kind)) for kind in groups), "a name stands in two groups"
-    settings = JobSettings.of(depth=5, light="two-lights", weights=Path("w"), size=(3, 2), device="CPU", out=Path("o"))
-    assert settings == JobSettings(
-        SurfaceSettings(depth=5),
-        LightSettings(kind="two-lights"),
-        NetworkSettings(Path("w")),
-        ViewSettings(size=(3, 2)),
-        ComputeSettings(device="CPU"),
-        Path("o"),
-    )
-    assert JobSettings.of(**settings.flat()) == settings == settings.changed()
-    assert settings.changed(depth=None, voxel_size_world=0.1).surface.voxel_size_world == 0.1
-    with pytest.raises(TypeError, match=r"A job has no setting 'sample': its settings are .*samples"):
-        JobSettings.of(sample=3)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light by direction against Cycles: things thinner than a voxel from above and from below, however normals point."""
+"""Light of both sides of thin objects against Cycles."""
 
 from collections.abc import Callable
 

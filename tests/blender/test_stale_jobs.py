@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What jobs and renders make of a result that is stale, or fits again."""
+"""Jobs and renders redo outdated stages and nothing else."""
 
 from pathlib import Path
 
 import bpy
 import pytest
 
-from patchnet.operators.session.staleness import recheck
 from patchnet.tests.blender.job_scene import random_weights, result, run_small
 
 pytestmark = pytest.mark.usefixtures("scene")
@@ -46,21 +45,6 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
     assert made() == (True, True, True)
     bpy.data.objects["Eye"].location.y += 2.0
     assert made() == (False, False, False), "the depth is found for where the camera stands"
-
-
-def test_edit_mode_says_nothing_before_its_end() -> None:
-    """Data-blocks are empty meanwhile; what was changed is said afterwards."""
-    run_small()
-    bpy.context.view_layer.objects.active = bpy.data.objects["Slab"]
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.context.view_layer.update()
-    recheck(result(), bpy.context.scene)
-    assert result().stale == set()
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.transform.translate(value=(0.1, 0.0, 0.0))
-    bpy.ops.object.mode_set(mode="OBJECT")
-    bpy.context.view_layer.update()
-    assert result().why("surface") == "'Slab' changed"
 
 
 def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:

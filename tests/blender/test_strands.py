@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hair, points and emitters are voxelized and lit as Cycles renders them; what has no surface is named."""
+"""Hair, points and emitters are voxelized and lit like in Cycles; objects without surface are named."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from patchnet.operators.state.scene_state import SURFACE, scene_state
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import collection_instance, geometry_nodes, lamp, link, look_from, moved_to, slab
+from patchnet.tests.blender.objects import geometry_nodes, lamp, link, look_from, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import grey, world
 
@@ -155,22 +155,6 @@ def test_an_instancer_is_what_renders_show(kind: str, shown: bool) -> None:
     assert ("Parent" in names) == shown and names.count("Child") == (8 if kind == "VERTS" else 2)
 
 
-def test_an_instancer_within_a_collection_is_what_renders_show() -> None:
-    ball = hair_ball()
-    group = moved_to(bpy.data.collections.new("Group"), ball)
-    for number in range(2):
-        collection_instance(group, f"Empty {number}", (3.0 * number, 0.0, 0.0))
-    assert sum(len(part.objects) for part in read().parts) == 4
-    alone = hair_ball()
-    alone.matrix_world = ball.matrix_world
-    in_both = [part.mesh for part in read().parts if part.mesh.slots is not None]
-    assert len(in_both) == 2 and in_both[0].triangles.shape == in_both[1].triangles.shape
-    low, high = (np.sort(np.linalg.norm(mesh.vertices, axis=1))[[0, -1]] for mesh in in_both)
-    np.testing.assert_allclose(low, high, atol=0.05, err_msg="hair stands in the object's own space")
-    ball.show_instancer_for_render = alone.show_instancer_for_render = False
-    assert sum(len(part.objects) for part in read().parts) == 3
-
-
 def test_sizes_without_attributes() -> None:
     """Cycles takes 5 mm for hair and 10 mm for points."""
     strand = strands.read_strands(curves(radius=None), frozenset({"radius"}))
@@ -200,13 +184,6 @@ def test_attributes_reach_the_corners() -> None:
     wet = part.mesh.layers["Wet"]
     assert wet.shape == (len(part.mesh), 3, 1)
     assert set(np.unique(wet)) == {np.float32(0.25), np.float32(0.75)} and not np.ptp(wet, axis=1).any()
-
-
-def test_a_view_layer_without_hair() -> None:
-    hair_ball()
-    curves()
-    bpy.context.view_layer.use_strand = False
-    assert [part.objects for part in read().parts] == [("Ball",)]
 
 
 def test_grease_pencil_and_volumes_are_named() -> None:

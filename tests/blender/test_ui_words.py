@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Words of the interface: American as Blender's own, plain, and with units."""
+"""Labels and tooltips: American spelling, no internal terms, units."""
 
 import re
 from collections.abc import Iterator
@@ -54,20 +54,6 @@ def test_words() -> None:
     assert [item.identifier for item in (*own, *kinds) if not (item.name and item.description)] == []
     assert not [text for text in texts if BRITISH.search(text)]
     assert not [text for text in texts if PRIVATE.search(text)]
-
-
-def test_sides_of_pictures_are_pixels_of_one_setting() -> None:
-    build()
-    values = bpy.context.scene.patchnet
-    rna = values.bl_rna.properties
-    assert {rna["size_x"].subtype, rna["size_y"].subtype} == {"PIXEL"}
-    assert (values.size_x, values.size_y) == tuple(values.size) == (192, 0)
-    values.size_y = 108
-    assert tuple(values.size) == (192, 108)
-    values.size = (64, 48)
-    assert (values.size_x, values.size_y) == (64, 48)
-    values.size_x = -5
-    assert tuple(values.size) == (0, 48), "within the setting's bounds"
 
 
 def test_lengths_have_the_units_of_the_scene() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The preview of a viewport without a window: what it ends with, in slices, and how much it does in one."""
+"""The preview of a viewport without a window: slices of work end with the picture of a render."""
 
 from types import SimpleNamespace
 
@@ -35,29 +35,6 @@ def test_slices_end_with_the_picture_of_a_render() -> None:
     assert preview.status == "Done"
     np.testing.assert_array_equal(preview.picture.samples, picture.samples)
     np.testing.assert_array_equal(preview.pixels().reshape(-1, 4), combined(picture, WORLD))
-
-
-def test_pixels_over_the_world_by_definition() -> None:
-    picture = new_picture()
-    drain(picture.trace())
-    drain(picture.refine(1.0, 4))
-    light = picture.colors / np.float32(picture.octree.exposure)
-    over = light + (1.0 - picture.alpha[:, None]) * WORLD
-    found = combined(picture, WORLD)
-    np.testing.assert_array_equal(found, np.concatenate([over, np.ones((len(over), 1))], axis=1, dtype=np.float32))
-    open_film = combined(picture, None)
-    np.testing.assert_array_equal(open_film[:, :3], light)
-    np.testing.assert_array_equal(open_film[:, 3], picture.alpha)
-
-
-def test_how_fast_tracing_is_says_nothing_about_refining() -> None:
-    preview = ViewportPreview(new_picture(), 0.4, None)
-    rays, pixels = preview.pace.batch_rays, preview.pace.band_pixels
-    preview._keep_pace(0.001, 0.1)
-    assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays, 2 * pixels)
-    drain(preview.picture.trace())
-    preview._keep_pace(0.3, 0.1)
-    assert (preview.pace.batch_rays, preview.pace.band_pixels) == (rays // 2, 2 * pixels)
 
 
 @pytest.mark.parametrize("slices", [0, 1, 3, None])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels in the scene: where they are, what shows them, that they are no part of what is read, lit and watched."""
+"""Show Voxels: the object in the scene, which is not read, lit or watched itself."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -98,17 +98,6 @@ def test_solid_shading_shows_their_color(scene: bpy.types.Scene) -> None:
     assert mesh.color_attributes.active_color.name == mesh.attributes.active_color_name == "luminance_color"
 
 
-def test_points_fit_into_the_voxels(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.show_voxels(level=3, display="POINTS")
-    cloud = voxel_cloud(results.voxels_of(scene).octree, 3)
-    geometry = evaluated(shown()).evaluated_geometry()
-    points = geometry.pointcloud
-    assert len(points.points) == len(cloud) and len(geometry.mesh.vertices) == 0
-    radii = np.empty(len(points.points), np.float32)
-    points.attributes["radius"].data.foreach_get("value", radii)
-    np.testing.assert_allclose(radii, cloud.side_world / 2, rtol=1e-6)
-
-
 def picture(path: Path) -> np.ndarray:
     """A small Cycles picture (H, W, 4), linear, of the voxels alone."""
     scene, item = bpy.context.scene, shown()
@@ -185,16 +174,6 @@ def test_shown_voxels_are_no_part_of_the_scene(scene: bpy.types.Scene) -> None:
     assert results.voxels_of(scene).octree.area_world[0] == pytest.approx(2 * 2 * 2 + 4 * 2 * 0.1, rel=1e-4)
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.bake_light(light="two-lights")
-    np.testing.assert_array_equal(results.voxels_of(scene).octree.luminance, before.luminance)
-
-
-def test_shown_voxels_change_no_baked_light(scene: bpy.types.Scene) -> None:
-    bpy.ops.patchnet.voxelize(depth=4)
-    bpy.ops.patchnet.bake_light(light="cycles", samples=1)
-    before = results.voxels_of(scene).octree
-    bpy.ops.patchnet.show_voxels()
-    shown().hide_render = False
-    bpy.ops.patchnet.bake_light(light="cycles", samples=1)
     np.testing.assert_array_equal(results.voxels_of(scene).octree.luminance, before.luminance)
 
 

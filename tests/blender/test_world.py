@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world behind objects, in pictures, files and renders, against Cycles' own pictures of it."""
+"""The world behind objects, in pictures, files and renders, against Cycles."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,17 +13,14 @@ from patchnet.operators.cycles import environment
 from patchnet.operators.cycles.background import Background, background, world_color
 from patchnet.operators.cycles.daylight import SKY_COLOR, SKY_STRENGTH
 from patchnet.operators.cycles.environment import MAP_SIDE_PX, SAMPLES, world_map, world_view
-from patchnet.operators.render_engine.viewport_preview import ViewportPreview
 from patchnet.operators.render_engine.viewport_world import ViewportWorld, WorldBehind
 from patchnet.operators.scene_access.window_job import in_window
 from patchnet.operators.session import world_maps
 from patchnet.operators.session.scene_session import KeyedMap, session_of
 from patchnet.operators.session.world_maps import keep_map
 from patchnet.patchnet_addon.image.comparison import picture_psnr
-from patchnet.patchnet_addon.image.cube_map import CubeMap, pixel_directions
+from patchnet.patchnet_addon.image.cube_map import CubeMap
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
-from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, rendered
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -34,7 +31,6 @@ from patchnet.tests.blender.worlds import (
     gradient,
     nodes_of_world,
     photograph,
-    run,
     shown_by_cycles,
     sky,
 )
@@ -167,20 +163,6 @@ def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
     assert behind().identity != known
     scene.render.film_transparent = True
     assert behind(changed=False).world is None
-
-
-def test_a_preview_with_a_map_is_that_of_its_pixels(scene: bpy.types.Scene, weights: Path) -> None:
-    gradient(scene)
-    made = run(weights=weights)
-    camera, octree = made.views[0].camera, made.coded.octree
-    known = drain(world_map(scene.world, (1, 0.0)))
-    picture = AdaptivePicture(octree, camera, STRATEGIES["ss-variance"])
-    preview = ViewportPreview(picture, 0.1, known)
-    drain(preview.steps)
-    missed = picture.alpha == 0.0
-    found = preview.pixels().reshape(-1, 4)[missed]
-    assert missed.any() and (found[:, 3] == 1.0).all()
-    np.testing.assert_allclose(found[:, :3], known.look(pixel_directions(camera))[missed], atol=1e-6)
 
 
 def test_a_scene_without_light_shows_the_sky_that_lights_it(scene: bpy.types.Scene) -> None:

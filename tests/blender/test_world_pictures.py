@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of a job show the world behind objects, in their exposure, view transform and alpha."""
+"""The world in pictures of a job: exposure, view transform and alpha."""
 
 import json
 from pathlib import Path
@@ -76,14 +76,6 @@ def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Sce
     sampled = view.buffers.picture(view.buffers.reference_alpha)
     np.testing.assert_allclose(sampled[view.buffers.picture(view.refined.samples) == 1024],
                                alpha[view.buffers.picture(view.refined.samples) == 1024], atol=1e-6)  # fmt: skip
-
-
-def test_gray_pictures_show_the_worlds_luminance(scene: bpy.types.Scene, weights: Path) -> None:
-    gradient(scene)
-    made = run(weights=weights, exposure=1.0, color=False).views[0]
-    missed = made.buffers.picture(~made.buffers.hit)
-    pixels = made.pictures["preview"][missed]
-    assert (pixels[:, 0] == pixels[:, 1]).all() and pixels.std() > 0.01
 
 
 def test_transparent_pictures_have_alpha_in_files(scene: bpy.types.Scene, weights: Path, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension's zip holds what runs in Blender, all of it and nothing else."""
+"""The extension's zip contains all that runs in Blender and nothing else."""
 
 import ast
 import os

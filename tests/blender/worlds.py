@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Worlds for tests, how Cycles shows them, and a job that renders the small scene."""
+"""Test worlds, their picture by Cycles, and a job on the small scene."""
 
 import tempfile
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Batches of triangles, and leaf sums that the voxelizer makes of a surface, before it becomes an octree."""
+"""Batches of triangles, and the voxelizer's sums of leaves."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small octrees for tests, built node by node from a dictionary of leaves, apart from the engine's own builder."""
+"""Small octrees, built node by node from a dictionary of leaves, independent of the engine's builder."""
 
 from dataclasses import replace
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures that are refined step by step: chosen pixels, parts of a camera, bands of rows."""
+"""Progressive refinement: chosen pixels, parts of a camera, bands of rows."""
 
-import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +9,6 @@ import pytest
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
-from patchnet.patchnet_addon.runtime.worker import attended
 from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
@@ -20,7 +17,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all, supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]
@@ -33,21 +30,6 @@ def camera(width: int = 23, height: int = 17) -> Camera:
 def colored(octree: Octree) -> Octree:
     chroma = np.random.default_rng(1).integers(30, 100, (octree.node_count, 2), dtype=np.uint8)
     return replace(octree, chroma=chroma)
-
-
-@pytest.mark.parametrize("with_color", [False, True])
-def test_chosen_pixels_are_those_of_the_whole_picture(with_color: bool) -> None:
-    octree, eye = random_octree(), camera()
-    pixels = np.array([0, 390, 7, 200, 201, 200])
-    if with_color:
-        octree = colored(octree)
-        luminance, colors, _ = drain(supersample_all(octree, eye, 8))
-    else:
-        luminance = drain(supersample(octree, eye, 8))
-        colors = np.repeat(luminance[:, None], 3, axis=1)
-    found = supersample_pixels(octree, eye, pixels, 8)
-    np.testing.assert_allclose(found.luminance, luminance[pixels], rtol=1e-6)
-    np.testing.assert_allclose(found.colors, colors[pixels], rtol=1e-6)
 
 
 def test_coverage_is_the_share_of_rays_that_hit() -> None:
@@ -112,13 +94,6 @@ def test_an_even_picture_has_as_many_fine_rays_in_every_pixel() -> None:
     assert not reports, "all have theirs"
 
 
-def test_an_even_picture_leaves_out_what_does_not_matter() -> None:
-    picture = AdaptivePicture(random_octree(), camera(), None, importance=halves)
-    drain(picture.trace())
-    drain(picture.sample_evenly(2))
-    np.testing.assert_array_equal(picture.samples, np.where(picture.buffers.importance > 0.0, 4, 1))
-
-
 def halves(buffers: PixelBuffers) -> Steps[np.ndarray]:
     """Half of what is on the left matters, nothing on the right."""
     yield Progress(0, 1, "Looking")
@@ -139,23 +114,3 @@ def test_importance_ranks_and_leaves_out(budget: float) -> None:
     np.testing.assert_array_equal(picture.samples, np.where(mask, 1024, 1))
     np.testing.assert_array_equal(picture.ranking.priority, score * buffers.importance)
     assert 0 < mask.sum() < buffers.active.sum() and not mask[buffers.importance == 0].any()
-
-
-def test_pixels_are_ranked_beside_who_waits() -> None:
-    """Steps that look at all pixels at once run in a thread then, and say so."""
-    threads = []
-
-    def everything(buffers: PixelBuffers) -> Steps[np.ndarray]:
-        threads.append(threading.current_thread())
-        time.sleep(0.05)  # longer than anybody waits for a report
-        yield Progress(0, 1, "Looking")
-        return np.ones(len(buffers.preview), np.float32)
-
-    alone, waited_for = (AdaptivePicture(random_octree(), camera(), CHOSEN, importance=everything) for _ in range(2))
-    drain(alone.trace())
-    reports: list[Progress] = []
-    with attended():
-        drain(waited_for.trace(), reports.append)
-    assert threads[0] is threading.current_thread() is not threads[1]
-    assert reports[-1].waiting and not reports[0].waiting
-    np.testing.assert_array_equal(waited_for.ranking.score, alone.ranking.score)

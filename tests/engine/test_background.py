@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Backgrounds behind light, and light by direction."""
+"""Composite light over backgrounds; cube maps."""
 
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.image.background import BLACK, encoded, opaque, over
-from patchnet.patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, pixel_directions, view_corners
+from patchnet.patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, pixel_directions
 from patchnet.patchnet_addon.image.tone import srgb_encode
 from patchnet.patchnet_addon.surface.textures import luminance
-from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.tests.engine.octree_samples import random_octree
 
 LIGHT = np.array([[0.4, 0.2, 0.1], [0.2, 0.1, 0.05], [0.0, 0.0, 0.0]], np.float32)  # weighed by alpha
 ALPHA = np.array([1.0, 0.5, 0.0], np.float32)
@@ -39,23 +36,6 @@ def test_without_a_background_alpha_is_straight() -> None:
     assert encoded(LIGHT[:, 0], ALPHA, None, 1.0).shape == (3, 4)
     np.testing.assert_allclose(opaque(found)[1], srgb_encode(2.0 * LIGHT[1]) * 0.5, rtol=1e-6)
     assert encoded(LIGHT[:0], ALPHA[:0], None, 1.0).shape == (0, 4)
-
-
-def views() -> list[Camera]:
-    place, target = np.array([1.7, -0.9, 1.3]), np.array([0.5, 0.5, 0.5])
-    plain = Camera.look_at(place, target, size_px=(7, 5))
-    shifted = Camera(
-        place, plain.right, plain.up, plain.forward, 0.6, 0.3, 9, 4, shift_x=0.4, shift_y=-0.7, name="Shifted"
-    )
-    return [plain, shifted, Camera(place, plain.right, plain.up, plain.forward, 1.0, 1.0, 3, 3, kind=ORTHOGRAPHIC)]
-
-
-@pytest.mark.parametrize("camera", views(), ids=["plain", "shifted", "orthographic"])
-def test_directions_of_pixels_are_those_of_rays(camera: Camera) -> None:
-    found = pixel_directions(camera)
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
-    np.testing.assert_allclose(found, first_hits(random_octree(), camera).direction, atol=1e-6)
-    assert view_corners(camera).shape == (4, 3)
 
 
 @pytest.mark.parametrize("side", [1, 2, 33])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octrees with baked light have the same bits whatever the order of triangles and the blocks of the voxelizer."""
+"""Octrees with baked light have the same bits for any order of triangles and any blocks."""
 
 import math
 from fractions import Fraction

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colours of texels: places against their reference, plain materials as they are, means over places."""
+"""Base colours of texels against their reference."""
 
 from dataclasses import replace
 

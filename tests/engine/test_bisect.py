@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bisected surfaces lose what lies beyond the plane, to the accuracy of a voxel, and nothing else."""
+"""Bisected surfaces lose everything beyond the plane, to the accuracy of a voxel, and nothing else."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A cache folder that cannot be used: another takes its place, the user's alone, and it is said once."""
+"""Fallbacks for an unusable cache folder, and the cache of compiled kernels."""
 
 import logging
 import os
@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -59,34 +58,6 @@ def unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path.write_text("in the way")
     monkeypatch.setenv("PATCHNET_CACHE", str(path))
     return path
-
-
-LIGHT = """
-import sys
-from patchnet.patchnet_addon.codes.octree_cache import OctreeCache
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
-from patchnet.patchnet_addon.runtime.cache_folder import OCTREES, kernel_folder, user_cache_folder
-
-root = user_cache_folder()
-kernel_folder(root, "version")
-OctreeCache(root / OCTREES, 1 << 30).notes()
-with BakePageCache() as kept:
-    pass
-print(root, sorted({"numba", "llvmlite", "torch"} & set(sys.modules)))
-"""
-
-
-def test_asking_for_the_folder_and_what_it_keeps_loads_no_compiler(tmp_path: Path) -> None:
-    """Panels ask for it at each start; numba would cost seconds there."""
-    environment = os.environ | {"PATCHNET_CACHE": str(tmp_path / "cache")}
-    done = subprocess.run([sys.executable, "-c", LIGHT], env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout == f"{tmp_path / 'cache'} []\n", done.stderr
-
-
-def test_a_folder_that_can_be_written_is_used_as_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "new" / "cache"))
-    assert user_cache_folder() == tmp_path / "new" / "cache"
-    assert (tmp_path / "new" / "cache").is_dir() and not os.listdir(tmp_path / "new" / "cache")
 
 
 def test_another_takes_its_place_and_it_is_said_once(
@@ -198,21 +169,6 @@ def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pyte
     assert (folder / "tracing_1" / "a.1.nbc").read_text() == "code"
     assert os.listdir(folder.parent) == [folder.name] and os.access(folder / "tracing_1", os.W_OK)
     assert kernel_folder(place, "1" * 16) == place / "kernels" / ("1" * 16)
-
-
-def test_kernels_that_nothing_used_for_months_go_when_new_ones_begin(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
-    day = 24 * 3600.0
-    for name, days in {"a" * 16: 100, "b" * 16: 80, "c" * 16: 100, "holidays": 1000}.items():
-        (tmp_path / "kernels" / name).mkdir(parents=True)
-        then = time.time() - days * day
-        os.utime(tmp_path / "kernels" / name, (then, then))
-    kernel_folder(tmp_path, "c" * 16)  # used again
-    assert len(os.listdir(tmp_path / "kernels")) == 4
-    kernel_folder(tmp_path, "d" * 16)
-    assert set(os.listdir(tmp_path / "kernels")) == {"b" * 16, "c" * 16, "holidays"}
 
 
 def start(script: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour in octrees: luminance keeps its bits, order changes none, inner nodes hold exact means, files keep it."""
-
+"""Colour in octrees: luminance keeps its bits, inner nodes are exact means."""
 
 import numpy as np
 import pytest
 
-from patchnet import commands
-from patchnet.patchnet_addon.lod.depth import estimate, max_leaves
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import octree_arrays, save_octree
+from patchnet.patchnet_addon.octree.file import octree_arrays
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.levels import stored_chroma
@@ -131,17 +128,3 @@ def test_inner_nodes_hold_area_weighted_means(levels: tuple[int, ...]) -> None:
     leaf = octree.child_mask == 0
     whole = area[leaf] @ colors[leaf] / area[leaf].sum()
     np.testing.assert_allclose(colors[0], whole, rtol=0.02)
-
-
-def test_info_says_whether_there_is_colour(gray: Octree, octree: Octree, tmp_path, capsys) -> None:
-    for made, text in ((gray, "luminance alone"), (octree, "in color")):
-        save_octree(made, tmp_path / "o.safetensors")
-        assert commands.main(["info", str(tmp_path / "o.safetensors")]) == 0
-        assert text in capsys.readouterr().out
-
-
-def test_memory_estimates_count_colour(octree: Octree) -> None:
-    leaves, nodes, peak = estimate(octree, 9)
-    same, more_nodes, more_peak = estimate(octree, 9, color=True)
-    assert same == leaves and more_nodes == pytest.approx(nodes + leaves * 1.36 * 2, rel=1e-4) and more_peak > peak
-    assert max_leaves(1e9, color=True) < max_leaves(1e9)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Metrics of two pictures against values computed by hand, and regions against pictures made for them."""
+"""Picture metrics against values computed by hand, regions of pictures, EXR files."""
 
 import struct
 from pathlib import Path
@@ -7,21 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.image.colormaps import diverging
 from patchnet.patchnet_addon.image.comparison import (
     MAX_PSNR_DB,
     REGIONS,
     Guides,
     compare,
-    difference_picture,
-    flip,
     mean_ratio,
     picture_psnr,
     regions,
-    side_by_side,
 )
 from patchnet.patchnet_addon.image.exr import read_exr
-from patchnet.patchnet_addon.runtime.errors import FileFormatError, SettingError
+from patchnet.patchnet_addon.runtime.errors import FileFormatError
 
 SIZE = 24
 
@@ -47,18 +43,6 @@ def test_psnr_and_ratio_by_hand() -> None:
     assert picture_psnr(picture, flat(0.5), np.tile(half, (SIZE, 1))) == pytest.approx(20.0, abs=1e-4)
     assert mean_ratio(flat(0.25), flat(0.5)) == pytest.approx(0.5)
     assert mean_ratio(flat(0.25), flat(0.0)) is None
-
-
-def test_flip_grows_with_the_error() -> None:
-    pytest.importorskip("flip_evaluator")
-    values = [flip(flat(value), flat(0.5)) for value in (0.5, 0.55, 0.8)]
-    assert values[0] == pytest.approx(0.0, abs=1e-6)
-    assert values[0] < values[1] < values[2]
-
-
-def test_flip_that_is_not_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "flip_evaluator", None)
-    assert flip(flat(0.5), flat(0.5)) is None
 
 
 def test_regions_are_what_they_are_called() -> None:
@@ -95,19 +79,6 @@ def test_shares_of_the_error_add_up() -> None:
     assert report["mean_ratio"] == pytest.approx(0.9, abs=1e-6)
     none_covered = compare(flat(0.1), flat(0.1), guides(coverage=flat(0.0)))
     assert none_covered["psnr_where_both_hit_db"] is None
-
-
-def test_differences_are_signed() -> None:
-    low, zero, high = diverging(np.array([-1.0, 0.0, 1.0]))
-    assert low[2] > low[0]
-    assert high[0] > high[2]
-    assert np.ptp(zero) == 0.0
-    picture = difference_picture(flat(0.1), 0.2, "title", "quantity")
-    assert picture.ndim == 3
-    wide = side_by_side(flat(0.1), flat(0.2), 0.2, ("a", "b", "c"))
-    assert wide.shape[1] > 3 * 500
-    with pytest.raises(SettingError):
-        difference_picture(flat(0.1), 0.0, "title", "quantity")
 
 
 def exr(channels: dict[str, np.ndarray], compression: int = 0) -> bytes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of released versions in tests/data: today's code reads them, or says how to make them anew.
+"""Read files of released versions in tests/data, or say how to make them anew.
 
     python -m patchnet.tests.engine.test_compatibility tests/data/1.0.0
 

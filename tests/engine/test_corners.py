@@ -1,28 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corners in the order of codes, range by range, the rows by which voxels find them, and encoding in one kernel."""
-
-import tracemalloc
-from functools import partial
+"""Corners in the order of codes, rows of voxels, and encoding in one kernel, against references."""
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.cells.morton import morton_encode
-from patchnet.patchnet_addon.codes import encode
 from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_row
-from patchnet.patchnet_addon.codes.corner_rows import corner_row, corners_of, set_corner_rows
+from patchnet.patchnet_addon.codes.corner_rows import corners_of, set_corner_rows
 from patchnet.patchnet_addon.codes.corners import corner_ranges, find_corners, write_corner_rows
-from patchnet.patchnet_addon.codes.encode import chunk_blocks, encode_octree, make_encoder
+from patchnet.patchnet_addon.codes.encode import chunk_blocks, make_encoder
 from patchnet.patchnet_addon.codes.encode_corners import encode_corners
 from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.network.weights import Weights
-from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.levels import hierarchy
-from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.kernels import kernel
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.references.codes import coded_rows_reference
 from patchnet.tests.references.networks import NumpyEncoder
@@ -85,23 +75,6 @@ def test_ranges_have_all_corners_in_order(octree, most):
         np.testing.assert_array_equal(corners[corners_of(table, rows[nodes])], cells[:, None] + OCTANTS)
 
 
-@kernel
-def write_corners(table, found):
-    for row in range(len(table)):
-        for octant in range(8):
-            found[row, octant] = corner_row(table, row, octant)
-
-
-def test_one_corner_in_kernels_is_that_of_numpy():
-    random = np.random.default_rng(0)
-    table = random.integers(0, 2**32, (100, 3), dtype=np.uint32)
-    table[0], table[1] = 0, [2**32 - 2**16 - 1] * 2 + [2**32 - 1]
-    found = np.empty((100, 8), np.int64)
-    write_corners(table, found)
-    np.testing.assert_array_equal(found, corners_of(table, np.arange(100)))
-    assert found[1, 7] == 2**32 - 1
-
-
 def test_a_step_of_more_than_16_bits_is_refused(octree, monkeypatch):
     table, line = np.zeros((1, 3), np.uint32), np.zeros(1, np.int64)
     assert set_corner_rows(table, line, 0, np.array([10])) and set_corner_rows(table, line, 2, np.array([65545]))
@@ -128,36 +101,3 @@ def test_codes_of_corners(octree, lookahead):
         wanted = NumpyEncoder(weights)(*chunk_blocks(octree, level, corners, lookahead))
         np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-4)
     assert encode_corners(octree, 3, corners[:0], layers, lookahead).shape == (0, 10)
-
-
-def wavy_floor(depth):
-    """Octree of a floor of 4^depth leaves, whose nodes lie in few planes."""
-    side = 1 << depth
-    x, y = (axis.reshape(-1) for axis in np.meshgrid(np.arange(side), np.arange(side)))
-    cells = np.stack([x, y, (2 + np.sin(x / 9) + np.cos(y / 7)).astype(np.int64)], axis=1)
-    keys = {depth: np.sort(morton_encode(cells))}
-    mask, first = hierarchy(keys, depth)
-    counts = [len(np.unique(keys[depth] >> np.uint64(3 * (depth - level)))) for level in range(depth + 1)]
-    count = len(mask)
-    return Octree(
-        Grid((0.0, 0.0, 0.0), 1.0, depth), np.concatenate([[0], np.cumsum(counts)]), mask, first,
-        np.ones(count, np.float32), np.full(count, 30000, np.uint16), np.full((count, 3), 70, np.int8),
-    )  # fmt: skip
-
-
-def test_memory_does_not_grow_with_the_octree(monkeypatch):
-    """Memory beside the result is the same for an octree and for one sixteen times as large."""
-    monkeypatch.setattr(encode, "corner_ranges", partial(corner_ranges, most=512))
-    weights = Weights.random(seed=1)
-    encoder = make_encoder(weights)
-    drain(encode_octree(wavy_floor(4), weights, encoder=encoder))  # compiles
-    scratch = []
-    for depth in (7, 9):
-        octree = wavy_floor(depth)
-        tracemalloc.start()
-        with limit_threads(1):  # how many work at once is chance
-            coded = drain(encode_octree(octree, weights, encoder=encoder))
-        scratch.append(tracemalloc.get_traced_memory()[1] - coded.nbytes)
-        tracemalloc.stop()
-        assert all(where.voxels <= 512 for where in corner_ranges(octree, coded.nodes, depth - 2, 512))
-    assert scratch[1] - scratch[0] < 200_000 and scratch[1] < 4e6 + 7e6

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoised light: kernel against reference, less error where light is smooth, nothing that crosses walls and edges."""
-
-from dataclasses import replace
+"""Denoised light: kernel against reference, less error, no leaks across walls and edges."""
 
 import numpy as np
 import pytest
@@ -93,14 +91,6 @@ def test_a_shadow_edge_keeps_its_place() -> None:
     assert denoised(given)[dark].mean() < 0.2
 
 
-def test_what_has_no_noise_keeps_its_bits() -> None:
-    rng = np.random.default_rng(0)
-    points = grid_texels(12)
-    truth = rng.random(len(points)).astype(np.float32)
-    given = texels(points, truth, rng, light=truth[:, None], variance=np.zeros(len(points)))
-    np.testing.assert_allclose(denoised(given), truth, rtol=1e-6)
-
-
 def test_light_crosses_neither_wall_nor_edge_nor_material() -> None:
     """A floor, dark behind a wall without thickness, whose light is as noisy as the step is high; and its ceiling."""
     rng = np.random.default_rng(0)
@@ -163,19 +153,6 @@ def atlas_of(source: TriangleMesh, truth: object, colored: bool = False) -> tupl
     return Atlas(charts, texels, PATHS, noise=noise), index, values
 
 
-def test_texels_lie_where_their_triangles_do() -> None:
-    source = squares(Material("Wall"))
-    charts = drain(layout_charts(source, 1.0, page_side=64))
-    own = own_texels(charts)
-    places = texel_places_reference(own)[:, 0]
-    corners = own.corners[own.triangles]
-    there = corners[:, 0] + np.einsum("nc,nca->na", places, corners[:, 1:] - corners[:, :1])
-    row, column = np.divmod(own.texels % own.page_side**2, own.page_side)
-    np.testing.assert_allclose(there, np.stack([column, row], axis=1) + 0.5, atol=1e-4)  # none is moved
-    points = _points(next(iter(source.batches())), own.triangles, places)
-    assert len(np.unique(points.round(4), axis=0)) == len(points) >= 4 * 128 - 64
-
-
 @pytest.mark.parametrize("colored", [False, True])
 def test_an_atlas_is_denoised_across_its_triangles(colored: bool) -> None:
     atlas, index, truth = atlas_of(squares(Material("Wall", (0.5, 0.5, 0.5))), lambda p: 1.0 + p[:, 0] / 40.0, colored)
@@ -187,6 +164,8 @@ def test_an_atlas_is_denoised_across_its_triangles(colored: bool) -> None:
         np.testing.assert_allclose(found.texels[index, 2], 1.5 * found.texels[index, 0], rtol=1e-4)
         np.testing.assert_allclose(found.texels[index, 3], 0.5 * found.texels[index, 0], rtol=1e-4)
     assert denoised_atlas(found, squares(Material("Wall"))) is found
+    lamp = squares(Material("Lamp", emission=(1.0, 1.0, 1.0)))
+    np.testing.assert_array_equal(denoised_atlas(atlas, lamp).texels, atlas.texels)
 
 
 @pytest.mark.parametrize("colored", [False, True])
@@ -205,39 +184,3 @@ def test_what_is_black_stays_black_beside_what_is_lit(colored: bool) -> None:
     assert black.sum() > 100 and np.abs(after[black]).max() < 0.005
     lit = (truth > 0.01) & clear
     assert (after[lit] ** 2).mean() < (before[lit] ** 2).mean() / 5.0
-
-
-@pytest.mark.parametrize("spread", [0.5, 1.0])
-def test_base_colours_are_those_that_paths_meet(spread: float) -> None:
-    """A texture finer than texels: a bake of it in even light is even once it is divided out, and stays as it is."""
-    image = Texture("Noise", np.random.default_rng(3).uniform(0.1, 0.9, (128, 128, 1)).repeat(3, axis=2))
-    source = squares(Material("Wall", (1.0, 1.0, 1.0), image))
-    atlas, index, _ = atlas_of(source, lambda points: np.ones(len(points)))
-    placed = placed_texels(replace(atlas, spread=spread), source)
-    own = own_texels(atlas.charts)
-    fine = np.zeros(len(index))
-    for place in texel_places_reference(own, side=16, spread=spread).transpose(1, 0, 2):
-        points = _points(next(iter(source.batches())), own.triangles, place)
-        row, column = (np.clip(points[:, axis] % 16.0 * 8.0, 0, 127).astype(int) for axis in (1, 0))
-        fine += image.pixels[row, column, 0] / 16**2
-    whole = placed_texels(replace(atlas, spread=1.5 - spread), source)
-    error, others = (np.abs(each.base[:, 0] - fine).mean() for each in (placed, whole))
-    assert error < 0.5 * others and error < 0.05
-    np.testing.assert_allclose(placed.area.sum(), 512.0, rtol=0.15)
-
-
-def test_texture_stays_and_emitters_keep_their_bits() -> None:
-    """Stripes of base colour 0.9 and 0.1, four texels wide, in even light: the light is averaged, not the stripes."""
-    stripes = np.repeat(np.where(np.arange(4) % 2 == 0, 0.9, 0.1), 4).astype(np.float32)
-    image = Texture("Stripes", np.repeat(np.tile(stripes, (16, 1))[..., None], 3, axis=2))
-    source = squares(Material("Wall", (1.0, 1.0, 1.0), image))
-
-    def light(points: np.ndarray) -> np.ndarray:
-        return np.asarray(stripes[(points[:, 0] % 16.0).astype(int)], float)
-
-    atlas, index, truth = atlas_of(source, light)
-    found = denoised_atlas(atlas, source)
-    before, after = (((each.texels[index, 0] - truth) ** 2).mean() for each in (atlas, found))
-    assert after < before / 3.0
-    lamp = squares(Material("Lamp", emission=(1.0, 1.0, 1.0)))
-    np.testing.assert_array_equal(denoised_atlas(atlas, lamp).texels, atlas.texels)

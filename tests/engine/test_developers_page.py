@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/developers.md: what it says of the code is there."""
+"""docs/developers.md matches the code."""
 
 import re
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures that are empty or black say why."""
+"""Reasons for empty and black pictures."""
 
 import re
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes of whole octrees against encoding corner by corner, their file, and what pixels read from them."""
+"""Codes of whole octrees against encoding corner by corner, and their file."""
 
 from dataclasses import replace
 
@@ -86,26 +86,6 @@ def test_luminance_changes_the_codes_of_the_paper_alone(octree, kind):
     assert np.array_equal(codes, of_darker) == kind.mixes
     wanted = drain(encode_octree(octree, weights, encoder=NumpyEncoder(weights))).codes
     np.testing.assert_allclose(codes, wanted, rtol=2 * HALF, atol=1e-4)
-
-
-def test_corners_are_shared_and_all_used(coded):
-    rows = coded.corners_of(np.arange(coded.coded_count))
-    assert len(np.unique(rows)) == len(coded.codes) < rows.size
-
-
-def test_progress_reaches_its_total(octree, weights):
-    reports = []
-    drain(encode_octree(octree, weights), reports.append)
-    assert reports[-1].fraction == 1
-    assert [report.done for report in reports if report.label == reports[-1].label] == sorted(
-        report.done for report in reports if report.label == reports[-1].label
-    )
-
-
-def test_octree_without_look_ahead_has_no_codes(weights):
-    coded = drain(encode_octree(random_octree(depth=1, count=5), weights))
-    assert coded.codes.shape == (0, 10)
-    assert (coded.rows_of(np.arange(-1, coded.octree.node_count)) == -1).all()
 
 
 def test_codes_file(coded, octree, weights, tmp_path):

@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seconds left, and the share that is done, of steps, jobs and animations, with a clock that the test sets."""
-
-import time
+"""Remaining time and finished share of steps, jobs and animations, with a simulated clock."""
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.runtime import compiling
 from patchnet.patchnet_addon.runtime.eta import Eta, FramesEta, JobEta, duration_text, left_text
 from patchnet.patchnet_addon.runtime.progress import Progress
 
@@ -16,37 +13,6 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now
-
-
-def seen(lengths: dict[str, float], expected: dict[str, float], again: int = 1) -> list[Progress]:
-    """Reports of a job whose stages take `lengths`, each in two steps of ten reports, and the last `again` times."""
-    clock = Clock()
-    job, found = JobEta(frozenset(list(lengths)[-1:]), clock), []
-    job.expect(expected)
-    for stage, seconds in lengths.items():
-        rounds = again if stage == list(lengths)[-1] else 1
-        for at in range(rounds * 2 * 10):
-            found.append(job.see(stage, Progress(at % 10, 10, f"{stage} {at // 10}")))
-            clock.now += seconds / (rounds * 20)
-    return found
-
-
-def test_a_job_as_expected_counts_each_second_once() -> None:
-    lengths = {"depth": 5.0, "light": 60.0, "codes": 10.0, "views": 25.0}
-    found = seen(lengths, lengths, again=3)
-    whole = np.array([report.whole for report in found])
-    each = np.concatenate(
-        [np.full(count, seconds / count) for seconds, count in ((5.0, 20), (60.0, 20), (10.0, 20), (25.0, 60))]
-    )
-    times = np.cumsum(each) - each
-    assert (np.diff(whole) >= 0).all(), "it never falls, whatever steps a stage has"
-    np.testing.assert_allclose(whole, times / 100.0, atol=0.2)  # steps of a stage promise too much at their ends
-    said = [
-        (report.left_s, 100.0 - time) for report, time in zip(found, times, strict=True) if report.left_s is not None
-    ]
-    assert said and all(left < 2.0 * rest + 1.0 for left, rest in said)
-    assert said[0][0] == pytest.approx(said[0][1], rel=0.5)
-    assert said[-1][0] < 5.0 and whole[-1] < 1.0
 
 
 @pytest.mark.parametrize("factor", [0.07, 0.3, 0.7, 1.0, 1.5, 3.0, 14.0])
@@ -69,32 +35,6 @@ def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> Non
     assert whole == sorted(whole)
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0, 14.0])
-def test_a_bake_says_its_time_once_its_own_pace_is_steady(factor: float) -> None:
-    """From a fifth of its pages on, however far the plan is off."""
-    clock = Clock()
-    job = JobEta(clock=clock)
-    job.expect({"light": 60.0, "views": 20.0})
-    for at in range(100):
-        found = job.see("light", Progress(at // 5, 20, "Baking light"))
-        if at >= 20:
-            true = 20.0 + (1 - at / 100) * 60.0 * factor
-            assert found.left_s == pytest.approx(true, rel=0.2, abs=4.0)
-        clock.now += 0.6 * factor
-
-
-def test_a_plan_that_this_machine_measured_is_told_for_as_long_as_it_holds() -> None:
-    """A bake of one page, which says nothing of itself."""
-    clock = Clock()
-    job = JobEta(clock=clock)
-    job.expect({"light": 60.0, "views": 20.0}, measured=True)
-    said = []
-    for _ in range(100):
-        said.append(job.see("light", Progress(0, 1, "Baking light")).left_s)
-        clock.now += 1.0
-    assert said[:61] == pytest.approx([max(60.0 - at, 1.8) + 20.0 for at in range(61)]) and set(said[61:]) == {None}
-
-
 def test_time_left_does_not_rise_when_a_stage_that_was_fast_goes_on() -> None:
     """A bake of 40 s that was expected to take 64, then its denoising and its textures, then codes and views."""
     clock = Clock()
@@ -112,16 +52,6 @@ def test_time_left_does_not_rise_when_a_stage_that_was_fast_goes_on() -> None:
     assert len(said) > 75 and max(np.diff(said)) < 3.0
     true = np.arange(len(left), 0, -1)[-len(said) :]
     assert abs(np.array(said) - true)[-60:].max() < 10.0
-
-
-def test_a_short_step_at_the_start_of_a_stage_promises_nothing() -> None:
-    clock = Clock()
-    job = JobEta(clock=clock)
-    job.expect({"light": 100.0})
-    for at in range(11):
-        found = job.see("light", Progress(at, 10, "Laying out charts"))
-        clock.now += 0.05
-    assert found.left_s is None and found.whole < 0.03
 
 
 def test_nothing_is_said_before_something_is_known_nor_of_stages_that_are_over() -> None:
@@ -167,29 +97,6 @@ def test_steady_steps(clock: Clock) -> None:
     assert eta.seconds() == 0.0 and eta.text() == ""
 
 
-def test_resumed_steps_are_measured_from_where_they_begin(clock: Clock) -> None:
-    eta = Eta(clock)
-    eta.see(Progress(80, 100, "Baking"))
-    assert eta.seconds() is None
-    clock.now = 5.0
-    eta.see(Progress(85, 100, "Baking"))
-    assert eta.seconds() == pytest.approx(15.0)
-
-
-def test_each_label_is_a_step_of_its_own(clock: Clock) -> None:
-    eta = Eta(clock)
-    eta.see(Progress(0, 2, "One"))
-    clock.now = 50.0
-    eta.see(Progress(1, 2, "One"))
-    eta.see(Progress(0, 2, "Two"))
-    assert eta.text() == ""
-    clock.now = 53.0
-    eta.see(Progress(1, 2, "Two"))
-    assert eta.seconds() == pytest.approx(3.0)
-    eta.see(Progress(0, 2, "Two"))
-    assert eta.seconds() is None, "the same step once more"
-
-
 def test_a_whole_job_says_its_own_or_nothing(clock: Clock) -> None:
     eta = Eta(clock)
     eta.see(Progress(0, 100, "Baking", whole=0.1))
@@ -225,41 +132,3 @@ def test_even_frames_say_the_time_of_all(own: bool) -> None:
     said = [report.left_s for report in found[known]]
     np.testing.assert_allclose(said, left[known], rtol=0.02, atol=0.4)
     np.testing.assert_allclose(whole[known], 1.0 - left[known] / 96.0, atol=0.01)
-
-
-def test_what_the_first_frame_compiled_is_none_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled = iter([0.0, 0.0, 50.0, 50.0])
-    monkeypatch.setattr("patchnet.patchnet_addon.runtime.eta.compiling_seconds", lambda: next(compiled))
-    clock = Clock()
-    frames = FramesEta(3, clock)
-    frames.begin()
-    clock.now += 56.0
-    frames.end()
-    frames.begin()
-    assert frames.see(Progress(0, 1, "second")).left_s == pytest.approx(12.0)
-
-
-def test_seconds_of_compilation_count_once() -> None:
-    before = compiling.compiling_seconds()
-    for change in (compiling.compilation_begins, compiling.compilation_begins):  # one calls another
-        change()
-    time.sleep(0.05)
-    for change in (compiling.compilation_ends, compiling.compilation_ends):
-        change()
-    spent = compiling.compiling_seconds() - before
-    assert spent > 0.04 and compiling.compiling_seconds() - before == spent and not compiling.is_compiling()
-
-
-def test_frames_that_are_made_again_are_more_than_expected() -> None:
-    clock = Clock()
-    frames = FramesEta(1, clock)
-    assert frames.skip(Progress(1, 1, "there")).whole == 0.0 and frames.text == "Frame 1 of 1"
-    frames.one_more()
-    frames.begin()
-    clock.now += 5.0
-    frames.end()
-    assert frames.skip(Progress(1, 1, "there")).whole == pytest.approx(0.5) and frames.text == "Frame 2 of 2"
-    frames.begin()
-    clock.now += 50.0  # ten times as long as the one before
-    report = frames.see(Progress(0, 1, "slow"))
-    assert report.whole is not None and 0.5 < report.whole < 1.0 and report.left_s is not None and report.left_s > 0

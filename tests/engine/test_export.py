@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exported voxels, read back by other code than what wrote them.
+"""Exported voxels, read back by independent code.
 
 The .vdb tests need a module `openvdb` or `pyopenvdb`: Debian's package python3-openvdb has one for its own Python.
 """
 
-import contextlib
 import json
 from dataclasses import replace
 
@@ -13,16 +12,15 @@ import pytest
 
 from patchnet import commands
 from patchnet.patchnet_addon.export import vdb
-from patchnet.patchnet_addon.export.formats import FORMATS, export_octree
+from patchnet.patchnet_addon.export.formats import export_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxel_cloud import voxel_cloud
-from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
+from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.engine.octree_samples import dense_cells, octree_from_leaves, random_octree
+from patchnet.tests.engine.octree_samples import dense_cells, random_octree
 
 needs_vdb = pytest.mark.skipif(not vdb.vdb_module_name(), reason="this Python has no openvdb module")
-without_vdb = [name for name in FORMATS if name != ".vdb" or vdb.vdb_module_name()]
 
 
 @pytest.fixture(scope="module")
@@ -127,61 +125,11 @@ def test_vdb(octree, level, tmp_path):
     assert density * (4.0 / side) ** 3 * 2 == pytest.approx(octree.area_world[0], rel=1e-4)
 
 
-@needs_vdb
-@pytest.mark.parametrize("level", [4, 7])
-def test_colour_in_vdb(colored, level, tmp_path):
-    drain(export_octree(colored, tmp_path / "voxels.vdb", level))
-    module = pytest.importorskip(vdb.vdb_module_name())
-    grids = {grid.name: grid for grid in module.readAll(str(tmp_path / "voxels.vdb"))[0]}
-    assert set(grids) == {"luminance", "density", "color"}
-    values = np.full((1 << level,) * 3 + (3,), np.nan, np.float32)
-    grids["color"].copyToArray(values, ijk=(0, 0, 0))
-    luminance = dense_grid(grids["luminance"], 1 << level)
-    np.testing.assert_allclose(values @ np.array((0.2126, 0.7152, 0.0722), np.float32), luminance, atol=1e-5)
-    cloud = voxel_cloud(colored, level)
-    cells = np.floor((cloud.centres_world - (-3.0, 10.0, 2.5)) / 4.0 * (1 << level)).astype(int)
-    fine = cloud.side_world < 4.0 / (1 << level) * 1.5
-    assert fine.sum() > 10
-    np.testing.assert_allclose(values[tuple(cells[fine].T)], cloud.color[fine], atol=1e-6)
-
-
-@needs_vdb
-def test_black_voxels_exist_in_vdb_and_large_leaves_are_tiles(tmp_path):
-    normal = (0.0, 0.0, 1.0)
-    octree = octree_from_leaves({(8, (255, 0, 0)): (1.0, 0.0, normal), (1, (0, 1, 0)): (1.0, 0.5, normal)}, 8)
-    drain(export_octree(octree, tmp_path / "voxels.vdb"))
-    module = pytest.importorskip(vdb.vdb_module_name())
-    grid = module.read(str(tmp_path / "voxels.vdb"), "luminance")
-    assert grid.activeVoxelCount() == 1 + 128**3
-    assert grid.getConstAccessor().isValueOn((255, 0, 0))
-    assert grid.getConstAccessor().getValue((0, 200, 100)) == pytest.approx(0.5, abs=1e-4)
-    assert grid.memUsage() < 1 << 20
-
-
 @pytest.mark.skipif(bool(vdb.vdb_module_name()), reason="this Python has an openvdb module")
 def test_vdb_is_refused_without_its_module(octree, tmp_path):
     with pytest.raises(SettingError, match="no openvdb module"):
         drain(export_octree(octree, tmp_path / "voxels.vdb"))
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("ending", without_vdb)
-def test_files_are_replaced_whole_or_not_at_all(octree, ending, tmp_path):
-    path = tmp_path / f"voxels{ending}"
-    drain(export_octree(octree, path, 3))
-    before = path.read_bytes()
-    steps = export_octree(octree, path, 4)
-    for _ in range(2):
-        with contextlib.suppress(StopIteration):  # the octree file has a single step
-            next(steps)
-            assert path.read_bytes() == before
-    steps.close()
-    assert [each.name for each in tmp_path.iterdir()] == [path.name]
-    drain(export_octree(octree, path, 4))
-    assert path.stat().st_size > len(before)
-    for folder in (tmp_path / "nowhere", path):
-        with pytest.raises(PatchNetError, match="cannot be written"):
-            drain(export_octree(octree, folder / f"voxels{ending}", 4))
 
 
 @pytest.mark.parametrize("name", ["voxels.xyz", "voxels"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""UV coordinates that no float can tell apart, or that are no numbers: surfaces stay there, and lookups end."""
+"""UV coordinates beyond single precision, infinite or NaN: lookups end, surfaces stay."""
 
 import itertools
 

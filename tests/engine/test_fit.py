@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera-fitted octrees: look-ahead wherever the cameras see the surface, few leaves elsewhere."""
+"""Camera-fitted octrees: look-ahead in every pixel, few leaves elsewhere."""
 
 import numpy as np
 import pytest
@@ -99,13 +99,6 @@ def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera, fitted, 
     assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
 
 
-def test_the_wall_is_fine_where_it_shows_through_the_laths(camera, octree):
-    hits = first_hits(octree, camera)
-    wall = hits.hit & (hits.z_world > 1.6)
-    assert 0.05 < wall.mean() < 0.5
-    assert octree.look_ahead()[hits.node[wall]].mean() > 0.99
-
-
 def test_fewer_leaves_where_memory_is_short(mesh, camera, fitted):
     grid = Grid.around(mesh.bounds_world, 9)
     less = drain(fit_leaf_levels(mesh, grid, [camera], shade, max_leaves=0.6 * fitted.leaves))
@@ -122,12 +115,6 @@ def test_a_track_serves_all_its_cameras(mesh, camera):
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera, other], shade))
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
     assert min(share_of(octree, view) for view in (camera, other)) > 0.99
-
-
-def test_the_result_is_the_same_on_every_run_and_in_any_order(mesh, camera, fitted):
-    other = TriangleMesh.from_arrays(mesh.parts[0].corners_world[::-1])
-    again = drain(fit_leaf_levels(other, Grid.around(mesh.bounds_world, 9), [camera], shade))
-    np.testing.assert_array_equal(fitted.layout.levels, again.layout.levels)
 
 
 def test_a_camera_that_looks_away_asks_for_nothing(mesh):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts that name frames."""
+"""Parse frame lists such as 1-8x3."""
 
 import pytest
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Furniture libraries: what is read, and what is refused before anything is unpacked."""
+"""Furniture libraries: wrong and malicious files are refused before unpacking."""
 
 from pathlib import Path
 
@@ -7,58 +7,13 @@ import pytest
 
 from patchnet.commands.lab.furnished import library
 from patchnet.commands.lab.furnished.library import (
-    FREE,
-    TEST,
-    TRAIN,
-    UPRIGHT,
     LibraryFileError,
-    common_role,
     keep_own_textures,
     opened_archive,
     read_library,
-    read_properties,
     unpack_folder,
 )
-from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.tests.furniture_library import CATALOGUE, CUBE, FURNITURE, write_library
-
-
-def test_catalogue_is_read(tmp_path: Path) -> None:
-    extra = "modelRotation#1=0 0 1 0 1 0 -1 0 0\ndropOnTopElevation#2=-1\nelevation#2=50\nlicense#2=Other"
-    found = read_library(write_library(tmp_path / "cubes.sh3f", extra=extra))
-    assert (found.name, found.role, found.licence) == ("Cubes", FREE, "CC © test")
-    assert [piece.name for piece in found.pieces] == [row[0] for row in FURNITURE]
-    table, chair = found.pieces[:2]
-    assert table.size == (1.5, 0.8, 0.75) and table.top == 0.75 and table.elevation == 0.0
-    assert table.rotation == (0, 0, 1, 0, 1, 0, -1, 0, 0) and chair.rotation == UPRIGHT
-    assert chair.top is None and chair.elevation == 0.5 and chair.licence == "Other" and table.licence == "CC © test"
-    assert table.model == "cubes/cube1.obj" and table.creator == "A | tester"
-
-
-def test_properties_of_java() -> None:
-    text = b"# note\n! note\n a = b\\\n   c \r\nkey\\ x:v\\u00e9\\t1\nempty\nlast#1=x=y"
-    assert read_properties(text) == {"a": "bc", "key x": "v\xe9\t1", "empty": "", "last#1": "x=y"}
-
-
-def test_roles_are_by_id_and_are_not_mixed(tmp_path: Path) -> None:
-    for identity, role in (("SweetHome3D#ScopiaModels", TRAIN), ("SweetHome3D#ReallusionModels", TEST)):
-        assert read_library(write_library(tmp_path / "a.sh3f", identity=identity)).role == role
-    assert (common_role([TRAIN, FREE]), common_role([FREE, TEST]), common_role([FREE])) == (TRAIN, TEST, FREE)
-    with pytest.raises(SettingError, match="together"):
-        common_role([TRAIN, TEST])
-
-
-def test_untouched_library_is_not_even_opened(tmp_path: Path) -> None:
-    with pytest.raises(LibraryFileError, match="kept for the tests of others"):
-        read_library(tmp_path / "KatorLegaz.sh3f")  # there is none
-    renamed = write_library(tmp_path / "other.sh3f", identity="SweetHome3D#Kator_LegazModels")
-    with pytest.raises(LibraryFileError, match="kept for the tests of others"):
-        read_library(renamed)
-
-
-def test_pieces_of_its_creators_are_left_out_of_other_libraries(tmp_path: Path) -> None:
-    path = write_library(tmp_path / "a.sh3f", extra="creator#2=Somebody, Kator Legaz & others")
-    assert [piece.name for piece in read_library(path).pieces] == [row[0] for row in FURNITURE if row[0] != "Chair"]
+from patchnet.tests.furniture_library import CATALOGUE, CUBE, write_library
 
 
 @pytest.mark.parametrize(

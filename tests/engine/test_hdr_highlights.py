@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light above white beside clamped luminance, in nodes and in refined pixels, and exposures without emitters."""
+"""Light above white in nodes and refined pixels; exposure without emitters."""
 
 from dataclasses import replace
 

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour maps against published tables, the sRGB curve, and what the heatmaps promise."""
-
-import string
+"""Colour maps against published tables, the sRGB curve, heatmap and overlay pictures."""
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.image.colormaps import COLORMAPS, colormap, red_ramp
-from patchnet.patchnet_addon.image.contact_sheet import contact_sheet
-from patchnet.patchnet_addon.image.heatmap import error_picture, heatmap, magnify, overlay
-from patchnet.patchnet_addon.image.pixel_font import draw_text, text_mask
+from patchnet.patchnet_addon.image.colormaps import COLORMAPS, colormap
+from patchnet.patchnet_addon.image.heatmap import heatmap, magnify, overlay
 from patchnet.patchnet_addon.image.tone import srgb_encode, to_bytes
 from patchnet.patchnet_addon.runtime.errors import SettingError
 
@@ -25,11 +21,6 @@ def test_colormap_outside_its_range() -> None:
     np.testing.assert_array_equal(colormap(np.array([-1.0, np.nan, 7.0])), colormap(np.array([0.0, 0.0, 1.0])))
     with pytest.raises(SettingError, match="viridis, turbo"):
         colormap(np.zeros(3), "jet")
-
-
-def test_red_ramp_gets_redder() -> None:
-    ramp = red_ramp(np.linspace(0, 1, 20))
-    assert np.all(np.diff(ramp[:, 1]) < 0) and np.all(np.diff(ramp[:, 2]) < 0)
 
 
 def test_srgb_anchors() -> None:
@@ -64,35 +55,3 @@ def test_overlay_leaves_other_pixels_gray() -> None:
     np.testing.assert_allclose(view[0, 0], srgb_encode(np.float32(0.3)), atol=1e-6)
     redness = view[..., 0] - view[..., 1]
     assert redness[10, 20] > redness[30, 20] > redness[0, 0] == 0.0
-
-
-def test_error_picture_shows_both() -> None:
-    before = np.full((40, 50), 0.25, np.float32)
-    page = error_picture(before, before * 0, 0.5, (0.0625, 0.0))
-    middle = page.shape[0] // 2
-    np.testing.assert_allclose(page[middle, 5], colormap(np.array(0.5)), atol=1e-6)
-    np.testing.assert_allclose(page[middle, -5], colormap(np.array(0.0)), atol=1e-6)
-
-
-@pytest.mark.parametrize(("size", "factor"), [(130, 4), (192, 3), (540, 1), (1080, 1), (40, 14)])
-def test_magnification_is_whole(size: int, factor: int) -> None:
-    assert magnify(np.zeros((size, 10))).shape == (size * factor, 10 * factor)
-
-
-def test_glyphs_differ_and_texts_are_cut_at_the_border() -> None:
-    characters = string.ascii_uppercase + string.digits + ".,:%-"
-    assert len({text_mask(character).tobytes() for character in characters}) == len(characters)
-    page = np.zeros((8, 8, 3), np.float32)
-    draw_text(page, "LONG TEXT", -3, 6, 2)
-    assert page.any()
-
-
-def test_contact_sheet_places_every_picture() -> None:
-    rows = [[np.full((20, 30, 3), 0.2 * (3 * row + column), np.float32) for column in range(3)] for row in range(2)]
-    sheet = contact_sheet(rows, ["far", "close"], ["one", "two", "three"])
-    levels = [float(value) for value in np.unique(sheet[..., 0])]
-    for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
-        assert any(abs(level - value) < 1e-6 for level in levels)
-    # The first row stands above the second, and columns go from left to right.
-    where = {value: np.argwhere(np.abs(sheet[..., 0] - value) < 1e-6).mean(axis=0) for value in (0.0, 0.2, 0.6)}
-    assert where[0.0][0] > where[0.6][0] and where[0.0][1] < where[0.2][1]

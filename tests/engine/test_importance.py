@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Painted importance: resizing, and what it does to order, budget and errors."""
+"""Importance: resizing, and its effect on order, budget and errors."""
 
 from dataclasses import replace
 
@@ -77,24 +77,8 @@ def test_weights_rank_and_zero_is_never_refined(budget: float) -> None:
     np.testing.assert_array_equal(shown > 0, mask & (priority(buffers, score) > 0))
 
 
-def test_scores_of_zero_come_before_what_does_not_matter() -> None:
-    buffers = random_buffers()
-    weights = np.zeros(len(buffers.preview), np.float32)
-    weights[np.flatnonzero(buffers.active)[:5]] = 1.0
-    buffers = replace(buffers, importance=weights)
-    mask = refined_mask(buffers, refinement_order(buffers, np.zeros(len(weights), np.float32)), 1.0)
-    np.testing.assert_array_equal(np.flatnonzero(mask), np.flatnonzero(buffers.active)[:5])
-
-
 def test_a_place_that_reaches_beyond_the_frame() -> None:
     values = np.random.default_rng(5).random((9, 7))
     whole = picture_weights(values, 20, 30).reshape(20, 30)
     part = picture_weights(values, 8, 11, PixelRect(-4, -3, 30, 20)).reshape(8, 11)
     np.testing.assert_allclose(part, whole[3:11, 4:15], atol=1e-6)
-
-
-def test_a_place_within_the_frame() -> None:
-    found = picture_weights(np.ones((2, 2)), 6, 8, PixelRect(3, 1, 4, 2)).reshape(6, 8)
-    expected = np.zeros((6, 8))
-    expected[1:3, 3:7] = 1.0
-    np.testing.assert_array_equal(found, expected)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C and SIGTERM while the main thread cannot act on them, and while it can."""
+"""Ctrl-C and SIGTERM while the main thread is busy, and while it is not."""
 
 import ctypes
 import os
@@ -89,12 +89,6 @@ def test_a_call_into_blender_is_heard_out(number: signal.Signals) -> None:
         pass  # nothing is left of it
 
 
-def test_a_call_that_fails_after_a_signal_was_interrupted() -> None:
-    with pytest.raises(Interrupted), prompt_interrupt(lambda: None), interrupts_wait():
-        signal.raise_signal(signal.SIGINT)
-        raise ZeroDivisionError
-
-
 def test_a_main_thread_that_acts_is_left_alone() -> None:
     ended = threading.Event()
     before = signal.set_wakeup_fd(-1)
@@ -135,19 +129,6 @@ def test_an_ignored_signal_stays_ignored() -> None:
             signal.raise_signal(signal.SIGINT)  # the other one is heard
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def test_other_handlers_are_left_alone() -> None:
-    heard: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
-    try:
-        ended = threading.Event()
-        with prompt_interrupt(ended.set):
-            signal.raise_signal(signal.SIGINT)
-            assert not ended.wait(0.5)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert heard == [signal.SIGINT]
 
 
 def test_what_is_not_finished_goes(tmp_path: Path) -> None:

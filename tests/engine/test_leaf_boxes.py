@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Boxes of leaves: those of the clip against each piece cut alone, walks that meet them against plain ones, files."""
+"""Boxes of leaves: those of the clipper, rays that meet them, coverage of thin bars."""
 
 from dataclasses import replace
 
@@ -17,15 +17,14 @@ from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.lookups import box_bounds
-from patchnet.tests.references.single_rays import single_hits, single_means
 from patchnet.tests.references.small import boxes_reference
 
 from .octree_samples import random_octree, with_boxes
-from .test_tiles import cameras, seen
+from .test_tiles import assert_patch_rays, cameras
 from .test_voxelize import position_shade, soup, triangle
 
 
@@ -74,33 +73,15 @@ def test_boxes_of_leaves_are_around_all_their_pieces():
     assert plain.leaf_box is None and octree.nbytes == plain.nbytes + 3 * len(leaves)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_hits_are_those_of_single_rays(seed):
-    octree = with_boxes(random_octree(seed=seed, adaptive=seed % 2 == 1), seed)
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_hits_are_those_of_the_reference(adaptive):
+    octree = with_boxes(random_octree(adaptive=adaptive))
     missed = 0
     for camera in cameras(octree):
-        node, level, t = single_hits(octree, camera)
-        hits = first_hits(octree, camera)
-        np.testing.assert_array_equal(hits.node, node, err_msg=camera.name)
-        expected = (t * octree.grid.side_world).astype(np.float32)
-        np.testing.assert_array_equal(hits.t_world, expected, err_msg=camera.name)
-        found = patch_hits(octree, camera)
-        met = node >= 0
-        start = np.where(met, t, 0.0) + 1.5 * 0.5**level
-        np.testing.assert_array_equal(found.fine[met], seen(octree, single_hits(octree, camera, 8.0)[0])[met])
-        beyond = single_hits(octree, camera, 8.0, start)[0]
-        np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
+        assert_patch_rays(octree, camera, lookahead=2)
+        node = first_hits(octree, camera).node
         missed += int((first_hits(replace(octree, leaf_box=None), camera).node != node).sum())
     assert missed > 10  # rays that have passed a box
-
-
-@pytest.mark.parametrize("side", [2, 8])
-def test_means_are_those_of_single_rays(side):
-    octree = with_boxes(random_octree(seed=5))
-    for camera in cameras(octree)[:3]:
-        pixels = np.random.default_rng(side).integers(0, camera.pixel_count, 40)
-        found = supersample_pixels(octree, camera, pixels, side)
-        np.testing.assert_allclose(found.luminance, single_means(octree, camera, pixels, side), atol=1e-6)
 
 
 @pytest.mark.parametrize("boxes", [True, False])

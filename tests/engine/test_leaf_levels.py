@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Octrees with leaves on several levels: the same leaves as on each level alone, the same means above them."""
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -10,14 +8,14 @@ from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree import voxelize as voxelizer
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 
-from .leaf_samples import all_leaves, leaves_of
+from .leaf_samples import leaves_of
 from .octree_samples import octree_from_leaves
 
 BLOCK_LEVEL = 2
@@ -54,17 +52,6 @@ def test_leaves_of_each_level_are_those_of_that_level_alone(mesh, layout):
         np.testing.assert_array_equal(part.sums, alone.sums[inside])
 
 
-@pytest.mark.parametrize("depth_only", [False, True])
-def test_octrees_of_one_and_of_many_passes_have_the_same_bits(mesh, layout, depth_only):
-    settings = {} if depth_only else {"layout": layout}
-    grid = Grid.around(mesh.bounds_world, 8)
-    one = drain(build_octree(mesh, grid, shade, **settings))
-    other = drain(build_octree(mesh, grid, shade, block_fragments=2000, **settings))
-    assert one.exposure == other.exposure
-    for name, array in octree_arrays(one).items():
-        np.testing.assert_array_equal(array, octree_arrays(other)[name], err_msg=name)
-
-
 @pytest.mark.parametrize(("depth", "mixed"), [(6, False), (8, True)], ids=["uniform", "mixed"])
 def test_octree_equals_one_that_is_built_node_by_node(mesh, layout, depth, mixed):
     grid, layout = Grid.around(mesh.bounds_world, depth), layout if mixed else None
@@ -97,14 +84,6 @@ def test_nothing_is_left_where_no_leaves_are_wanted(mesh):
         drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), shade, layout=LeafLevels(np.zeros(8, np.uint8))))
 
 
-def test_divided_blocks_keep_their_levels():
-    layout = LeafLevels(np.array([0, 3, 4, 3, 3, 3, 3, 5], np.uint8))
-    finer = layout.divided(5)
-    assert finer.block_level == 3  # the coarsest leaf
-    np.testing.assert_array_equal(finer.levels, np.repeat(layout.levels, 64))
-    assert layout.used == (3, 4, 5) and layout.deepest == 5
-
-
 @pytest.mark.parametrize(("cores", "block_fragments"), [(1, 1 << 20), (1, 3000), (2, 1 << 20), (5, 1 << 20)])
 def test_bits_do_not_depend_on_the_number_of_cores_and_passes(mesh, layout, cores, block_fragments, monkeypatch):
     grid = Grid.around(mesh.bounds_world, 8)
@@ -117,24 +96,6 @@ def test_bits_do_not_depend_on_the_number_of_cores_and_passes(mesh, layout, core
     for one, other in zip(expected, found, strict=True):
         np.testing.assert_array_equal(one.keys, other.keys)
         np.testing.assert_array_equal(one.sums, other.sums)
-
-
-def test_loads_of_cores_are_similar(mesh, monkeypatch):
-    monkeypatch.setattr(blocks, "MIN_SHARE", 1000)
-    grid = Grid.around(mesh.bounds_world, 8)
-    uniform = LeafLevels.uniform(8)
-    (shares,) = blocks.plan_passes(mesh, grid, uniform, 1 << 24, 2)
-    load = blocks.expected_fragments(mesh, grid, shares[0].layout)
-    first, second = (load[share.first : share.end].sum() for share in shares)
-    assert first == pytest.approx(second, rel=0.1)
-
-
-def test_stopping_half_way_leaves_no_thread_behind(mesh):
-    before = threading.active_count()
-    steps = voxelizer.voxelize(mesh, Grid.around(mesh.bounds_world, 9), shade, all_leaves)
-    next(steps)
-    steps.close()
-    assert threading.active_count() == before
 
 
 def test_a_huge_triangle_of_which_little_is_wanted_is_little_work():

@@ -82,23 +82,6 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert [text for text in faults if text] == []
 
 
-def test_dead_links_are_found(tmp_path: Path) -> None:
-    targets = ["tutorial.md", "../README.md#install", "tutorial.md#nowhere", "gone.md", "../setup.py#L99999"]
-    targets += ["../../other/file.md", "#gone", "../README.md#documentation"]  # of which the site shows nothing
-    text = "# Top\n\n" + "\n".join(f"[a `b` c]({target})" for target in targets)
-    text += '\n\n`[code](gone.md)`, [site](https://example.org/x.md) and <img src="pictures/gone.png" width="3">'
-    assert links(text) == [*targets, "pictures/gone.png"]
-    page = DOCS / "gpu.md"
-    faults = [fault(page, target) for target in links(text)]
-    assert [bool(text) for text in faults] == [False, False] + 7 * [True]
-
-
-def test_headings_have_the_names_that_github_gives() -> None:
-    assert slug("Preview Selection: `patchnet.run_all`") == "preview-selection-patchnetrun_all"
-    assert slug("1. The scene") == "1-the-scene"
-    assert {"patchnet-for-blender", "three-clicks"} <= anchors(ROOT / "README.md")
-
-
 def test_navigation_has_every_page_and_no_other() -> None:
     index = (DOCS / "index.md").read_text(encoding="utf-8")
     assert f'end-before: "{FRONT_ENDS}"' in index
@@ -123,27 +106,3 @@ def test_pages_that_code_names_are_there() -> None:
     named = {(name, path) for path in SOURCES for name in re.findall(r"\bdocs/[\w/-]+\.md\b", path.read_text("utf-8"))}
     assert len(named) > 5
     assert [f"{path}: {name}" for name, path in sorted(named) if not (ROOT / name).exists()] == []
-
-
-def sections() -> set[str]:
-    """Numbers of what docs/lab/methods.md defines: headings, and the items below them that begin with a number."""
-    found, section = set(), ""
-    for line in (DOCS / "lab" / "methods.md").read_text(encoding="utf-8").splitlines():
-        if heading := re.match(r"#+ (\d+)((?:\.\d+)?[a-z]?)\b", line):
-            section = heading[1]
-            found.add("".join(heading.groups()))
-        elif section and (item := re.match(r"(?: ?| +(?=\d+[a-z]))(\d+[a-z]?) ", line)):
-            found.add(f"{section}.{item[1]}")
-    return found
-
-
-def test_sections_of_methods_that_are_cited_are_there() -> None:
-    cite = re.compile(r"\bmethods(?:\.md)?,? (?:section )?((?:\d+(?:\.\d+)?[a-z]?(?:, | and | to )?)+)")
-    cited = {
-        (number, path.relative_to(ROOT).as_posix())
-        for path in (*SOURCES, *PAGES)
-        for numbers in cite.findall(path.read_text(encoding="utf-8"))
-        for number in re.findall(r"\d+(?:\.\d+)?[a-z]?", numbers)
-    }
-    assert {"4.1d", "7.2g", "7.13"} <= {number for number, _ in cited} & sections()
-    assert [f"{path}: methods {number}" for number, path in sorted(cited) if number not in sections()] == []

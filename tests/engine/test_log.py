@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Log on stderr: JSON lines for programs, nothing new for users."""
+"""Log on stderr: JSON lines for programs, no duplicates for users."""
 
 import json
 import logging
 
 import pytest
 
-from patchnet import commands
 from patchnet.patchnet_addon.runtime import log
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress
@@ -37,31 +36,6 @@ def test_warnings_of_the_engine_are_events(capsys: pytest.CaptureFixture[str]) -
     logging.getLogger("patchnet").warning("A page is baked again: %s", "damaged")
     (line,) = lines(capsys)
     assert line["event"] == line["level"] == "warning" and line["message"] == "A page is baked again: damaged"
-
-
-def test_unexpected_errors_carry_their_traceback(capsys: pytest.CaptureFixture[str]) -> None:
-    log.set_up(log.JSON)
-    try:
-        raise ZeroDivisionError("by nothing")
-    except ZeroDivisionError as error:
-        log.unexpected(error, exit_code=1)
-    (line,) = lines(capsys)
-    assert line["message"] == "ZeroDivisionError: by nothing" and line["exit_code"] == 1
-    assert "test_log.py" in line["traceback"]
-
-
-def test_unknown_format_is_said_once(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    log.LOG.handlers.clear()
-    monkeypatch.setenv(log.VARIABLE, "foo")
-    assert commands.main(["info", "octree.safetensors"]) == 2
-    (line,) = capfd.readouterr().err.splitlines()
-    assert line.startswith("patchnet: error: There is no log format 'foo': give PATCHNET_LOG as")
-
-
-def test_every_sub_command_hears_the_format_and_those_of_bench() -> None:
-    parser = commands.make_parser()
-    for words in (["info", "octree.safetensors"], ["bench", "decode"], ["bench", "train"]):
-        assert parser.parse_args([*words, "--log-format", "json"]).log_format == "json"
 
 
 def test_users_are_told_nothing_twice(capsys: pytest.CaptureFixture[str]) -> None:

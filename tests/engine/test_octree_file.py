@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree files: what is written comes back, what is damaged or contradictory is refused with file and cause; depths."""
+"""Octree files: round trips, damage and contradictions; depth by memory and look-ahead."""
 
 import os
 from dataclasses import replace
@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.export.octree_file import truncated
 from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
 from patchnet.patchnet_addon.octree.build import build_octree
-from patchnet.patchnet_addon.octree.file import KIND, load_octree, octree_arrays, octree_hash, save_octree
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
-from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -21,6 +19,8 @@ from patchnet.patchnet_addon.tracing.render import first_hits
 
 DEPTH = 3
 OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
+
+
 @pytest.fixture(scope="module", autouse=True)
 def unsynchronized():
     """Hundreds of files, of which none need outlive a power cut."""
@@ -72,22 +72,6 @@ def test_round_trip(name, tmp_path, request):
     assert octree_hash(loaded) == octree_hash(octree)
 
 
-def test_colour_light_above_white_and_boxes_count(octree):
-    without = replace(octree, **dict.fromkeys(OPTIONAL))
-    assert octree_hash(octree) != octree_hash(replace(octree, chroma=None)) != octree_hash(without)
-    leaves, bright = octree.node_count - octree.level_start[-2], len(octree.bright_nodes)
-    assert octree.nbytes == without.nbytes + 2 * octree.node_count + 16 * bright + 3 * leaves
-
-
-@pytest.mark.parametrize("level", [2, DEPTH])
-def test_a_coarser_octree_has_what_its_levels_have(octree, level):
-    coarse, nodes = truncated(octree, level), np.arange(octree.level_start[level + 1])
-    np.testing.assert_array_equal(coarse.chroma, octree.chroma[: len(nodes)])
-    np.testing.assert_array_equal(coarse.color_above_white(nodes), octree.color_above_white(nodes))
-    assert coarse.bright_nodes.max() < coarse.node_count == len(nodes)
-    assert coarse.leaf_box is (octree.leaf_box if level == DEPTH else None)
-
-
 def with_mask(octree, node, mask):
     masks = octree.child_mask.copy()
     masks[node] = mask
@@ -128,15 +112,6 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
     with pytest.raises(OctreeFileError, match=cause) as caught:
         load_octree(path)
     assert "bad.safetensors" in str(caught.value)
-
-
-def test_a_file_whose_cube_has_no_side_is_refused(octree, tmp_path):
-    path = tmp_path / "bad.safetensors"
-    save_octree(octree, path)
-    arrays, metadata = read_arrays(path, KIND)
-    write_arrays(path, arrays, metadata | {"side_world": 0.0}, KIND)
-    with pytest.raises(OctreeFileError, match=r"metadata are incomplete .*the geometry has no extent"):
-        load_octree(path)
 
 
 def test_auto_depth_is_the_smallest_with_look_ahead(mesh):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Outputs, and where they may be written: nothing that is read, of another kind, or somebody's own way is replaced."""
+"""Outputs never replace inputs, foreign files or files of another kind."""
 
 import json
 import os
@@ -146,14 +146,6 @@ def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["a.png", "file", "lost"]
 
 
-def test_folders_that_are_missing_are_made_or_not(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "newer" / "a.png"
-    check_outputs({path: file_kinds.PNG})
-    with pytest.raises(OutputError, match="newer cannot be written"):
-        check_outputs({path: file_kinds.PNG}, makes_folders=False)
-    assert os.listdir(tmp_path) == []
-
-
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="there is no folder here that not even root can write")
 def test_folders_that_cannot_be_written_are_named() -> None:
     refused(Path("/proc/self/a.png"), "Folder /proc/self cannot be written")
@@ -173,14 +165,3 @@ def test_what_comes_during_the_work_stays(tmp_path: Path) -> None:
         file.write(b"ply\n")
         path.write_text("somebody's notes")
     assert path.read_text() == "somebody's notes" and os.listdir(tmp_path) == ["a.ply"]
-
-
-def test_an_error_of_another_file_is_not_blamed_on_the_output(tmp_path: Path) -> None:
-    with pytest.raises(OSError) as caught, replaced_file(tmp_path / "a.ply", file_kinds.PLY):
-        raise OSError(28, "No space left on device", "/cache/kernel")
-    assert caught.value.filename == "/cache/kernel" and os.listdir(tmp_path) == []
-    with (
-        pytest.raises(OutputError, match=r"a\.ply cannot be written: No space"),
-        replaced_file(tmp_path / "a.ply", file_kinds.PLY),
-    ):
-        raise OSError(28, "No space left on device")

@@ -82,17 +82,6 @@ def test_who_cannot_be_asked_is_dead_when_silent(
     assert folder.exists() == stays and len(list(tmp_path.iterdir())) == stays
 
 
-def test_what_only_looks_alike_stays(tmp_path: Path) -> None:
-    mine = left(tmp_path / "mine", machine(), 0.0)
-    (tmp_path / ".out.00000000.tmp").symlink_to(mine)
-    (tmp_path / ".out.11111111.tmp").write_text("a file")
-    left(tmp_path / ".out.notes.tmp", machine(), 0.0)
-    left(tmp_path / ".xout.22222222.tmp", machine(), 0.0)
-    before = sorted(tmp_path.rglob("*"))
-    remove_left_over(tmp_path, "out")
-    assert sorted(tmp_path.rglob("*")) == before
-
-
 def test_the_owner_is_touched_while_work_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "BEAT_S", 0.01)
     with owned_folder(tmp_path / ".out.33333333.tmp") as files:

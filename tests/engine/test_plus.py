@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimator of pixel errors: kernel against reference, planes, features, files and strategies."""
+"""The error estimator: kernel against reference, planes, features, files, strategies."""
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +11,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
-from patchnet.patchnet_addon.sampling.plus import compiled
 from patchnet.patchnet_addon.sampling.plus.features import features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
 from patchnet.patchnet_addon.sampling.plus.weights import (
@@ -34,8 +30,6 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.chosen import fine_rays
-from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.small import estimate_reference, random_estimators
 from patchnet.training.strategies.registry import EVALUATED
@@ -69,15 +63,6 @@ def buffers(coded):
     return view(coded)
 
 
-def test_fine_rays_have_the_mean_of_a_finer_picture(coded):
-    camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=(31, 18))
-    for lookahead in (1, 2, 3):
-        rays = fine_rays(coded.octree, camera, lookahead=lookahead)
-        expected = drain(supersample(coded.octree, camera, 2, finer=2 ** (lookahead + 1)))
-        np.testing.assert_allclose(rays.mean(axis=1), expected, atol=2e-7)  # sums are rounded otherwise
-    assert (rays != rays[:, :1]).any()
-
-
 @pytest.mark.parametrize("name", FORMS)
 @pytest.mark.parametrize("size_px", [(1, 1), (3, 2), (63, 5), (64, 4), (65, 3), (130, 20)])
 def test_kernel_is_the_reference(name, size_px, coded, estimators):
@@ -86,20 +71,6 @@ def test_kernel_is_the_reference(name, size_px, coded, estimators):
     found, expected = estimated_error(seen, estimators, FORMS[name]), reference(seen, estimators, FORMS[name])
     np.testing.assert_allclose(found[seen.active], expected[seen.active], rtol=1e-5, atol=1e-7)
     assert (found[~seen.active] == 0).all() and found.dtype == np.float32
-
-
-def test_bands_and_whole_pictures_are_the_same(buffers, estimators, monkeypatch):
-    whole = estimated_error(buffers, estimators, FORMS["plus-1"])
-    monkeypatch.setattr(compiled, "_BAND_ROWS", 7)
-    np.testing.assert_array_equal(estimated_error(buffers, estimators, FORMS["plus-1"]), whole)
-
-
-def test_nothing_is_met(coded, estimators):
-    away = Camera.look_at(EYE, 2 * EYE, size_px=(20, 10))
-    seen = drain(trace_view(coded.octree, away, [ALL], coded=coded, reference=False))
-    assert not seen.hit.any()
-    assert (estimated_error(seen, estimators, FORMS["plus-4"]) == 0).all()
-    assert np.isfinite(reference(seen, estimators, FORMS["plus-4"])).all()
 
 
 def test_planes_and_their_border(buffers):
@@ -142,16 +113,6 @@ def test_features_by_hand(buffers):
             Kind.SCALE: np.log(squares),
         }[feature.kind]
         assert values[row, pixel] == pytest.approx(expected, rel=1e-3, abs=1e-4)
-
-
-def test_forms_see_what_they_pay_for():
-    for name, form in FORMS.items():
-        seen = {feature.plane for feature in form.features}
-        assert bool(seen & {Plane.COVERAGE, Plane.PATCH, Plane.LOOK_AHEAD, Plane.PREDICTED}) == form.network
-        assert (Plane.FINE in seen) == (form.rays == 1 or form.shown == Plane.PREDICTED)
-        assert (Plane.RAY_0 in seen) == (form.rays == 4)
-        assert (Plane.OPEN in seen) == (name == "plus-0")
-        assert name == form.name and form.features[-1].kind == Kind.SCALE
 
 
 def test_file_is_read_as_it_was_written(estimators, tmp_path):
@@ -205,14 +166,6 @@ def test_predicted_picture_has_estimates_of_its_own(coded):
         np.testing.assert_array_equal(found, estimated_error(seen, shipped_estimators(), FORMS[form]))
 
 
-def test_adaptive_pictures_join_what_estimators_see(coded):
-    camera = Camera.look_at(EYE, np.full(3, 0.5), size_px=(40, 30))
-    picture = AdaptivePicture(coded.octree, camera, STRATEGIES["patchnet-plus"], coded)
-    drain(picture.trace(Pace(band_pixels=200)))
-    whole = drain(trace_view(coded.octree, camera, [STRATEGIES["patchnet-plus"]], coded=coded, reference=False))
-    np.testing.assert_allclose(picture.ranking.score, STRATEGIES["patchnet-plus"].scores(whole), rtol=1e-3, atol=1e-5)
-
-
 def test_estimators_belong_to_weights():
     learned = shipped_estimators().metadata["patchnet"]
     assert learned == load_weights().hash, "train the estimators anew after the weights: training/shipped_weights.sh"
@@ -237,8 +190,3 @@ def test_estimators_travel_in_the_weights_file(coded, tmp_path):
         assert not np.array_equal(found, STRATEGIES[name].scores(plain))
     staged = STRATEGIES["patchnet-plus-staged"]
     assert not np.array_equal(rank(staged, own, 0.3).score, rank(staged, plain, 0.3).score)
-
-
-def test_registry_loads_no_compiler():
-    code = "import sys, patchnet.patchnet_addon.sampling.registry; assert 'numba' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)

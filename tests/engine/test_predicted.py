@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Predicted pictures: luminance, colour and alpha by definition, their priority, and pictures refined from them."""
+"""Predicted pictures: luminance, colour, alpha, priority and refinement by definition."""
 
 from dataclasses import replace
 
@@ -16,14 +16,12 @@ from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.errors import mse_at
 from patchnet.patchnet_addon.sampling.patchnet_behind import neighbour_difference, remaining_error
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
-from patchnet.patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, expected_colors, expected_luminance
+from patchnet.patchnet_addon.sampling.predicted import PREDICTED, PREVIEW, expected_luminance
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_picture
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.sampling.uniform import uniform_error, uniform_report
 from patchnet.patchnet_addon.surface.chroma import REC709
-from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.engine.test_adaptive import camera, colored
 
@@ -69,12 +67,6 @@ def test_colours_have_the_predicted_luminance(view: PixelBuffers) -> None:
     ours, voxels = view.predicted_color[alone], view.preview_color[alone]
     sums = ours.sum(axis=1, keepdims=True), voxels.sum(axis=1, keepdims=True)
     np.testing.assert_allclose(ours * sums[1], voxels * sums[0], atol=1e-5)
-
-
-def test_the_patch_of_a_black_voxel_is_gray() -> None:
-    patch = Prediction(np.float32([0.5]), np.float32([0.6]), np.array([True]))
-    colors = expected_colors(patch, np.zeros(1, np.float32), np.zeros((1, 3), np.float32), np.float32([[0.4, 0.2, 0]]))
-    np.testing.assert_allclose(colors, [[0.5, 0.4, 0.3]], rtol=1e-6)
 
 
 def test_alpha_is_what_is_met_in_the_patch_or_behind(view: PixelBuffers) -> None:
@@ -139,17 +131,6 @@ def test_a_predicted_pixel_gets_no_four_samples(view: PixelBuffers, mean: float)
     samples = ranking.samples(mean)
     assert set(samples.tolist()) <= {1, 16, 64, 256, 1024} and samples[view.active].mean() <= mean
     assert (np.diff(samples[ranking.order]) <= 0).all() and (mean == 1.0) == (samples.max() == 1)
-
-
-def test_uniform_pictures_are_measured_like_the_preview(coded: CodedOctree, view: PixelBuffers) -> None:
-    found = drain(uniform_report(coded.octree, camera(), view))
-    assert found.keys() == {"1", "2", "3", "4"}
-    plain = replace(view, unrefined=PREVIEW)
-    assert found["1"] == pytest.approx(mse_at(plain, np.zeros(len(view.preview)), [0.0])[0])
-    picture = drain(supersample(coded.octree, camera(), 3))
-    error = ((picture.astype(float) - view.reference) ** 2)[view.active]
-    assert found["3"] == pytest.approx(error.mean())
-    assert drain(uniform_error(coded.octree, camera(), view, 3)) == pytest.approx(error.sum())
 
 
 def test_what_is_missing_is_named(coded: CodedOctree) -> None:

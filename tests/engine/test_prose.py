@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""README, changelog and documentation say the field's words, not those that this project has fallen into."""
+"""Pages use the field's terms."""
 
 import re
 from pathlib import Path

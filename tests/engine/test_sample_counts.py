@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples per pixel by priority: the allocation against its definition, and the pictures that are traced with it."""
+"""Samples per pixel by priority: the allocation against its definition, and traced pictures."""
 
 from dataclasses import replace
 
@@ -18,12 +18,10 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.sample_counts import (
     COUNTS,
     SIDES,
-    pixels_by_side,
     refined_counts,
     sample_counts,
 )
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing import supersample as supersampling
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.engine.test_adaptive import camera, colored
@@ -87,29 +85,6 @@ def test_against_one_upgrade_after_another(seed: int, count: int, mean: float) -
     np.testing.assert_array_equal(sample_counts(priorities, mean), counts_reference(priorities, mean))
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 17, 1000, 50_001])
-@pytest.mark.parametrize("mean", MEANS)
-def test_budget_is_kept_and_spent_and_more_priority_gets_no_less(count: int, mean: float) -> None:
-    priorities = falling(count, count)
-    counts = sample_counts(priorities, mean)
-    assert counts.dtype == np.int32 and set(counts.tolist()) <= set(COUNTS.tolist())
-    assert counts.sum() <= mean * count * (1 + 1e-12)
-    assert (np.diff(counts) <= 0).all() and (counts[priorities <= 0] == 1).all()
-    left, urgent = mean * count - counts.sum(), int(np.count_nonzero(priorities))
-    for level in range(5):  # the next pixel of each upgrade costs more than what is left
-        taken, before = (np.count_nonzero(counts > COUNTS[at]) for at in (level, level - 1))
-        if taken < (before if level else urgent):
-            assert COUNTS[level + 1] - COUNTS[level] > left - 1e-6
-    np.testing.assert_array_equal(counts, sample_counts(priorities.copy(), mean))
-
-
-def test_priorities_have_no_scale() -> None:
-    priorities = falling(7, 500)
-    counts = sample_counts(priorities, 9.0)
-    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**-40), 9.0), counts)
-    np.testing.assert_array_equal(sample_counts(priorities * np.float32(2.0**40), 9.0), counts)
-
-
 def test_extremes() -> None:
     priorities = falling(3, 200)
     assert (sample_counts(priorities, 1.0) == 1).all()
@@ -127,28 +102,6 @@ def test_extremes() -> None:
 def test_a_mean_outside_its_range(mean: float) -> None:
     with pytest.raises(SettingError, match=r"Samples per pixel .* is outside 1 to 1024: give the mean"):
         sample_counts(np.ones(3), mean)
-
-
-def test_pixels_by_side() -> None:
-    samples, order = np.array([4, 1, 64, 1024, 4, 1, 1024, 4], np.int32), np.array([6, 3, 2, 4, 0, 7, 1])
-    found = [(side, pixels.tolist()) for side, pixels in pixels_by_side(samples, order)]
-    assert found == [(32, [6, 3]), (8, [2]), (2, [4, 0, 7])]
-    assert list(pixels_by_side(np.ones(8, np.int32), order)) == []
-
-
-@pytest.mark.parametrize("name", STRATEGIES)
-def test_a_view_by_every_strategy(name: str) -> None:
-    buffers = random_buffers(4)
-    weights = np.where(np.arange(len(buffers.preview)) % 3 == 0, 0.0, 0.7).astype(np.float32)
-    for seen in (buffers, replace(buffers, importance=weights)):
-        ranking = rank(STRATEGIES[name], seen, 0.3)
-        samples = ranking.samples(6.0)
-        assert samples[seen.active].mean() <= 6.0 and samples[seen.active].mean() > 5.9
-        assert (samples[~seen.active] == 1).all() and (np.diff(samples[ranking.order]) <= 0).all()
-        if seen.importance is not None:
-            assert (samples[weights == 0] == 1).all()
-        shown = ranking.urgency(int(np.count_nonzero(samples > 1)))
-        np.testing.assert_array_equal(shown > 0, (samples > 1) & (ranking.priority > 0))
 
 
 def test_scores_of_zero_may_be_wrong_and_importance_of_zero_never_matters() -> None:
@@ -193,41 +146,6 @@ def test_pixels_are_traced_with_their_samples(with_color: bool) -> None:
             np.testing.assert_array_equal(picture.alpha[pixels], means.coverage)
 
 
-def test_every_chosen_pixel_is_traced_once_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[tuple[int, np.ndarray]] = []
-
-    def counted(octree, camera, pixels, side, **how):  # type: ignore[no-untyped-def]
-        calls.append((side, pixels))
-        return supersample_pixels(octree, camera, pixels, side, **how)
-
-    monkeypatch.setattr(supersampling, "supersample_pixels", counted)
-    picture, ranking, _ = view()
-    reports = []
-    drain(picture.refine(0.0, pace=Pace(batch_rays=500), spp=9.0), reports.append)
-    samples = ranking.samples(9.0)
-    traced = np.concatenate([pixels for _, pixels in calls])
-    np.testing.assert_array_equal(np.sort(traced), np.flatnonzero(samples > 1))
-    assert sum(side**2 * len(pixels) for side, pixels in calls) == samples[samples > 1].sum()
-    assert [side for side, _ in calls] == sorted((side for side, _ in calls), reverse=True), "the most urgent first"
-    assert all(side**2 * len(pixels) <= max(500, side**2) for side, pixels in calls)
-    shares = [report.fraction for report in reports]
-    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
-
-    calls.clear()
-    drain(picture.refine(0.0, spp=9.0))
-    assert not calls, "all of them have their samples"
-
-
-def test_a_quick_pass_first_ends_with_the_same_picture() -> None:
-    at_once, in_two, _ = view()[0], view()[0], None
-    drain(at_once.refine(0.0, spp=9.0))
-    drain(in_two.refine(0.0, 4, spp=9.0))
-    assert in_two.samples.max() == 16
-    drain(in_two.refine(0.0, spp=9.0))
-    np.testing.assert_array_equal(in_two.samples, at_once.samples)
-    np.testing.assert_array_equal(in_two.colors, at_once.colors)
-
-
 @pytest.mark.parametrize("with_color", [False, True])
 def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
     picture, ranking, buffers = view(with_color)
@@ -236,21 +154,8 @@ def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
     refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(9.0), pace))
     np.testing.assert_array_equal(refined.samples, picture.samples)
     assert refined.refined_count == np.count_nonzero(picture.samples > 1)
-    if with_color:
-        np.testing.assert_array_equal(refined.colors, picture.colors)
-    else:
-        np.testing.assert_array_equal(refined.luminance, picture.colors[:, 0])
-        assert refined.colors is None
+    np.testing.assert_array_equal(picture.colors, refined.colors if with_color else refined.luminance[:, None])
     assert not np.shares_memory(refined.luminance, buffers.preview)
-
-
-def test_ends_of_the_range_are_preview_and_reference() -> None:
-    picture, ranking, buffers = view()
-    none = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(1.0)))
-    np.testing.assert_array_equal(none.luminance, buffers.preview)
-    every = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(1024.0)))
-    active = buffers.active
-    np.testing.assert_allclose(every.luminance[active], buffers.reference[active], rtol=1e-6)
 
 
 def test_figures_of_a_report() -> None:
@@ -282,18 +187,6 @@ def test_refined_pixels_against_one_upgrade_after_another(seed: int, count: int,
     priorities = falling(seed, count, zeros=0.0)
     expected = counts_reference(priorities, mean, first=2, last=4 if mean <= 256 else 5)
     np.testing.assert_array_equal(refined_counts(priorities, mean), expected)
-
-
-def test_refined_pixels_have_16_to_256_samples_and_1024_by_choice() -> None:
-    priorities = falling(5, 999, zeros=0.0)
-    assert (refined_counts(priorities, 16.0) == 16).all() and (refined_counts(priorities, 256.0) == 256).all()
-    assert (refined_counts(priorities, 1024.0) == 1024).all()
-    for mean, seen in ((40.0, {16, 64}), (100.0, {64, 256}), (600.0, {256, 1024})):
-        for predicted in (False, True):
-            counts = refined_counts(priorities, mean, predicted=predicted)
-            assert set(counts.tolist()) == seen and 0.95 * mean < counts.mean() <= mean and (np.diff(counts) <= 0).all()
-    with pytest.raises(SettingError, match=r"Samples per refined pixel 8\.0 is outside 16 to 1024"):
-        refined_counts(priorities, 8.0)
 
 
 def test_a_share_is_refined_alike_by_jobs_and_renders() -> None:

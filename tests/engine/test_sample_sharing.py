@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths where triangles crowd: every voxel gets what its surface asks for, and little more."""
+"""Paths in dense geometry: every voxel gets its share, and little more."""
 
 import numpy as np
 import pytest
 
 import patchnet.patchnet_addon.lightmap.charts as charts_module
-from patchnet.patchnet_addon.lightmap.chart_lookup import group_means, texel_owners, triangle_means
+from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -70,11 +70,6 @@ def test_only_crowds_share() -> None:
     assert not set(charts.group[:60_000]) & set(charts.group[60_000:])
 
 
-def test_small_crowds_are_not_worth_a_page() -> None:
-    charts = laid_out(np.concatenate([wall(40.0), bush(200, 0.5, 0.05)]))
-    assert charts.page_count == 1 and charts.group is None
-
-
 def test_materials_do_not_share() -> None:
     corners = np.repeat(bush(20_000, 4.0, 0.05), 2, axis=0)
     both = np.arange(len(corners), dtype=np.int32) % 2
@@ -95,30 +90,3 @@ def test_texels_follow_the_size_asked_for_each_triangle() -> None:
     own = paths(small) / SAMPLES
     assert 1.5 < small.growth < 2.1
     assert own[:2].sum() == 32**2 and own[2:].sum() == 8**2
-
-
-@pytest.mark.parametrize("page_side", [32, 128, 1024])
-def test_pages_reach_as_far_as_their_texels(page_side: int) -> None:
-    corners = np.concatenate([bush(20_000, 8.0, 0.1), bush(50, 8.0, 3.0), wall(30.0)])
-    charts = laid_out(corners, page_side=page_side)
-    side, used, reached = charts.page_side, 0, 0
-    for page in range(charts.page_count):
-        rows, columns = np.nonzero(texel_owners(charts, page).reshape(side, side) >= 0)
-        width, height = charts.page_size[page]
-        assert columns.max() < width <= side and rows.max() < height <= side
-        used, reached = used + len(rows), reached + width * height
-    assert used > 0.5 * reached
-
-
-def test_groups_have_one_mean() -> None:
-    corners = bush(30_000, 4.0, 0.05)
-    charts = laid_out(corners, page_side=64)
-    texels = np.random.default_rng(0).random((charts.texel_count, 2)).astype(np.float32)
-    triangles = np.flatnonzero(charts.page == charts.page_count - 1)
-    singles, shared = triangle_means(charts, texels, triangles), group_means(charts, texels, triangles)
-    assert charts.group is not None
-    for group in np.unique(charts.group[triangles])[:50]:
-        mine = charts.group[triangles] == group
-        np.testing.assert_allclose(
-            shared[mine], np.broadcast_to(singles[mine].mean(axis=0), (mine.sum(), 2)), rtol=1e-9
-        )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles that cameras see, held against every ray against every triangle."""
+"""Triangles that cameras see, against every ray with every triangle."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_a
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
-from patchnet.patchnet_addon.surface.textures import TextureTable, cut_coverage
+from patchnet.patchnet_addon.surface.textures import cut_coverage
 from patchnet.tests.references.footprint import bilinear_reference
 
 WHITE = (1.0, 1.0, 1.0)
@@ -59,25 +59,6 @@ def test_small_fragments_read_the_finest_texels(wrap: str, transform: tuple | No
     expected = bilinear_reference(pixels, uv, wrap) @ (REC709 * (0.5, 1.0, 0.25))
     np.testing.assert_allclose(values, expected, atol=1e-5, err_msg="outside of a clipped colour it is black")
     np.testing.assert_allclose(opacity, 1.0, rtol=1e-6)
-
-
-@pytest.mark.parametrize("shape", [(64, 64), (48, 100), (33, 17)])
-def test_large_fragments_get_means(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(1)
-    pixels = rng.random((*shape, 3)).astype(np.float32)
-    mesh = square(Material("M", WHITE, Texture("T", pixels)), tiles=8.0)
-    values, _ = albedo_shade(mesh)(*pieces(mesh, 1))
-    mean = float((pixels @ REC709).mean())
-    np.testing.assert_allclose(values, mean, rtol=0.02)
-    # A coarse texture under middling cells: close to the mean over each cell.
-    coarse = np.kron(rng.random((4, 4, 1)), np.ones((16, 16, 3))).astype(np.float32)
-    mesh = square(Material("M", WHITE, Texture("T", coarse)))
-    batch, fragments = pieces(mesh, 2)
-    values, _ = albedo_shade(mesh)(batch, fragments)
-    cell = (points(batch, fragments) * 4).astype(int)
-    truth = coarse[cell[:, 1] * 16, cell[:, 0] * 16] @ REC709
-    centre = np.abs(points(batch, fragments) * 4 % 1 - 0.5).max(axis=1) < 0.2
-    assert np.abs(values - truth)[centre].mean() < 0.15 * truth.std() + 0.05
 
 
 def test_alpha_fractions_and_cut_alpha() -> None:
@@ -155,20 +136,6 @@ def test_two_lights() -> None:
     np.testing.assert_array_equal(turned, values)
     with pytest.raises(SettingError, match="direction"):
         two_lights_shade(mesh, (0.0, 0.0, 0.0))
-
-
-def test_mip_chains_keep_the_mean_and_are_shared() -> None:
-    rng = np.random.default_rng(4)
-    texture = Texture("T", rng.random((37, 22, 3)).astype(np.float32))
-    one = Material("One", WHITE, texture)
-    table = TextureTable.from_materials((one, replace(one, name="Two"), Material("Plain")))
-    assert table.materials.chain.tolist() == [0, 0, -1]
-    chains = table.chains
-    assert chains.levels[:, 1].tolist() == [37, 18, 9, 4, 2, 1, 1][: len(chains.levels)]
-    mean = float((texture.pixels @ REC709).mean())
-    for offset, height, width in chains.levels:
-        part = chains.texels[offset : offset + height * width]
-        assert part[:, 0].mean() == pytest.approx(mean, rel=1e-5)
 
 
 def test_exposure() -> None:

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ranking in stages: traced and known looks agree, who is refined, and what is looked at."""
+"""Staged ranking: traced and known pixels agree, and the number of pixels that are traced."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
 from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
 from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
@@ -30,7 +28,7 @@ from patchnet.training.strategies.registry import EVALUATED, STAGED
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)
 CAMERA = Camera.look_at(np.array([2.1, 1.4, 1.2]), np.full(3, 0.5), size_px=(60, 40))
-BUDGETS = [0.0, 0.01, 0.1, 0.3, 0.7, 1.0]
+BUDGETS = [0.0, 0.1, 0.7]
 
 
 @pytest.fixture(scope="module")
@@ -112,46 +110,12 @@ def test_only_some_pixels_are_looked_at_closely(first, looks, monkeypatch):
     assert counts.keys() == {"normal", "child_mask", "behind", "prediction"}
 
 
-def test_all_pixels_in_one_stage_have_the_scores_of_the_whole_view(buffers, estimators):
-    everything = Plan((Stage(FORMS["plus-4"], 0.0, math.inf),))
-    scores = staged_scores(buffers, None, everything, 0.2, estimators)
-    whole = estimated_error(buffers, estimators, FORMS["plus-4"])
-    inside = buffers.picture(buffers.active)[1:-1, 1:-1]  # stand-ins are beside active pixels alone
-    np.testing.assert_allclose(
-        buffers.picture(scores)[1:-1, 1:-1][inside], buffers.picture(whole)[1:-1, 1:-1][inside], rtol=1e-5
-    )
-
-
 @pytest.mark.parametrize("form", FORMS)
 def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
     pixels = np.flatnonzero(buffers.active)[::7]
     around = window_pixels(pixels, buffers.width, buffers.height)
     found = estimate_chosen(chosen_windows(buffers, FORMS[form], around), estimators, FORMS[form])
     np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
-
-
-def test_importance_decides_too(buffers, estimators):
-    importance = np.ones(len(buffers.preview), np.float32)
-    importance[: len(importance) // 2] = 0.0
-    seen = replace(buffers, importance=importance)
-    scores = staged_scores(seen, None, Plan((Stage(FORMS["plus-4"], 0.5, 1.5),)), 0.2, estimators)
-    refined = refined_mask(seen, refinement_order(seen, scores), 0.2)
-    assert refined.any() and not refined[importance == 0].any()
-
-
-def test_views_that_lack_something_are_refused(buffers):
-    with pytest.raises(SettingError, match="'patchnet-plus-staged' needs the view's fine_rays"):
-        rank(STRATEGIES["patchnet-plus-staged"], replace(buffers, fine_rays=None), 0.3)
-
-
-def test_estimators_of_other_weights_are_warned_of():
-    warning = estimators_warning("patchnet-plus-staged", Weights.random())
-    assert warning is not None and "patchnet-plus-staged" in warning
-
-
-@pytest.mark.parametrize("part, shape", [("fine_rays", (0, 4)), ("behind", (0,)), ("normal", (0, 3))])
-def test_looks_at_nothing(part, shape, looks, buffers):
-    assert looks.look(part, buffers.hits, np.empty(0, np.int64))[0].shape == shape
 
 
 @pytest.mark.parametrize("with_codes", [False, True])

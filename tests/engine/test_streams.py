@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Commands whose output nobody reads any more: they end as they would, without a traceback."""
+"""Commands tolerate closed stdout, broken pipes and full disks."""
 
 import os
 import re

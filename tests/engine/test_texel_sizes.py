@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels follow the leaves of an octree whose leaves differ."""
+"""Texel sizes follow the leaf levels of an octree."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour of shaded fragments against a plain twin; luminance and opacity keep their bits."""
+"""Colour of shaded fragments against its reference; luminance and opacity keep their bits."""
 
 from dataclasses import replace
 
@@ -74,19 +74,6 @@ def test_shades_have_colour_only_when_asked(make, mesh: TriangleMesh, pieces) ->
         own = np.array([m.name for m in mesh.materials])[pieces[0].materials[pieces[1].triangle]] == name
         expected = np.array(hue) / (REC709 @ hue) * luminance[own][:, None]
         np.testing.assert_allclose(color[own], expected, rtol=1e-3, atol=1e-6)
-
-
-def test_emission_mixes_with_the_surface(mesh: TriangleMesh, pieces) -> None:
-    _, _, color = albedo_shade(mesh, color=True)(*pieces)
-    plain = pieces[0].materials[pieces[1].triangle] == 5
-    np.testing.assert_allclose(color[plain], np.broadcast_to((2.1, 0.8, 1.3), color[plain].shape), rtol=1e-5)
-
-
-def test_mip_chains_have_the_same_luminance_with_and_without_colour() -> None:
-    gray, colored = (TextureTable.from_materials(materials(), color=color).chains for color in (False, True))
-    np.testing.assert_array_equal(gray.texels, colored.texels)
-    np.testing.assert_allclose(colored.colors @ REC709, colored.texels[:, 0], atol=1e-5)
-    assert gray.colors.shape == (1, 3)
 
 
 def test_large_fragments_show_the_mean_colour() -> None:

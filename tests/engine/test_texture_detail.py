@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texture that a bake blurred to its texels stands in the voxels again; what has none keeps its light."""
+"""Texture detail finer than baked texels is restored in voxels."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compiled ray walk against its NumPy twin and against brute force over all voxels."""
+"""The compiled traversal against its NumPy reference; supersampling and colour."""
 
 from dataclasses import replace
 
@@ -13,10 +13,7 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, ray_up, seen_color
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
-from patchnet.tests.references.first_hits import (
-    first_hits_reference,
-    supersampled_reference,
-)
+from patchnet.tests.references.first_hits import hits_of_pixels, supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
 
 SIZE = (24, 20)
@@ -50,11 +47,6 @@ def cameras():
     return [perspective, inside, axis, ortho, clipped, clipped_ortho]
 
 
-def centres(camera):
-    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
-    return (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
-
-
 def test_clipping_takes_what_is_nearer_and_farther(octree):
     """Between planes along the view axis, to the accuracy of a voxel."""
     camera = cameras()[0]
@@ -71,7 +63,7 @@ def test_clipping_takes_what_is_nearer_and_farther(octree):
 @pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
 def test_walk_equals_reference(octree, camera):
     hits = first_hits(octree, camera)
-    node, t = first_hits_reference(octree, camera, *centres(camera))
+    node, t = hits_of_pixels(octree, camera)
     assert hits.hit.any()
     np.testing.assert_array_equal(hits.hit, node >= 0)
     np.testing.assert_allclose(hits.t_world[hits.hit], t[hits.hit] * octree.grid.side_world, rtol=1e-6, atol=1e-9)
@@ -90,10 +82,11 @@ def test_contract_holds_at_every_hit(octree):
     assert (np.abs((hits.up * hits.direction).sum(axis=1)) < 1e-6).all()
 
 
-def test_supersampling_equals_mean_of_reference_rays(octree):
+@pytest.mark.parametrize("side", [2, 4, 9])
+def test_supersampling_equals_mean_of_reference_rays(octree, side):
     camera = cameras()[0].with_size(6, 5)
-    picture = drain(supersample(octree, camera, 4))
-    expected, _ = supersampled_reference(octree, camera, 4)
+    picture = drain(supersample(octree, camera, side))
+    expected, _ = supersampled_reference(octree, camera, side)
     np.testing.assert_allclose(picture, expected, atol=1e-6)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tubes and spheres are closed, face outwards, and look as wide as round ones."""
+"""Triangles of tubes and spheres are closed, face outwards, and have the projected width of round ones."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels of one level, on octrees with leaves on several levels, against marking every cell."""
+"""Voxels of one level against a dense grid."""
 
 import numpy as np
 import pytest
@@ -51,11 +51,6 @@ def test_pieces_are_bounded_and_the_same_voxels(octree, piece):
     assert set(nodes.tolist()) == {n for run in voxel_runs(octree, 4) for n in run.nodes.tolist()}
     for run in runs:
         np.testing.assert_array_equal(octree.find(run.level, run.cells), run.nodes)
-
-
-def test_surface_of_all_levels_is_the_same(octree):
-    for level in LEVELS:
-        assert voxel_cloud(octree, level).area_world.sum() == pytest.approx(octree.area_world[0], rel=1e-5)
 
 
 def test_level_that_fits(octree):

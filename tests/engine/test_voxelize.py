@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The voxelizer against independent oracles: conserved area, dense point sampling, means computed directly.
+"""The voxelizer against independent references: conserved area, clipping cell by cell, order of triangles.
 
 Over random triangles too: slivers, huge, tiny, on voxel faces, twice, degenerate.
 """
@@ -11,7 +11,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree.blocks import all_cells
 from patchnet.patchnet_addon.octree.build import build_octree
@@ -100,42 +99,6 @@ def test_clip_equals_clipping_each_cell_alone(corners):
             np.testing.assert_allclose(weights, expected[key][1][1:], atol=1e-4)
 
 
-def test_leaf_means_equal_dense_point_sampling():
-    corners = soup(12, seed=3, size=0.3)
-    mesh = TriangleMesh.from_arrays(corners)
-    grid = Grid.around(mesh.bounds_world, 3)
-    (sums,) = leaves_of(mesh, grid, position_shade)
-    rng = np.random.default_rng(1)
-    areas, normals = triangle_areas_and_normals(corners)
-    count = 400_000
-    chosen = rng.choice(len(corners), count, p=areas / areas.sum())
-    r1, r2 = np.sqrt(rng.random(count)), rng.random(count)
-    weights = np.stack([1 - r1, r1 * (1 - r2), r1 * r2], axis=1)
-    points = (weights[:, :, None] * corners[chosen]).sum(axis=1)
-    cells = np.floor((points - np.asarray(grid.origin_world)) / grid.voxel_size_world).astype(int)
-    place = np.searchsorted(sums.keys, morton_encode(cells))
-    sampled = np.bincount(place, minlength=len(sums.keys)) * areas.sum() / count
-    noise = np.sqrt(np.maximum(sampled, areas.sum() / count) * areas.sum() / count)
-    assert (np.abs(sampled - sums.sums[:, 0]) < 6 * noise).all()
-    enough = sampled > 300 * areas.sum() / count
-    mean_x = (
-        np.bincount(place, points[:, 0], len(sums.keys))[enough] / np.bincount(place, minlength=len(sums.keys))[enough]
-    )
-    np.testing.assert_allclose(sums.sums[enough, 1] / sums.sums[enough, 0], mean_x, atol=0.02)
-    mean_nz = (
-        np.bincount(place, normals[chosen, 2], len(sums.keys))[enough]
-        / np.bincount(place, minlength=len(sums.keys))[enough]
-    )
-    np.testing.assert_allclose(sums.sums[enough, 4] / sums.sums[enough, 0], mean_nz, atol=0.2)
-
-
-def test_huge_triangle_is_divided_among_tasks_without_loss():
-    mesh = TriangleMesh.from_arrays(np.array([[[0, 0, 0.5], [1, 0, 0.51], [0, 1, 0.52]]]))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), position_shade))
-    expected = triangle_areas_and_normals(mesh.parts[0].corners_world)[0].sum()
-    assert octree.area_world[octree.level(10)].sum(dtype=np.float64) == pytest.approx(expected, rel=1e-6)
-
-
 def test_occupied_cells_are_those_of_the_leaves():
     """Where nothing is added up the cells are the same: of several levels, with gaps, in few and in many passes."""
     mesh = TriangleMesh.from_arrays(soup(300, seed=4))
@@ -170,7 +133,7 @@ def test_opacity_cuts_the_surface():
         drain(build_octree(mesh, Grid.around(mesh.bounds_world, 4), lambda b, f: (np.zeros(len(f)), np.zeros(len(f)))))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(soups)
 def test_area_is_conserved_and_touched_voxels_are_there(corners):
     areas, _ = triangle_areas_and_normals(corners)
@@ -201,24 +164,6 @@ def test_bits_do_not_depend_on_order_batches_blocks_and_tasks(corners, random, b
         (other,) = leaves_of(mesh, GRID, position_shade, block_fragments=block_fragments)
     np.testing.assert_array_equal(reference.keys, other.keys)
     np.testing.assert_array_equal(reference.sums, other.sums)
-
-
-def test_planned_load_is_near_the_number_of_fragments():
-    """The estimate by Steiner's formula is that of a grid at a random position, so the mean over a soup is near."""
-    rng = np.random.default_rng(5)
-    corners = rng.uniform(0, 1, (400, 1, 3)) + rng.normal(size=(400, 3, 3)) * 0.05
-    mesh = TriangleMesh.from_arrays(corners)
-    grid = Grid.around(mesh.bounds_world, 7)
-    count = 0
-
-    def counting(_batch, fragments):
-        nonlocal count
-        count += len(fragments)
-        return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
-
-    leaves_of(mesh, grid, counting)
-    sets = blocks.plan_passes(mesh, grid, LeafLevels.uniform(7), count // 10)
-    assert 9 <= len(sets) <= 12
 
 
 def test_rotation_is_proper_and_keeps_areas():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of weights, and the mixture with torch and in plain NumPy: one result."""
+"""Weights files; the mixture network in torch and NumPy."""
 
 import numpy as np
 import pytest

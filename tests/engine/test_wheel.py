@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The built wheel holds the whole tree: an editable install would hide a folder that the build forgot."""
+"""The built wheel contains the whole tree."""
 
 import shutil
 import subprocess

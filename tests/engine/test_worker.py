@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Engine steps beside those who wait for them."""
+"""Engine steps in a worker thread while a caller waits."""
 
 import threading
 import time
@@ -77,14 +77,6 @@ def test_stopping_does_not_wait_for_the_step() -> None:
     assert slow.closed.wait(_LONG_S)  # and takes no more of them
 
 
-def test_nobody_waits() -> None:
-    slow, reports = Slow(), []
-    slow.go.set()
-    assert drain(run_in_worker(slow.steps, Progress(0, 1, "Start")), reports.append) == 5
-    assert slow.thread is threading.main_thread()
-    assert reports == [Progress(1, 3, "First"), Progress(2, 3, "Second")]
-
-
 @pytest.mark.parametrize("pull", [drain, attended_drain])
 def test_errors_arrive(pull: Callable[[Steps[None]], None]) -> None:
     def steps() -> Steps[None]:
@@ -93,36 +85,6 @@ def test_errors_arrive(pull: Callable[[Steps[None]], None]) -> None:
 
     with pytest.raises(SettingError, match="Depth 99"):
         pull(run_in_worker(steps, Progress(0, 1, "Start")))
-
-
-@pytest.mark.parametrize("pull", [drain, attended_drain])
-def test_errors_before_the_first_step_arrive(pull: Callable[[Steps[None]], None]) -> None:
-    def make() -> Steps[None]:
-        raise MemoryError
-
-    with pytest.raises(MemoryError):
-        pull(run_in_worker(make, Progress(0, 1, "Start")))
-
-
-def test_one_thread_for_steps_within_steps() -> None:
-    threads: list[threading.Thread] = []
-
-    def inner() -> int:
-        threads.append(threading.current_thread())
-        return 7
-
-    def outer() -> Steps[int]:
-        threads.append(threading.current_thread())
-        return (yield from computed(inner, Progress(0, 1, "Inner")))
-
-    assert attended_drain(run_in_worker(outer, Progress(0, 1, "Outer"))) == 7
-    assert len(set(threads)) == 1 and threads[0] is not threading.main_thread()
-
-
-def test_reports_of_what_is_computed() -> None:
-    at, reports = Progress(3, 8, "Baking light"), []
-    assert attended_drain(computed(lambda: time.sleep(0.1) or 2, at), reports.append) == 2
-    assert reports and all((report.done, report.total, report.label) == (3, 8, "Baking light") for report in reports)
 
 
 def test_reports_say_that_kernels_are_compiled() -> None:

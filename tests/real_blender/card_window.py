@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody looks through the render engine by the graphics card: turns, zooms, splits the view, frees its memory.
+"""Use the render engine on the graphics card in a window: turn, zoom, quad view, heatmaps, free memory.
 
     blender --enable-event-simulate -p 0 0 1300 700 yard.blend -P card_window.py -- OUT NAME SECONDS
 
@@ -53,7 +53,6 @@ def picture():
     seen["card"] = module("gpu_view.cards").BlenderDevice().name
     yield from clicks.wait_for(lambda: viewport._on_card._background not in (None, "no map"), "the world's map", 120.0)
     yield from clicks.wait_for(settled, "all samples before the world", 180.0)
-    yield from clicks.screenshot(OUT / f"{NAME}-camera.png")
     seen["by the CPU"] = viewport._preview is not None
     texture = viewport._on_card._means[0]
     data = texture.read()
@@ -101,10 +100,8 @@ def moves():
         frames += viewport._on_card._view != before
     seen["turning frames/s"] = frames / (time.monotonic() - start)
     yield from clicks.wait_for(settled, "all samples after turning", 180.0)
-    yield from clicks.screenshot(OUT / f"{NAME}-turned.png")
     view.view_perspective = "ORTHO"
     yield from begun_anew(viewport)
-    yield from clicks.screenshot(OUT / f"{NAME}-ortho.png")
 
 
 def split():
@@ -113,7 +110,6 @@ def split():
     with bpy.context.temp_override(window=clicks.window(), area=area, region=pane):
         bpy.ops.screen.region_quadview()
     yield from clicks.wait_for(lambda: len(viewports) >= 4 and settled(), "four views have all samples", 240.0)
-    yield from clicks.screenshot(OUT / f"{NAME}-quad.png")
     seen["octrees on the card"] = len(module("gpu_view.cards")._cards)
     with bpy.context.temp_override(window=clicks.window(), area=area, region=clicks.region("WINDOW")):
         bpy.ops.screen.region_quadview()
@@ -218,25 +214,6 @@ def by_priority():
     choose(render_samples=16.0)
 
 
-def chosen():
-    """Preferences: the processor alone, automatic, the card again; a limit of memory."""
-    cards, octree = module("gpu_view.cards"), result().octree
-    for kind in ("CPU", "AUTO"):
-        prefer(kind)
-        word = {"CPU": "chosen", "AUTO": "no graphics card"}[kind]
-        yield from clicks.wait_for(lambda word=word: word in cards.why_cpu(result().octree), f"a reason with {kind}")
-        seen[f"why {kind}"] = cards.why_cpu(octree)
-        yield 1.0
-    bpy.context.preferences.addons[PACKAGE].preferences.card_gib = 0.0
-    prefer("CARD")
-    yield from clicks.wait_for(lambda: "memory" in cards.why_cpu(result().octree), "a reason with no memory")
-    seen["why memory"] = cards.why_cpu(octree)
-    bpy.context.preferences.addons[PACKAGE].preferences.card_gib = 2.0
-    del octree
-    clicks.area("VIEW_3D").tag_redraw()
-    yield from clicks.wait_for(lambda: any(v._on_card is not None for v in viewports), "the card again")
-
-
 def workspaces():
     """Another workspace and back: the viewport is another one of Blender's each time."""
     window, before = clicks.window(), clicks.window().workspace
@@ -254,7 +231,6 @@ def freed():
     viewports.clear()  # those of the quad view have ended
     bpy.ops.patchnet.clear_results()
     yield from clicks.wait_for(lambda: not module("gpu_view.cards")._cards, "nothing is on the card", 30.0)
-    yield from clicks.screenshot(OUT / f"{NAME}-freed.png")
 
 
 def reloaded():
@@ -287,7 +263,7 @@ def session():
     watched(viewports)
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
-    for part in (picture, moves, split, heat, by_priority, chosen, workspaces, freed, reloaded):
+    for part in (picture, moves, split, heat, by_priority, workspaces, freed, reloaded):
         yield from part()
         visit.save(part.__name__)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A user's hands in a Blender window: moves, clicks, keys, looking for buttons, screenshots.
+"""Simulated input in a Blender window: moves, clicks, keys, search for buttons, screenshots.
 
 A session is a generator that yields to let the window work: `yield seconds`, or `yield from wait_for(condition, ...)`.
 """

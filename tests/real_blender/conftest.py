@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A real Blender with the extension installed from its zip, as a user would have it.
+"""A real Blender with the extension installed from its zip.
 
 BLENDER=/path/to/blender takes that one; its window opens under xvfb-run where there is no display. Otherwise a small
 Debian with Blender 5.2 is made in BLENDER_ROOT (.blender-root), which needs root.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody refines with Cycles in a Blender window: by the button to the end, or with Esc in the middle.
+"""Refine with Cycles in a window: by the button, and with Esc in the middle.
 
     blender --enable-event-simulate -p 0 0 1500 1100 -P cycles_window.py -- OUT button
     blender -p 0 0 1500 1100 -P cycles_window.py -- OUT escape

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody looks through the render engine in a Blender window: the shading mode of a viewport, and F12.
+"""Use the render engine in a window: rendered shading in the viewport, and F12.
 
     blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P engine_window.py -- OUT
 
 OUT/sky.blend, which test_engine_window.py makes, is opened last, and rendered at once.
-Writes OUT/engine.json, a value for each thing that was seen, and screenshots beside it. test_engine_window.py judges
-them.
+Writes OUT/engine.json, a value for each thing that was seen. test_engine_window.py judges it.
 """
 
 import sys
@@ -32,18 +31,12 @@ def settle(viewport, what: str, seconds: float = 120.0):
     yield from clicks.wait_for(lambda: viewport._preview is not None and viewport._preview.done, what, seconds)
 
 
-def without_voxels():
-    """The shading mode says what to do."""
-    show("RENDERED")
-    yield 1.5
-    yield from clicks.screenshot(OUT / "engine-no-voxels.png")
-
-
 def preview():
     """Refining while the view stands still, starting anew when it moves, done in the end."""
     import importlib
 
     importlib.import_module(f"{PACKAGE}.operators.render_engine.viewport")
+    show("RENDERED")
     viewports: list = []
     watched(viewports)
     choose(resolution="DEPTH", depth=7, scope="VISIBLE", light="two-lights")
@@ -57,7 +50,6 @@ def preview():
     yield from clicks.wait_for(lambda: first.picture.ranking is not None, "every pixel is traced")
     yield from sky(viewport)  # looks at it make Blender begin new engines
     seen["begun anew"] = len(viewports) - engines + (viewport._preview is not first)
-    yield from clicks.screenshot(OUT / "engine-traced.png")
     x, y = clicks.over_viewport()
     yield from clicks.move(x, y)
     clicks.window().event_simulate(type="WHEELUPMOUSE", value="PRESS", x=x, y=y)
@@ -65,7 +57,6 @@ def preview():
     yield from settle(viewport, "the preview spends its budget")
     picture = viewport._preview.picture
     seen["finest"], seen["refined share"] = int(picture.samples.max()), float((picture.samples == 1024).mean())
-    yield from clicks.screenshot(OUT / "engine-refined.png")
     first = picture = None
     yield from masks(viewport)
     show("SOLID")
@@ -93,7 +84,6 @@ def masks(viewport):
     scene.patchnet.budget = 0.001
     choose_mask(importance="IMAGE", importance_image="Mask")
     yield from settle_masked(viewport, "left")
-    yield from clicks.screenshot(OUT / "engine-mask.png")
     paint(image, slice(64, 128))
     clicks.area("VIEW_3D").tag_redraw()
     yield from settle_masked(viewport, "right")
@@ -104,7 +94,6 @@ def masks(viewport):
     seen["levels before"] = wall.modifiers["Smooth"].levels
     choose_mask(importance="VERTEX_GROUP", importance_group="Matters")
     yield from settle_masked(viewport, "group")
-    yield from clicks.screenshot(OUT / "engine-group.png")
     seen["levels after"] = wall.modifiers["Smooth"].levels
     wall.vertex_groups["Matters"].add(range(len(wall.data.vertices)), 0.5, "REPLACE")
     wall.data.update_tag()
@@ -112,7 +101,6 @@ def masks(viewport):
     wall.modifiers.clear()
     choose_mask(importance_group="Nobody")
     yield 1.0
-    yield from clicks.screenshot(OUT / "engine-no-group.png")
     scene.patchnet.importance = "NONE"
 
 
@@ -156,7 +144,6 @@ def final_renders():
     yield from rendered("render")
     yield 0.5
     seen["windows"] = [[area.type for area in window.screen.areas] for window in bpy.context.window_manager.windows]
-    yield from clicks.screenshot(OUT / "engine-render.png")
     scene.patchnet.light = "cycles"  # which no render beside a window can bake
     scene.objects["Back wall"].location.z += 0.01
     yield 0.5
@@ -165,12 +152,8 @@ def final_renders():
     frame.warn = lambda engine, text: (said.append(text), warn(engine, text))
     yield from rendered("render of old voxels")
     seen["said of old voxels"] = said
-    yield 0.5
-    yield from clicks.screenshot(OUT / "engine-old.png")
     bpy.ops.patchnet.clear_results()
     yield from rendered("render without voxels")
-    yield 0.5
-    yield from clicks.screenshot(OUT / "engine-error.png")
 
 
 def rendered(name: str) -> clicks.Session:
@@ -200,7 +183,7 @@ def session():
     """The whole visit."""
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
-    for part in (without_voxels, preview, final_renders, sky_at_once):
+    for part in (preview, final_renders, sky_at_once):
         yield from part()
         visit.save(part.__name__)
 

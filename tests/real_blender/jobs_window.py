@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody goes on using Blender beside a job: saves, opens menus, edits, closes windows, undoes, renders.
+"""Use Blender during a job: save, open menus, edit, undo, render.
 
     blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P jobs_window.py -- OUT
 
@@ -156,22 +156,6 @@ def after_the_job() -> clicks.Session:
     seen["stopped with"] = [text for text in heard.told if text.startswith("Stopped")]
 
 
-def false_reports() -> clicks.Session:
-    """A window closes, a collection comes, an image goes: nothing of that is a change of light."""
-    stale = seen["stale after"] = {}
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[-1]):
-        bpy.ops.wm.window_close()
-    yield 1.0
-    stale["closed window"] = dict(result().reasons)
-    scene = clicks.window().scene
-    scene.collection.children.link(bpy.data.collections.new("Empty"))
-    yield 0.3
-    stale["new collection"] = dict(result().reasons)
-    bpy.data.images.remove(bpy.data.images.new("Gone", 4, 4))
-    yield 0.3
-    stale["deleted image"] = dict(result().reasons)
-
-
 def render() -> clicks.Session:
     """F12 uses the voxels that are there."""
     octree, ended = result().octree, ends_of_renders()
@@ -186,10 +170,7 @@ def render() -> clicks.Session:
     seen["render"] = {"ended": ended, "mean": mean, "same voxels": result().octree is octree}
 
 
-PARTS = (
-    prepare, use_blender_meanwhile, edit_meanwhile, undo_meanwhile, resume, reports, after_the_job, false_reports,
-    render,
-)  # fmt: skip
+PARTS = (prepare, use_blender_meanwhile, edit_meanwhile, undo_meanwhile, resume, reports, after_the_job, render)
 
 
 def session() -> clicks.Session:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody previews a scene, looks around in it and renders it, then frees the memory. No kernel is compiled before.
+"""Preview a scene, look around, render, free the memory. No kernel is compiled before.
 
     blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P memory_window.py -- OUT
 

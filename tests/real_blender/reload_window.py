@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody's Blender dies after a bake that nobody saved, then opens the file again and goes on without a bake.
+"""Kill Blender after a bake, open the file again, and continue without a bake.
 
     blender --enable-event-simulate -p 0 0 1000 800 yard.blend -P reload_window.py -- OUT made
     blender --enable-event-simulate -p 0 0 1000 800 OUT/reload.blend -P reload_window.py -- OUT opened

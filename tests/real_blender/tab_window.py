@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody tries PatchNet in a Blender window: opens the tab, presses every button, stops one, looks at the pictures.
+"""Use the tab in a window: press every button, stop a job, undo, look at pictures.
 
     blender --enable-event-simulate -p 0 0 1500 1000 courtyard.blend -P tab_window.py -- OUT
 
@@ -14,7 +14,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, PACKAGE, Heard, Visit, choose, module, open_panels, open_tab, result, running, side_box
+from visits import OUT, Heard, Visit, choose, open_panels, open_tab, result, running, side_box
 
 SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
 
@@ -116,21 +116,6 @@ def stopped_job(buttons: dict[str, tuple[int, int]], name: str):
     return {"was_running": was_running, "seconds_to_stop": round(stopped - start, 1)}
 
 
-def stopped_world(buttons: dict[str, tuple[int, int]]):
-    """Esc while the world behind objects is looked at, which would take minutes: the next picture is not made."""
-    world, name = module("cycles.background"), "patchnet.render_preview"
-    samples, world.SAMPLES = world.SAMPLES, 1 << 16
-    before = len(heard.labels)
-    yield from clicks.click((yield from clicks.find_again(name, buttons[name])))
-    yield from clicks.wait_for(lambda: any(label.endswith(": World") for label in heard.labels[before:]), "the world")
-    yield 1.0
-    was_running, start = running(), time.monotonic()
-    yield from clicks.key("ESC", *clicks.over_viewport())
-    yield from clicks.wait_for(lambda: not running(), "Esc stops the job")
-    seen["stopped world"] = {"was_running": was_running, "seconds": round(time.monotonic() - start, 1)}
-    world.SAMPLES = samples
-
-
 def change_and_undo(_buttons: dict[str, tuple[int, int]]):
     """Moving an object makes the result stale, and says so; undo and redo with it, and all still lives."""
     name, (x, y) = "Back wall", clicks.over_viewport()
@@ -187,18 +172,7 @@ def free_memory(_buttons: dict[str, tuple[int, int]]):
     seen["freed"] = result() is None
 
 
-def preferences(_buttons: dict[str, tuple[int, int]]):
-    """The add-on's preferences in their own window."""
-    bpy.context.window_manager.addon_search = "PatchNet"
-    bpy.ops.preferences.addon_expand(module=PACKAGE)
-    bpy.ops.screen.userpref_show(section="ADDONS")
-    yield 1.0
-    yield from clicks.screenshot(OUT / "window-preferences.png")
-
-
-PARTS = (
-    too_early, nothing_selected, step_by_step, stopped_world, change_and_undo, all_at_once, free_memory, preferences,
-)  # fmt: skip
+PARTS = (too_early, nothing_selected, step_by_step, change_and_undo, all_at_once, free_memory)
 
 
 def session():

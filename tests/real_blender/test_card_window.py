@@ -63,10 +63,5 @@ def test_priority_is_refined_by_the_cpu_at_rest(seen: dict) -> None:
     assert seen["refined by the CPU"] > 1
 
 
-def test_the_panel_says_why_the_processor_shows_voxels(seen: dict) -> None:
-    assert seen["why CPU"] == "Viewport by the CPU: chosen in the preferences"
-    assert "is no graphics card" in seen["why AUTO"] and "0 GiB are allowed" in seen["why memory"]
-
-
 def test_nothing_is_said_of_errors(seen: dict) -> None:
     assert "Error" not in seen["said"] and "GPU" not in seen["said"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C and SIGTERM in a real Blender without a window, which has handlers of its own, and streams that are closed."""
+"""Ctrl-C, SIGTERM and closed streams in a real Blender without a window."""
 
 import shlex
 import signal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refine with Cycles beside a window that lives; cycles_window.py is what happened there."""
+"""Check the reports of cycles_window.py: Refine with Cycles in a responsive window."""
 
 from pathlib import Path
 

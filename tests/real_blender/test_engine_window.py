@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine in a real Blender with a window; engine_window.py is what happened there."""
+"""Check the report of engine_window.py: the render engine in a window."""
 
 from pathlib import Path
 
@@ -91,18 +91,13 @@ def picture(path: Path) -> np.ndarray:
     return np.dstack([next(values for name, values in channels.items() if name.split(".")[-1] == c) for c in "RGB"])
 
 
-def test_voxels_that_do_not_fit_are_shown_with_a_warning(seen: dict, out: Path) -> None:
-    """Above the picture it stays, as the screenshot shows: scripts cannot read it."""
+def test_voxels_that_do_not_fit_are_shown_with_a_warning(seen: dict) -> None:
     assert seen["render of old voxels"] == "complete"
     assert any("do not fit the scene any more" in text for text in seen["said of old voxels"])
-    assert (out / "engine-old.png").stat().st_size > 5000
 
 
-def test_without_voxels_nothing_breaks(seen: dict, out: Path) -> None:
-    """The status bar of that moment is in a screenshot: scripts cannot read it."""
+def test_without_voxels_nothing_breaks(seen: dict) -> None:
     assert seen["render without voxels"] in ("complete", "cancel")
-    for name in ("no-voxels", "traced", "refined", "render", "error"):
-        assert (out / f"engine-{name}.png").stat().st_size > 5000
 
 
 def test_viewports_refine_where_masks_are_white(seen: dict) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F12 in a job of Blender's own, stopped by Esc and started again; escape_window.py is what happened in the window."""
+"""Check the report of escape_window.py: Esc during F12, and a render after it."""
 
 from pathlib import Path
 
@@ -33,11 +33,8 @@ def test_what_was_refined_by_then_stays(seen: dict, out: Path) -> None:
     assert read_exr(out / "escape-stopped.exr")["ViewLayer.Combined.G"].std() > 0.01
 
 
-def test_renders_after_it_obey_masks_in_their_thread(seen: dict, out: Path) -> None:
-    assert seen["image"] == seen["group"] == ["complete"]
+def test_a_render_after_it_obeys_a_mask_in_its_thread(seen: dict, out: Path) -> None:
+    assert seen["image"] == ["complete"]
     refined = single(out, "image", "Sample Count") == 1024
     half = refined.shape[1] // 2
     assert refined[:, :half].any() and not refined[:, half + 1 :].any()
-    refined = single(out, "group", "Sample Count") == 1024
-    assert 0.0 < refined.mean() < 0.5
-    assert (single(out, "group", "Level")[refined] >= 0).mean() > 0.9  # the wall, and not the sky

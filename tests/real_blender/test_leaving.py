@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaving in the middle of a bake: what leaving_window.py saw, and what quit.blend holds."""
+"""Check the report of leaving_window.py, and quit.blend."""
 
 import json
 import time

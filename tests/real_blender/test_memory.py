@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory of a Blender that was used for a while and then freed: what memory_window.py saw."""
+"""Check the report of memory_window.py: memory goes back to the system."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The installed zip in a real Blender: what enabling brings, and that disabling takes all of it away."""
+"""The installed zip in a real Blender: enable it, and disable it without leftovers."""
 
 import json
 from pathlib import Path

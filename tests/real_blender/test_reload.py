@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octrees that survive: what reload_window.py saw, in a Blender that died and in the next one that opens the file."""
+"""Check the reports of reload_window.py: octrees survive a killed Blender."""
 
 from pathlib import Path
 

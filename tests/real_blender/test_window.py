@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A real Blender window, used with simulated mouse and keys: what tab_window.py saw is what a user should see."""
+"""Check the report of tab_window.py: the tab with simulated mouse and keys."""
 
 from pathlib import Path
 
 import pytest
 
-from patchnet.tests.real_blender.executable import PATIENCE_S, SCREEN, Blender
+from patchnet.tests.real_blender.executable import SCREEN, Blender
 
 IMAGES = {f"PatchNet Far {name}" for name in ("preview", "heatmap", "overlay", "refined", "priority", "coverage")}
 STEPS = ("voxelize", "bake_light", "precompute_codes", "render_preview", "run_all")
@@ -33,11 +33,6 @@ def test_escape_stops_and_leaves_no_trace(visit: dict) -> None:
     assert stopped["light"] == "none" and stopped["unchanged"]
 
 
-def test_escape_stops_while_the_world_is_looked_at(visit: dict) -> None:
-    stopped = visit["stopped world"]
-    assert stopped["was_running"] == "Render Preview" and stopped["seconds"] < PATIENCE_S
-
-
 def test_steps_do_their_work(visit: dict) -> None:
     assert visit["octree"]["depth"] == 6 and visit["octree"]["voxels"] > 1000
     assert visit["light"] == "cycles" and visit["codes"] > 100
@@ -60,15 +55,3 @@ def test_run_all_writes_its_files(visit: dict) -> None:
 
 def test_memory_is_given_back(visit: dict) -> None:
     assert visit["freed"]
-
-
-def test_screenshots_are_there(visit: dict, out: Path) -> None:
-    for name in (
-        "window-start",
-        "window-progress",
-        "window-steps",
-        "window-heatmap",
-        "panel-result",
-        "window-preferences",
-    ):
-        assert (out / f"{name}.png").stat().st_size > 5000

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Visits to a Blender window: the installed extension, where they write what they saw, how they end."""
+"""Scripts in a Blender window: modules of the installed extension, reports, ends."""
 
 import json
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keys from the window system itself, for what Blender hears from nobody else: Esc while a job of its own runs.
+"""Keys from the window system: Blender's own jobs ignore simulated Esc.
 
 Blender that was started with --enable-event-simulate is deaf to the window system; so these keys are for one without.
 """

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain implementations that tests hold the fast ones against."""
+"""Plain reference implementations for tests of fast ones."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `clip`: every cell of a triangle's bounding box is clipped on its own, in the open."""
+"""Reference of `clip`: clip every cell of a triangle's bounding box on its own."""
 
 from __future__ import annotations
 

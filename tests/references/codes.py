@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of patch codes: what cells cover, corner codes, prediction."""
+"""Plain references of patch codes: covered cells, corner codes, prediction."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of the traversal in plain NumPy: all rays against all children, level by level, no clever order.
+"""Reference of the traversal in plain NumPy: all rays against all children, level by level.
 
 A (ray, node) pair whose box the ray meets is kept if the node stops the ray, divided otherwise; of all kept pairs of
 a ray the nearest is its hit. Slow and readable; the tests hold the compiled walk against it.
@@ -33,14 +33,31 @@ def pixel_rays(
     return np.broadcast_to(position, offset.shape), direction / length[:, None], 1.0 / length
 
 
-def first_hits_reference(
-    octree: Octree, camera: Camera, x: np.ndarray, y: np.ndarray, footprint: float = 1.0
+def hits_of_pixels(
+    octree: Octree, camera: Camera, finer: float = 1.0, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Node (N,) int64 (-1: miss) and t (N,) of rays through picture points; footprint scales the pixel side."""
+    """`first_hits_reference` (P,) through the centres of all pixels; finer: pixel side over that of the footprint."""
+    row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
+    x, y = (2 * column + 1) / camera.width_px - 1, (2 * row + 1) / camera.height_px - 1
+    return first_hits_reference(octree, camera, x, y, 1 / finer, start)
+
+
+def first_hits_reference(
+    octree: Octree,
+    camera: Camera,
+    x: np.ndarray,
+    y: np.ndarray,
+    footprint: float = 1.0,
+    start: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Node (N,) int64 (-1: miss) and t (N,) of rays through picture points; footprint scales the pixel side.
+
+    start: (N,) where the rays begin, if not where the camera sees.
+    """
     origin, direction, speed = pixel_rays(octree, camera, x, y)
     unit = camera_in_unit_cube(camera, octree.grid)
     side_at_0, side_per_z = unit.side_at_0 * footprint, unit.side_per_z * footprint
-    start = unit.nearest / speed
+    start = unit.nearest / speed if start is None else start
     with np.errstate(divide="ignore"):
         inverse = 1.0 / direction
     best_t = np.full(len(x), np.inf)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `footprint`: an outline on a texture is cut by every square on its own, in the open."""
+"""Reference of `footprint`: cut an outline on a texture by every square on its own."""
 
 from __future__ import annotations
 

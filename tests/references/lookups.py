@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What only tests ask for: boxes of nodes, frames of rays, luminances of cells."""
+"""Lookups for tests: boxes of nodes, frames of rays, luminances of cells."""
 
 from __future__ import annotations
 

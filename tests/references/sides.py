@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain twins of what kernels say of the sides of voxels (methods 7.2i)."""
+"""Plain references of the light of voxel sides (methods 7.2i)."""
 
 from __future__ import annotations
 

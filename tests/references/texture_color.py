@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `texture_color`: one fragment after the other."""
+"""Reference of `texture_color`, fragment by fragment."""
 
 from __future__ import annotations
 

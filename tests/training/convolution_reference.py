@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoders that convolve, in NumPy: the Reference of `training/network/patchnet.py`."""
+"""Convolving encoders in NumPy: the reference of `training/network/patchnet.py`."""
 
 from __future__ import annotations
 

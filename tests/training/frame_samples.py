@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of noise with a preview and a reference, and tracks of them, for tests of the evaluation."""
+"""Frames of noise with a preview and a reference, and their tracks, for tests of the evaluation."""
 
 from types import SimpleNamespace
 

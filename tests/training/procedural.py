@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Procedural octrees: leaves from formulas instead of meshes, as small scenes of tests."""
+"""Procedural octrees from formulas, as small scenes."""
 
 from __future__ import annotations
 

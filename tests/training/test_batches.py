@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Batches against the codes' own patches, and augmentation against rendering the moved scene anew (methods 7.20)."""
-
-from types import SimpleNamespace
+"""Batches against patches that are encoded, and augmentation against the transformed scene (methods 7.20)."""
 
 import numpy as np
 import pytest
@@ -9,12 +7,11 @@ import pytest
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
 from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
-from patchnet.training.data.augmentation import COUNT, Augmentation, cube_symmetries
+from patchnet.training.data.augmentation import Augmentation, cube_symmetries
 from patchnet.training.data.batches import Batch, gather_batch
 from patchnet.training.data.forest import concatenate
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
@@ -95,7 +92,7 @@ def moved_octree(octree: Octree, symmetry: int, gain: float, offset: float) -> O
     return octree_from_leaves(cells, gain * octree.luminance_float(leaves) + offset, normal, DEPTH)
 
 
-@pytest.mark.parametrize("symmetry", [0, 7, 18, 29, 41, 47])
+@pytest.mark.parametrize("symmetry", [7, 18, 41])
 def test_augmentation_is_exact(octree: Octree, samples: Samples, symmetry: int) -> None:
     """Turning a finest-level sample equals drawing it in the turned scene."""
     at = np.flatnonzero(samples.voxel[:, 0] == DEPTH - 2)[:12]
@@ -140,16 +137,6 @@ def linear_map(plain: np.ndarray, moved: np.ndarray, batch: Batch, row: int) -> 
     return float(gain), float(after[-1] - gain * before[0] if falls else after[0] - gain * before[0])
 
 
-def test_symmetries_are_the_48_of_the_cube() -> None:
-    symmetries = cube_symmetries()
-    matrices = {tuple(matrix_of(number).astype(int).ravel()) for number in range(COUNT)}
-    assert len(matrices) == COUNT
-    np.testing.assert_array_equal(matrix_of(0), np.eye(3))
-    assert (np.sort(symmetries.block, axis=1) == np.arange(27)).all()
-    for lookahead in (1, 2, 3):
-        assert (np.sort(cube_symmetries(lookahead).cell, axis=1) == np.arange(8**lookahead)).all()
-
-
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
 def test_samples_are_what_rays_see(octree: Octree, lookahead: int) -> None:
     """Stored coverage and luminance are those of the stored rays; centre rays meet their voxel first."""
@@ -187,12 +174,3 @@ def test_held_out_parts_share_no_cell_with_the_rest() -> None:
             covered[tuple(slice(max(0, a), a + 3 * side) for a in low)] = True
         reach.append(covered)
     assert not (reach[0] & reach[1]).any()
-
-
-def test_more_nodes_than_bricks_can_name_are_refused() -> None:
-    many = SimpleNamespace(node_count=2**31)
-    with pytest.raises(SettingError, match="2,147,483,649 nodes of one training run's octrees are more than"):
-        concatenate([many, SimpleNamespace(node_count=1)])
-    many.node_count += 1
-    with pytest.raises(SettingError, match="2,147,483,649 nodes are more than"):
-        drain(draw_samples(many, 1, SampleSettings()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The catalogue of scenes: complete recipes, clear errors, octrees that are made once."""
+"""The catalogue of scenes: errors of missing files, octrees that are made once."""
 
 import importlib.util
 import re
@@ -14,7 +14,6 @@ from patchnet.commands.lab.evaluate import _scenes
 from patchnet.commands.lab.scene_arguments import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
-from patchnet.patchnet_addon.surface.shading import AXES
 from patchnet.training.evaluation import catalogue
 from patchnet.training.evaluation.catalogue import (
     CYCLES,
@@ -22,7 +21,6 @@ from patchnet.training.evaluation.catalogue import (
     OWN_SCENES,
     SCENES,
     TEST,
-    TRAIN,
     TWO_LIGHTS,
     Scene,
     scene_named,
@@ -32,16 +30,6 @@ from patchnet.training.evaluation.catalogue import (
 blender = pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender is not installed")
 TRIANGLES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nf 1 2 3\nf 1 3 4\n"
 SMALL = Scene("small", "Small", "small.obj", TWO_LIGHTS, "a test", "none", TEST, depth=4, bisect=("x", 0.5))
-
-
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_recipes_are_complete(scene: Scene) -> None:
-    assert scene.title and scene.source and scene.licence
-    assert scene.file in OWN_SCENES or Path(scene.file).suffix == ".glb"
-    assert scene.light in (CYCLES, TWO_LIGHTS) and scene.role in (TRAIN, TEST)
-    assert scene.samples > 0 and 8 <= scene.depth <= 12
-    assert all(text == text.lower().strip() and "," not in text for text in scene.without)
-    assert scene.bisect is None or (scene.bisect[0] in AXES and 0 < scene.bisect[1] < 1)
 
 
 def test_unknown_scene_names_those_there_are() -> None:

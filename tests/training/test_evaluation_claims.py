@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Claims of the paper on curves laid by hand: whose references count, and where a strategy is lowest."""
+"""Claims of the paper on curves made by hand."""
 
 import numpy as np
 import pytest

@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate` on a small octree: its files, what is skipped, what is refused."""
+"""`patchnet lab evaluate` on a small octree: files, skipped work, refusals."""
 
 import csv
 import json
-import multiprocessing
 import re
-import signal
-import threading
-import time
 
 import numpy as np
 import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training import slow_blocks
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
@@ -81,19 +75,6 @@ def test_predicted_picture_beside_uniform_ones(done, results):
     assert float(rows[-1]["mse"]) == picture["mse"] and float(rows[-1]["ms_per_frame"]) == picture["ms_per_frame"]
 
 
-def test_picture_metrics_rise_with_the_budget(results):
-    ssim = results["scenes"]["shells"]["quality"]["metrics"]["ssim linear"]["optimal"]
-    assert ssim == sorted(ssim) and ssim[-1] > ssim[0]
-
-
-def test_claims_are_decided(results):
-    lowest, half = results["claims"]["lowest"]["shells"], results["claims"]["half"]["shells"]
-    asked = {"patchnet", "patchnet-behind", "fusion", "patchnet-exact", "patchnet-behind-exact"}
-    asked |= {"patchnet-plus", "patchnet-plus-1", "patchnet-plus-0", "patchnet-plus-staged", "patchnet-plus-1-staged"}
-    assert lowest.keys() == asked <= half.keys()
-    assert all(isinstance(found["holds"], bool) for found in [*lowest.values(), *half.values()])
-
-
 def test_table_and_figures(done):
     out = done[1]
     rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
@@ -151,31 +132,3 @@ def test_what_cannot_be_evaluated_is_refused(words, message, tmp_path, capsys, d
     save_octree(octree_of_shells(1000), tmp_path / "x.safetensors")
     assert main(["lab", "evaluate", *words, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_a_signal_to_the_command_alone_ends_its_processes(tmp_path, monkeypatch):
-    """Farms and `kill` send it to one process; a terminal sends it to all."""
-    monkeypatch.setattr(evaluate, "load_block", lambda _: None)
-    monkeypatch.setattr(evaluate, "evaluate_block", slow_blocks.evaluate_slowly)
-    marks = [tmp_path / str(number) for number in range(4)]
-
-    def interrupt_when_begun() -> None:
-        while not marks[0].exists():
-            time.sleep(0.05)
-        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
-
-    threading.Thread(target=interrupt_when_begun, daemon=True).start()
-    start = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        drain(evaluate._run(marks, 1))
-    while multiprocessing.active_children() and time.monotonic() - start < 60:
-        time.sleep(0.05)
-    assert not multiprocessing.active_children() and not marks[3].exists()
-
-
-@pytest.mark.parametrize("name", ["results.json", "results.csv", "tables.md"])
-def test_files_of_others_are_not_replaced(name, done, tmp_path, capsys):
-    foreign = tmp_path / name
-    foreign.write_text("{}", encoding="utf-8")
-    assert main(["lab", "evaluate", str(done[0]), *WORDS, "--out", str(tmp_path)]) == 2
-    assert "so it is not replaced" in capsys.readouterr().err and foreign.read_text(encoding="utf-8") == "{}"

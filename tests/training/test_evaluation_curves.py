@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves over budgets against pictures that are composed and compared pixel by pixel (methods 5, 7.25)."""
+"""Curves over budgets against composed pictures, pixel by pixel (methods 5, 7.25)."""
 
 import numpy as np
 import pytest
@@ -42,25 +42,6 @@ def test_curves_are_those_of_composed_pictures(row: int, name: str) -> None:
         assert pooled[budget] == pytest.approx(np.concatenate(errors).mean(), rel=1e-12, abs=1e-15)
         assert mean[budget] == pytest.approx(np.mean([each.mean() for each in errors]), rel=1e-12, abs=1e-15)
     assert pooled[0] != pytest.approx(mean[0], rel=1e-3)
-
-
-def test_tracks_pool_like_their_frames() -> None:
-    frames = [errors_of(buffers) for buffers in FRAMES]
-    whole = TrackErrors.of("all", NAMES, frames)
-    parts = [TrackErrors.of("first", NAMES, frames[:1]), TrackErrors.of("rest", NAMES, frames[1:])]
-    np.testing.assert_allclose(pooled_mse(parts), pooled_mse([whole]), rtol=1e-12)
-    np.testing.assert_allclose(mean_frame_mse(parts), mean_frame_mse([whole]), rtol=1e-12)
-
-
-def test_frames_without_active_pixels_weigh_nothing() -> None:
-    frames = [errors_of(buffers) for buffers in FRAMES]
-    empty = errors_of(random_frame(hits=0.0))
-    assert empty.active == 0 and not empty.left.any() and empty.variance == 0
-    with_empty = TrackErrors.of("noise", NAMES, [*frames, empty])
-    without = TrackErrors.of("noise", NAMES, frames)
-    np.testing.assert_array_equal(pooled_mse([with_empty]), pooled_mse([without]))
-    np.testing.assert_array_equal(mean_frame_mse([with_empty]), mean_frame_mse([without]))
-    assert not pooled_mse([TrackErrors.of("sky", NAMES, [empty])]).any()
 
 
 def test_areas_by_hand() -> None:

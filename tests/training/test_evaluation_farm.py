@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Evaluations on a farm: an Open Job Description job and a Slurm job array, run for real on this machine."""
+"""Evaluations as an Open Job Description job and as a Slurm job array."""
 
 import json
 import os
@@ -14,7 +14,6 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.quantities import counted
 from patchnet.training.benchmarks.shells import octree_of_shells
 
 pytest.importorskip("matplotlib")
@@ -33,20 +32,6 @@ def octree(tmp_path):
 
 def results(out: Path) -> dict:
     return json.loads((out / "results.json").read_text(encoding="utf-8"))["scenes"]["shells"]
-
-
-def test_shares_together_are_the_whole(octree, tmp_path, capsys):
-    """Nothing is left for the last run but to collect."""
-    words = ["lab", "evaluate", str(octree), "--frames", "24", "--every", "2", "--size", "24", "16", "--processes", "1"]
-    out = tmp_path / "out"
-    assert main([*words, "--prepare", "--out", str(out)]) == 0
-    frames = out / "scenes" / "shells" / "frames"
-    assert not frames.exists() and list((out / "scenes" / "shells").glob("codes-*"))
-    for part, blocks in ((1, 1), (2, 1)):
-        assert main([*words, "--part", f"{part}/2", "--out", str(out)]) == 0
-        assert len(list(frames.iterdir())) == part
-        assert f"finished {counted(blocks, 'block')} of frames" in capsys.readouterr().out
-    assert not (out / "results.json").exists()
 
 
 @pytest.mark.parametrize("text", ["3/2", "0/2", "2", "a/b", "1/0"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""LPIPS with random weights against a plain computation of its definition (methods 5)."""
+"""LPIPS with random weights against a plain computation (methods 5)."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from torch.nn import functional  # noqa: E402
 
-from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError  # noqa: E402
+from patchnet.patchnet_addon.runtime.errors import WeightsFileError  # noqa: E402
 from patchnet.tests.training.frame_samples import random_frame, scores_of  # noqa: E402
 from patchnet.training.evaluation.curves import frame_orders  # noqa: E402
 from patchnet.training.evaluation.lpips import LpipsWeights, lpips  # noqa: E402
@@ -115,10 +115,3 @@ def test_files_that_run_code_are_refused(files: tuple[Path, Path], tmp_path: Pat
     torch.save({"features.0.weight": Print()}, tmp_path / "code.pth")
     with pytest.raises(WeightsFileError, match="cannot be read"):
         LpipsWeights.load(tmp_path / "code.pth", files[1])
-
-
-def test_small_pictures_are_named(files: tuple[Path, Path]) -> None:
-    weights = LpipsWeights.load(*files)
-    with pytest.raises(SettingError, match="31 pixels"):
-        lpips(weights, np.zeros((1, 30, 40)), np.zeros((30, 40)))
-    assert lpips(weights, np.zeros((1, 31, 31)), np.ones((31, 31)))[0] > 0

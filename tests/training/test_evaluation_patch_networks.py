@@ -1,26 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several PatchNet networks in one evaluation: their strategies, codes, costs, and the matrix of generalisation."""
+"""Several PatchNet networks in one evaluation: strategies, codes, costs, generalisation."""
 
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.patchnet_addon.network.weights import Weights, default_weights_path, load_weights, save_weights
-from patchnet.patchnet_addon.octree.file import load_octree, save_octree
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.patchnet_behind import STRATEGY as BEHIND
-from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.network.weights import Weights, default_weights_path, save_weights
+from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.benchmarks.shells import octree_of_shells
-from patchnet.training.evaluation import evaluate, frames
-from patchnet.training.evaluation.claims import seen
-from patchnet.training.evaluation.codes import SceneFiles, codes_path, load_scene, make_codes
-from patchnet.training.evaluation.figures import network_styles
-from patchnet.training.evaluation.strategies import PatchNetwork, network_strategies, patch_networks
+from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
 
 WORDS = ["--frames", "8", "--every", "2", "--size", "32", "24", "--processes", "1"]
@@ -90,29 +81,6 @@ def test_every_network_has_a_predicted_picture(out, results):
     assert "| shells | `predicted-slats` |" in (out / "tables.md").read_text(encoding="utf-8")
 
 
-def test_codes_are_kept_once_for_each_network(out, folder):
-    hashes = {load_weights(folder / name).hash[:16] for name in ("shipped", "random-1", "random-2")}
-    found = {path.name for path in (out / "scenes" / "shells").glob("codes-*")}
-    assert found == {f"codes-{each}.safetensors" for each in hashes}
-
-
-def test_a_network_scores_and_costs_what_it_decodes_itself(folder, tmp_path):
-    (network,) = patch_networks([("slats", folder / "random-1")], 2)
-    files = SceneFiles(folder / "shells.safetensors", codes_path(tmp_path, load_weights().hash), None, (network,))
-    drain(make_codes(files, load_octree(files.octree)))
-    codes = load_scene(files)
-    strategies = {strategy.name: strategy for strategy in network_strategies(network)}
-    mine = codes.of(strategies["pn-slats-behind"])
-    assert mine.weights_hash == network.hash and codes.of(BEHIND) is codes.coded
-    camera = Camera.look_at(np.array([4.8, -3.6, 2.7]), np.zeros(3), size_px=(33, 21))
-    shared = drain(trace_view(codes.coded.octree, camera, [BEHIND], coded=codes.coded, reference=False))
-    alone = drain(trace_view(mine.octree, camera, [BEHIND], coded=mine, reference=False))
-    scores = frames._scores(strategies | {BEHIND.name: BEHIND}, frames._views(shared, codes), codes)
-    np.testing.assert_array_equal(scores["pn-slats-behind"], BEHIND.scores(alone))
-    np.testing.assert_array_equal(scores[BEHIND.name], BEHIND.scores(shared))
-    assert scores["pn-slats-behind"].max() > 0 and (scores["pn-slats-behind"] != scores[BEHIND.name]).any()
-
-
 def test_generalisation_of_every_network_and_scene(results):
     found = results["claims"]["generalisation"]
     assert found.keys() == {"patchnet", "patchnet-behind"}
@@ -153,32 +121,3 @@ def test_networks_that_cannot_be_evaluated_are_refused_before_work_begins(words,
     octree = str(folder / "shells.safetensors")
     assert main(["lab", "evaluate", octree, *WORDS, "--networks", *given, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
-
-
-def test_a_network_without_a_name_is_refused(folder, tmp_path, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["lab", "evaluate", "--networks", str(folder / "random-1"), "--out", str(tmp_path)])
-    assert stop.value.code == 2 and "is not a name and a file such as station=" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "name, scene, octree, expected",
-    [
-        ("station", "station", "02", True),
-        ("station", "shuttle", "02", False),
-        ("station", "shuttle", "01", True),
-        ("without-station", "station", "02", False),
-        ("without-station", "station", "01", True),
-        ("without-station", "shuttle", "02", True),
-    ],
-)
-def test_scenes_that_a_network_has_seen(name, scene, octree, expected, folder):
-    network = PatchNetwork(name, folder / "random-2", "hash", octrees=frozenset({"01"}))
-    assert seen(network, scene, octree) is expected
-
-
-def test_four_networks_have_lines_of_their_own():
-    names = [f"pn-{letter}{ending}" for letter in "abcde" for ending in ("", "-behind")]
-    styles = network_styles(["patchnet", *names, "random"])
-    assert list(styles) == names[:8] and len(set(styles.values())) == 4
-    assert all(styles[name] == styles[f"{name}-behind"] for name in names[:8:2])

@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture metrics against scikit-image and plain references, and of composed pictures (methods 5, 7.1)."""
+"""Picture metrics against scikit-image and plain references (methods 5, 7.1)."""
 
 import sys
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.image.comparison import flip
 from patchnet.patchnet_addon.image.tone import srgb_encode
-from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
 from patchnet.tests.training.frame_samples import random_frame, scores_of
 from patchnet.training.evaluation.curves import frame_orders
 from patchnet.training.evaluation.picture_metrics import (
     QUALITY_NAMES,
     composed_pictures,
     picture_metrics,
-    quality_of,
     structure_of,
 )
 
@@ -79,20 +76,6 @@ def test_ms_ssim_is_that_of_a_plain_loop(shape: tuple[int, int], scales: int) ->
     assert found.ms_ssim[1] == pytest.approx(plain_ms_ssim(picture, reference, scales), rel=1e-9)
 
 
-def test_composed_pictures_are_refined_ones() -> None:
-    buffers = random_frame(1, 34, 40)
-    scores = scores_of(buffers)
-    for name, order in frame_orders(buffers, scores).items():
-        pictures = composed_pictures(buffers, order, [0.0, 0.3, 1.0])
-        assert pictures.shape == (3, 34, 40) and pictures.dtype == np.float32
-        mask = refined_mask(buffers, refinement_order(buffers, scores[name]), 0.3)
-        expected = refined_picture(buffers, mask).reshape(34, 40)
-        np.testing.assert_array_equal(pictures[1], expected)
-        np.testing.assert_array_equal(pictures[0].ravel(), buffers.preview)
-        np.testing.assert_array_equal(pictures[2].ravel()[buffers.active], buffers.reference[buffers.active])
-    assert composed_pictures(buffers, order, []).shape == (0, 34, 40)
-
-
 @pytest.mark.parametrize("name, encode", [("linear", np.asarray), ("srgb", srgb_encode)])
 def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
@@ -107,19 +90,3 @@ def test_metrics_are_those_of_the_composed_pictures(name: str, encode, monkeypat
         assert measured[f"ssim_active {name}"] == pytest.approx(similarity.ravel()[buffers.active].mean())
         assert measured[f"ms_ssim {name}"] == pytest.approx(expected.ms_ssim[0])
         assert np.isnan(measured[f"flip {name}"]) and np.isnan(measured[f"lpips {name}"]), "neither was run"
-
-
-def test_flip_is_of_what_a_screen_shows() -> None:
-    pytest.importorskip("flip_evaluator")
-    buffers = random_frame(4, 40, 40)
-    order = frame_orders(buffers, scores_of(buffers))["random"]
-    pictures = composed_pictures(buffers, order, [0.5])
-    (found,) = named(picture_metrics(buffers, pictures))
-    assert found["flip srgb"] == flip(pictures[0], buffers.reference.reshape(40, 40)) > 0
-    assert np.isnan(found["flip linear"])
-    assert np.isnan(named(picture_metrics(buffers, pictures, flips=False))[0]["flip srgb"])
-
-
-def test_pictures_smaller_than_the_window_are_not_measured() -> None:
-    buffers = random_frame(6, 8, 40)
-    assert np.isnan(quality_of(buffers, frame_orders(buffers, scores_of(buffers)), None)).all()

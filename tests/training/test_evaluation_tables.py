@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tables over all scenes: geometric means, who is ahead at equal budgets and in equal time, those against Cycles."""
+"""Tables over all scenes: geometric means, equal budgets, equal time, Cycles."""
 
 import json
 import re

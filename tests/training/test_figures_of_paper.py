@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures 2 and 4 of the paper on small octrees: crops by rule, what is found with which look-ahead, their files."""
+"""Figures 2 and 4 of the paper on small octrees."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.catalogue import octree_path
 from patchnet.training.evaluation.codes import coded_octree
 from patchnet.training.evaluation.figures_of_paper import look_ahead as tables
-from patchnet.training.evaluation.figures_of_paper.figures import make_split
 from patchnet.training.evaluation.figures_of_paper.look_ahead import distance_view, pooled_values
 from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, hardest_end, split_view
 from patchnet.training.evaluation.panels import Crop, crops_of_difference
@@ -109,15 +107,6 @@ def test_split_view(shells):
     assert np.array_equal(stripes[:, :quarter, 0] > 0, preview > 0)
 
 
-def test_files_of_the_split_rendering(shells, tmp_path):
-    pytest.importorskip("matplotlib")
-    paths = drain(make_split(shells, None, tmp_path, size_px=60))
-    assert {path.name for path in paths} == {"split.png", "split.svg", "split.json"} == set(os.listdir(tmp_path))
-    values = json.loads((tmp_path / "split.json").read_text(encoding="utf-8"))
-    assert values["figure"] == "split" and values["licence"] == "CC BY 2.0" and values["viewpoint"]["size"] == [60, 60]
-    assert list(shells.parent.glob("*-codes-*")), "kept beside the octree"
-
-
 def test_views_of_a_table(table):
     octree = load_octree(table)
     voxels = []
@@ -148,15 +137,6 @@ def test_far_errors_need_more_look_ahead(table):
     assert missed[0] > 0.05 and max(missed[1:]) < 0.3 * missed[0]
 
 
-def test_cameras_have_pixels_of_one_angle():
-    for distance in tables.DISTANCES:
-        camera = tables.table_camera(distance, 90.0)
-        assert 2 * camera.half_y / camera.height_px == pytest.approx(2 * np.tan(np.radians(25)) / 130)
-    words = tables.SCENE.arguments()
-    assert words.count("--view") == len(tables.DISTANCES) * len(tables.AZIMUTHS)
-    assert words[:2] == ["--depth", "fit"] and words[words.index("--size") + 1] == "260"
-
-
 @pytest.fixture
 def scenes(table, tmp_path, monkeypatch):
     """A folder of scenes, and one of octrees with that of the table in it."""
@@ -169,23 +149,6 @@ def scenes(table, tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_command(scenes):
-    pytest.importorskip("matplotlib")
-    out = scenes / "out"
-    words = ["lab", "figures", "--only", "look-ahead", "--octrees", str(scenes / "octrees"), "--out", str(out)]
-    assert main(words) == 0
-    assert {path.name for path in out.iterdir()} == {f"look-ahead.{ending}" for ending in ("png", "svg", "json")}
-    values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
-    assert len(values["distances"]) == len(tables.DISTANCES) and len(values["shown"]) == len(tables.SHOWN)
-    for each in values["distances"]:
-        found = {name: one["found"] for name, one in each["region"]["strategies"].items()}
-        assert found["optimal"] == max(found.values())
-    assert main([*words, "--weights", str(WEIGHTS)]) == 0, "its own files are replaced"
-    values = json.loads((out / "look-ahead.json").read_text(encoding="utf-8"))
-    assert values["weights"].keys() == {"weights 1"}
-    assert "patchnet-behind 2" in values["distances"][0]["picture"]["strategies"]
-
-
 def test_networks_of_every_look_ahead(scenes, capsys):
     """A row of pictures and numbers beside those of the exact patches; one network for each look-ahead."""
     pytest.importorskip("matplotlib")
@@ -195,7 +158,10 @@ def test_networks_of_every_look_ahead(scenes, capsys):
         save_weights(Weights.random(levels, lookahead=levels), scenes / f"{levels}.safetensors")
     given = [f"look-ahead-{levels}={scenes / f'{levels}.safetensors'}" for levels in (1, 3)]
     assert main([*words, "--networks", *given]) == 0
+    written = {path.name for path in (scenes / "out").iterdir()}
+    assert written == {f"look-ahead.{ending}" for ending in ("png", "svg", "json")}
     values = json.loads((scenes / "out" / "look-ahead.json").read_text(encoding="utf-8"))
+    assert len(values["distances"]) == len(tables.DISTANCES) and len(values["shown"]) == len(tables.SHOWN)
     assert values["weights"].keys() == {"look-ahead-1", "look-ahead-3"}
     assert {"patchnet-behind 1", "patchnet-behind 3", *LOOKS} <= values["shown"][0]["region"]["strategies"].keys()
     assert main([*words, "--networks", given[0], given[0]]) == 2

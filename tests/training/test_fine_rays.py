@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies of finer rays against rays that are traced one by one, and their sums with variance."""
+"""Strategies of finer rays against the reference of rays, and their sums with variance."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.tests.references.single_rays import single_hits
+from patchnet.tests.references.first_hits import hits_of_pixels
 from patchnet.training.strategies.registry import EVALUATED
 
 EYE = np.array([2.1, 1.4, 1.2])
@@ -40,7 +40,7 @@ def buffers(octree, camera):
 
 
 def seen(octree, camera, finer):
-    node, _, _ = single_hits(octree, camera, finer)
+    node, _ = hits_of_pixels(octree, camera, finer)
     return np.where(node >= 0, octree.luminance_float(np.maximum(node, 0)), np.float32(0))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fresh samples: what steps draw, that held-out parts stay out, and runs that go on or are shared."""
+"""Fresh samples: drawn views, held-out parts, the command."""
 
 import json
 from dataclasses import asdict, replace
@@ -12,34 +12,15 @@ from patchnet.commands import main
 from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
-from patchnet.patchnet_addon.runtime.errors import PatchNetError, SettingError
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import rays_of
-from patchnet.training.data import fresh
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.fresh import FreshCorpus, fresh_corpus_of
-from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
-from patchnet.training.data.voxel_choice import held_out_voxels, level_chances
-from patchnet.training.settings import SAMPLES, VIEWS, TrainSettings
+from patchnet.training.data.samples import Samples, SampleSettings
+from patchnet.training.data.voxel_choice import held_out_voxels
 
 torch = pytest.importorskip("torch")
-from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402
-from patchnet.training.run.learner import Learner  # noqa: E402
-from patchnet.training.run.processes import Processes  # noqa: E402
-from patchnet.training.run.steps import StepPlan  # noqa: E402
-from patchnet.training.run.trainer import RunOptions, train  # noqa: E402
 
-SETTINGS = TrainSettings(
-    passes=6 * 256,
-    batch=256,
-    precision="fp32",
-    augment=True,
-    average=0.9,
-    network="mixture",
-    loss="squared",
-    fresh=True,
-)
 DRAWN = 2000
 
 
@@ -87,57 +68,6 @@ def test_held_out_parts_stay_out(datasets: list[Dataset], corpus: FreshCorpus) -
         assert held_out_voxels(each.octree, voxel[tree == number], settings.held_out, settings.seed)[0].all()
         inside = held_out[each.name].voxel
         assert held_out_voxels(each.octree, inside, settings.held_out, settings.seed)[1].all() and len(inside) == 2048
-
-
-def test_levels_come_as_often_as_in_sample_files(datasets: list[Dataset], corpus: FreshCorpus) -> None:
-    tree, voxel, _ = corpus.draw(0, 2, slice(0, DRAWN))
-    assert abs((tree == 0).mean() - 0.5) < 0.05
-    levels = [(voxel[tree == 0, 0] == level).mean() for level in range(3, 6)]
-    wanted = level_chances(np.diff(corpus.lists.start[0]), SAMPLES // VIEWS // 2)
-    np.testing.assert_allclose(levels, wanted, atol=0.05)
-    np.testing.assert_allclose(level_chances(np.array([1, 10**6]), 1000), [0.016, 0.984], atol=1e-3)
-    np.testing.assert_allclose(level_chances(np.array([500, 500]), 1000), [0.5, 0.5])
-
-
-def test_shares_of_a_step_are_the_step(corpus: FreshCorpus) -> None:
-    """Any number of processes has the same gradients and errors, but for rounding."""
-    learner = Learner(SETTINGS)
-    nearby = replace(corpus, nearby=True)
-
-    def sums(processes: int) -> list[torch.Tensor]:
-        found = []
-        for rank in range(processes):
-            plan = StepPlan(nearby, SETTINGS, SETTINGS.batch // 4, Processes(rank, processes))
-            gradients, errors = learner.differentiate(tensor_batch(plan.batch(5)), torch.float32, plan.share)
-            found.append([*gradients, errors])
-        return [torch.stack(parts).sum(0) for parts in zip(*found, strict=True)]
-
-    wanted = sums(1)
-    for processes in (2, 3):
-        for one, other in zip(sums(processes), wanted, strict=True):
-            torch.testing.assert_close(one, other, atol=2e-6, rtol=1e-3)
-
-
-def test_resumed_run_equals_uninterrupted(datasets: list[Dataset], tmp_path: Path) -> None:
-    whole = drain(train(datasets, SETTINGS, RunOptions(tmp_path / "a", threads=1)))
-    options = RunOptions(tmp_path / "b", threads=1)
-    drain(train(datasets, SETTINGS, replace(options, stop_after=3)))
-    with pytest.raises(SettingError, match="other values of fresh"):
-        drained = [
-            replace(each, samples=drain(draw_samples(each.octree, 400, each.sample_settings))) for each in datasets
-        ]
-        drain(train(drained, replace(SETTINGS, fresh=False), replace(options, resume=True)))
-    resumed = drain(train(datasets, SETTINGS, replace(options, resume=True)))
-    assert whole.hash == resumed.hash
-    assert resumed.metadata["octrees"] == {each.name: octree_hash(each.octree) for each in datasets}
-
-
-def test_octrees_that_nothing_is_drawn_from(datasets: list[Dataset], monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(SettingError, match="name at least one octree"):
-        fresh_corpus_of([])
-    monkeypatch.setattr(fresh, "held_out_voxels", lambda octree, voxels, *_: (np.zeros(len(voxels), bool),) * 2)
-    with pytest.raises(PatchNetError, match="hold a smaller share out"):
-        fresh_corpus_of(datasets)
 
 
 def test_command(datasets: list[Dataset], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

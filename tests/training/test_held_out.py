@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Held-out scenes: what is in training in any pose does not count, and why it does not is said; guesses to beat."""
+"""Held-out scenes: reasons for exclusion, reports, baselines."""
 
 import json
 import sys
@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.dataset import Dataset
-from patchnet.training.data.forest import concatenate, voxel_luminance
+from patchnet.training.data.forest import voxel_luminance
 from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import validation_sets
@@ -84,18 +84,6 @@ def test_sets_of_a_run(upright: Dataset, turned: Dataset, other: Dataset) -> Non
         validation_sets(parts, [upright], [upright], corpus.lookahead)
     with pytest.raises(SettingError, match="training 3"):
         validation_sets(parts, [upright], [other], 3)
-
-
-def test_luminance_as_the_voxel_shows_it(upright: Dataset, other: Dataset) -> None:
-    forest = concatenate([upright.octree, other.octree])
-    for tree, dataset in enumerate((upright, other)):
-        octree = dataset.octree
-        for level in range(octree.depth + 1):
-            cells = octree.cells(level)
-            voxel = np.column_stack([np.full(len(cells), level), cells]).astype(np.uint16)
-            wanted = octree.luminance[octree.level(level)] / 65535
-            found = voxel_luminance(forest, np.full(len(cells), tree), voxel)
-            np.testing.assert_allclose(found, wanted, atol=1e-7)
 
 
 def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:

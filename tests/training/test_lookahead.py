@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training runs, sample files and commands for look-aheads of 1 and 3 levels; samples of them are in test_batches."""
+"""Training runs, sample files and commands for look-aheads of 1 and 3 levels."""
 
 from dataclasses import asdict, replace
 from pathlib import Path

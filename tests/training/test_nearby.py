@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Luminance mixtures in training: what they are given, under every symmetry, and that they are what is used."""
+"""Luminance mixtures in training: inputs under every symmetry, equal to those of the decoder."""
 
 import json
 from pathlib import Path
@@ -60,7 +60,7 @@ def nearby(octree: Octree, voxel: np.ndarray, rays: tuple[np.ndarray, ...], line
     return found
 
 
-@pytest.mark.parametrize("symmetry", [0, 7, 18, 29, 41, 47])
+@pytest.mark.parametrize("symmetry", [7, 18, 41])
 def test_nearby_turns_with_the_scene(octree: Octree, dataset: Dataset, symmetry: int) -> None:
     voxel = dataset.samples.voxel[:40].astype(np.int64)
     gain, offset = (0.5, 0.25) if symmetry % 2 else (1.0, 0.0)

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Networks of the paper by one command: their plan, samples, trainings that resume, tables, and what comes next."""
+"""`patchnet lab train-networks`: plan, resumed trainings, tables."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import pytest
 
 from patchnet.commands import main
-from patchnet.commands.lab.train_networks import next_commands
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -141,28 +139,3 @@ def test_interrupted_run_goes_on(octrees, tmp_path, monkeypatch):
     assert [(options.out.name, options.resume) for options in again] == [("slats", True)]
     assert [row["hash"] for row in resumed] == [row["hash"] for row in whole]
     assert [row["errors"] for row in resumed] == [row["errors"] for row in whole]
-
-
-def test_missing_weights_and_changed_octrees_are_made_again(octrees, tmp_path):
-    plans = planned_networks(list(octrees), ["scene"])[:1]
-    files = {name: shutil.copy(path, tmp_path / path.name) for name, path in octrees.items()}
-    (first,) = drain(train_networks(files, plans, run_of(tmp_path)))
-    (tmp_path / "networks" / "shells" / "patchnet.safetensors").unlink()
-    (second,) = drain(train_networks(files, plans, run_of(tmp_path)))
-    assert first["hash"] == second["hash"]
-    save_octree(replace(spheres_and_slats(6, seed=5), provenance={"file": "slats.glb"}), files["slats"])
-    (third,) = drain(train_networks(files, plans, run_of(tmp_path)))
-    assert third["hash"] == first["hash"] and third["errors"] != first["errors"]
-
-
-def test_commands_that_come_next(octrees, tmp_path):
-    """Networks of the catalogue's scenes have the figure of look-aheads, too."""
-    plans = planned_networks(list(octrees), KINDS)
-    matrix, encoders, figure = next_commands(tmp_path, octrees, plans, list(octrees), 40)
-    assert matrix[:6] == ["lab", "evaluate", "--scenes", "shells,slats", "--every", "40"]
-    assert [word.partition("=")[0] for word in matrix[7:11]] == NAMES[:4]
-    assert encoders[2] == str(octrees["slats"])
-    assert [word.partition("=")[0] for word in figure if "=" in word] == [
-        "without-slats", "look-ahead-1", "look-ahead-3"
-    ]  # fmt: skip
-    assert next_commands(tmp_path, octrees, plans[:2], [], 40)[0][2:4] == [str(path) for path in octrees.values()]

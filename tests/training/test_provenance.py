@@ -1,17 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Provenance of a run: commit of a checkout, hashes of code and octrees."""
+"""Provenance of a run: commit and command."""
 
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.octree.file import octree_hash
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.data.dataset import Dataset
-from patchnet.training.data.samples import SampleSettings, draw_samples
-from patchnet.training.run.provenance import describe_command, describe_commit, describe_data
+from patchnet.training.run.provenance import describe_command, describe_commit
 
 
 def git(folder: Path, *words: str) -> str:
@@ -48,28 +43,5 @@ def test_installed_package_has_no_commit(checkout: Path, tmp_path: Path) -> None
 
 
 def test_command_without_folders() -> None:
-    words = [
-        "/usr/bin/patchnet",
-        "lab",
-        "train",
-        "/data/samples",
-        "--out=/home/me/run",
-        "room=/data/a=b/room.glb",
-        "/my=data/x",
-        "--rate",
-        "0.1",
-    ]
-    assert describe_command(words) == "patchnet lab train samples --out=run room=room.glb x --rate 0.1"
-
-
-def test_octrees_of_every_data_set() -> None:
-    octree = spheres_and_slats(5)
-    samples = drain(draw_samples(octree, 40, SampleSettings(min_level=2, held_out=0.0)))
-    found = describe_data(
-        [Dataset("a", octree, samples, {}), Dataset("b", octree, samples, {"octree_hash": "given"})],
-        [Dataset("c", octree, samples, {})],
-    )
-    assert found["data"] == ["a", "b"]
-    assert found["octrees"] == {"a": octree_hash(octree), "b": "given"}
-    assert found["validation_octrees"] == {"c": octree_hash(octree)}
-    assert len(found["code"]) == 16
+    words = "/usr/bin/patchnet lab train /data/samples --out=/home/me/run room=/data/a=b/room.glb /my=data/x --rate 0.1"
+    assert describe_command(words.split()) == "patchnet lab train samples --out=run room=room.glb x --rate 0.1"

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World-space table against rays through child cubes, and references on a traced view (methods 3.8, 7.24)."""
+"""The world-space table against rays through child cubes, and strategies on a traced view (methods 3.8, 7.24)."""
 
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.exact import exact_prediction
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.errors import mse_at
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import PREDICTION
@@ -83,26 +81,6 @@ def traced(octree, camera):
     return buffers
 
 
-def test_normals_and_child_masks_of_hits(octree, traced):
-    for pixel, node in enumerate(traced.hits.node):
-        if node < 0:
-            assert traced.child_mask[pixel] == 0 and not traced.normal[pixel].any()
-            continue
-        assert traced.child_mask[pixel] == octree.child_mask[node]
-        mean = octree.normal[node].astype(float)
-        length = np.linalg.norm(mean)
-        np.testing.assert_allclose(traced.normal[pixel], mean / length if length else 0, atol=1e-6)
-    assert traced.normal.dtype == np.float32 and traced.child_mask.dtype == np.uint8
-
-
-def test_only_what_is_needed_is_filled_in(octree, camera):
-    buffers = drain(trace_view(octree, camera, [EVALUATED["mitchell"]], reference=False))
-    assert buffers.normal is None and buffers.child_mask is None and buffers.exact_1 is None
-    for name, part in (("entropy-geometry", "normal"), ("ws-lut", "child_mask"), ("ws-lut-coverage", "exact_1")):
-        with pytest.raises(SettingError, match=part):
-            EVALUATED[name].scores(buffers)
-
-
 def test_table_scores_pixel_by_pixel(octree, traced):
     scores = EVALUATED["ws-lut"].scores(traced)
     for pixel, node in enumerate(traced.hits.node):
@@ -132,10 +110,3 @@ def test_scores_of_a_traced_view(name, traced):
     budgets = np.linspace(0, 1, 21)
     curve, best = (mse_at(traced, each.scores(traced), budgets) for each in (EVALUATED[name], EVALUATED["optimal"]))
     assert np.all(np.diff(curve) <= 0) and np.all(best <= curve * (1 + 1e-12))
-
-
-@pytest.mark.parametrize("name", ["entropy-geometry", "ws-lut", "ws-lut-luminance"])
-def test_bands_of_rows_make_the_whole_view(name, octree, camera, traced):
-    picture = AdaptivePicture(octree, camera, EVALUATED[name])
-    drain(picture.trace(Pace(band_pixels=29 * 4)))
-    np.testing.assert_array_equal(picture.ranking.score, EVALUATED[name].scores(traced))

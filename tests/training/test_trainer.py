@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training runs: the sparse first layer, learning, exact resume, files that do not fit."""
+"""Training runs: learning, exact resume, files that do not fit."""
 
 import json
 import signal
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.network.encoders import MLP, EncoderKind
-from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
@@ -30,7 +29,6 @@ torch = pytest.importorskip("torch")
 from patchnet.training.data.tensor_batch import tensor_batch  # noqa: E402  needs torch
 from patchnet.training.network.patchnet import PatchNet  # noqa: E402  needs torch
 from patchnet.training.run.learner import learning_rate  # noqa: E402  needs torch
-from patchnet.training.run.steps import rows_of_step  # noqa: E402  needs torch
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=True, average=0.9, clip=1.0, warm_up=2)
@@ -61,19 +59,6 @@ def test_network_of_a_batch_is_that_of_the_engine(datasets: list[Dataset], encod
     model = PatchNet(weights)
     found = model(tensor_batch(batch)).detach().numpy().reshape(-1, 2)
     np.testing.assert_allclose(found, expected, atol=1e-4)
-    assert model.to_weights().hash == weights.hash
-
-
-@pytest.mark.parametrize("encoder", [MLP, CONV3D], ids=lambda kind: kind.name)
-def test_a_mixture_learns_from_blocks_without_luminance(datasets: list[Dataset], encoder: EncoderKind) -> None:
-    """Codes as the engine makes of whole blocks, which have theirs; weights as they were."""
-    whole, seen = (corpus_of(datasets, nearby=near)[0].batch(np.arange(3), Augmentation.none(3)) for near in (0, 1))
-    assert (whole.blocks.shape[1], seen.blocks.shape[1]) == (320, 256)
-    weights = Weights.random(3, bias=0.1, kind=MIXTURE, encoder=encoder)
-    encode = NumpyEncoder if encoder is MLP else NumpyConvolutions
-    model = PatchNet(weights)
-    found = model.encode(torch.from_numpy(seen.blocks[seen.rows])).detach().numpy()
-    np.testing.assert_allclose(found, encode(weights)(whole.blocks, whole.rows), atol=1e-5)
     assert model.to_weights().hash == weights.hash
 
 
@@ -209,14 +194,6 @@ def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) 
         load_dataset(path)
 
 
-def test_each_epoch_visits_every_voxel_once(datasets: list[Dataset]) -> None:
-    corpus, _ = corpus_of(datasets)
-    count = len(corpus.tree)
-    seen = np.concatenate([rows_of_step(corpus, SETTINGS, 7, step) for step in range(2 * count // 7 + 1)])
-    assert sorted(seen[:count]) == sorted(seen[count : 2 * count]) == list(range(count))
-    assert (seen[:count] != seen[count : 2 * count]).any()
-
-
 def test_schedules() -> None:
     paper = PRESETS["paper"]
     rates = [learning_rate(step, 800, paper) for step in (0, 399, 400, 699, 700, 799)]
@@ -225,22 +202,6 @@ def test_schedules() -> None:
     assert learning_rate(0, 20000, improved) < 1e-5
     assert learning_rate(499, 20000, improved) == improved.learning_rate
     assert learning_rate(20000, 20000, improved) == pytest.approx(improved.final_rate)
-
-
-def test_short_runs_have_high_rates_and_a_tenth_of_warm_up() -> None:
-    def asked(preset: str = "improved", **changes: float | str) -> tuple[float, int]:
-        settings = preset_with(preset, changes)
-        return settings.learning_rate, settings.warm_up
-
-    assert asked() == asked(passes=10**9) == (0.002, 500)
-    assert asked("quick") == asked(passes=32_000_000) == (0.004, 500)
-    assert asked(passes=8_000_000) == (pytest.approx(0.008, rel=1e-4), 390)
-    assert asked(passes=20_480) == (0.016, 1)
-    assert asked(passes=2_048_000, learning_rate=0.003) == (0.003, 100)
-    assert asked(batch=8192) == (0.004, 500)  # as few steps as `quick` has
-    for changes in ({"passes": 1000}, {"schedule": "paper"}, {"schedule": "cosine"}):
-        assert asked("paper", **changes) == (0.001, 0)
-    assert asked(schedule="paper", passes=1000) == (0.002, 500)
 
 
 @pytest.mark.parametrize(("part", "width", "other"), [("decoder", 60, 48), ("encoder", 64, 128)])
@@ -252,11 +213,6 @@ def test_parts_have_the_width_that_is_asked_for(
     assert {"decoder": weights.kind.width, "encoder": weights.encoder_kind.width}[part] == width
     with pytest.raises(SettingError, match=f"other values of {part}_width"):
         drain(train(datasets, replace(settings, **{f"{part}_width": other}), RunOptions(tmp_path, resume=True)))
-
-
-def test_another_network_or_encoder_has_its_own_width() -> None:
-    assert preset_with("improved", {"network": "paper", "decoder_width": None}).decoder_width == 48
-    assert preset_with("improved", {"encoder": "conv3d", "encoder_width": None}).encoder_width == 0
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors of weights on samples: what the command prints and writes is what the decoder errs by."""
+"""`patchnet lab validate`: errors of weights on samples."""
 
 import json
 from pathlib import Path

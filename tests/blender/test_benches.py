@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet bench walkthrough` renders frames with both engines, and says who is ahead from which frame on."""
+"""`patchnet bench walkthrough` and `patchnet bench bake`."""
 
 import json
 import math
@@ -10,7 +10,7 @@ import pytest
 from patchnet.commands import main
 from patchnet.commands.benches import walkthrough
 from patchnet.commands.benches.walk_path import walk_cameras
-from patchnet.commands.benches.walk_renders import Measured, Walk, frames_until_ahead
+from patchnet.commands.benches.walk_renders import frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "2"]
@@ -36,30 +36,6 @@ def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -
     assert "totals are extrapolated" in said and "against 64 samples" in said and "Cycles, 1 samples" in said
 
 
-def test_a_still_has_no_flicker(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--size", "48", "32", "--depth", "6", "--samples", "1", "--timed", "1", *FEW, "--cycles-samples", "1"]
-    assert main(["bench", "walkthrough", "--frames", "1", *words, "--json"]) == 0
-    values = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert values["flicker"] == {"patchnet": None, "1": None} and values["mse"]["patchnet"] > 0.0
-    assert "PatchNet" in walkthrough.text(values)
-
-
-def test_the_rival_is_the_cheapest_picture_that_is_no_worse() -> None:
-    found = Walk(ours=Measured([2.0], [0.02]), cycles={n: Measured([float(n)], [0.1 / n]) for n in (1, 4, 8, 16)})
-    assert found.rival == 8 and found.ahead_from == 1
-    found.setup_s["light"] = 60.0
-    assert found.ahead_from == 10
-    found.ours.mse = [0.001]
-    assert found.rival == 16, "all are worse: the best of them"
-
-
-def test_frames_until_one_is_ahead() -> None:
-    assert frames_until_ahead(100.0, 1.0, 11.0) == 10
-    assert frames_until_ahead(101.0, 1.0, 11.0) == 11
-    assert frames_until_ahead(0.5, 1.0, 11.0) == 1
-    assert frames_until_ahead(100.0, 11.0, 11.0) is None
-
-
 def test_a_walk_passes_its_keys_without_a_halt() -> None:
     eyes = np.array([[0.0, -9.0, 3.0], [0.0, -6.0, 2.0], [1.0, -3.0, 1.5]])
     keys = [Camera.look_at(eye, np.zeros(3), fov=0.8, size_px=(64, 36)) for eye in eyes]
@@ -71,3 +47,16 @@ def test_a_walk_passes_its_keys_without_a_halt() -> None:
     for camera, key in zip((cameras[0], cameras[50]), keys, strict=False):
         np.testing.assert_allclose(camera.forward, key.forward, atol=1e-6)
         assert math.isclose(camera.half_x, key.half_x, rel_tol=1e-6)
+
+
+def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "bake", "--scene", "room", "--depth", "6", "--samples", "1", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert values["ours"] > 0 and values["peer"] > 0
+    assert values["ratio"] == pytest.approx(values["ours"] / values["peer"])
+    baked = sum(turn["paths"] for turn in values["pages"])
+    assert baked >= values["paths_a_side"] > 0.6 * values["atlas_use"] * 1000
+    for page, render in zip(values["pages"], values["renders"], strict=True):
+        assert min(page["processor_s"], page["wall_s"], render["processor_s"], render["wall_s"]) > 0
+        assert 0.8 < render["paths"] / page["paths"] < 1.25
+    assert 0.5 < values["atlas_use"] <= 1.0
