@@ -5,8 +5,7 @@
     python .ci/build_extension.py --out dist --wheels 3.11 3.13          also one each, for this platform
     python .ci/build_extension.py --out dist --wheels all --platform all every Python on every platform
     python .ci/build_extension.py --out dist --wheels 3.11 3.13 --together --platform all
-                                  one a platform with the wheels of both, for extensions.blender.org; without what
-                                  runs another program
+                                  one a platform with the wheels of both, for extensions.blender.org
 
 Blender's own validator and builder, from the installed `bpy`, do the work. A zip holds the wheels of one platform and
 one Python, because llvmlite alone is 57 MiB. NumPy is never bundled: Blender brings its own.
@@ -27,13 +26,6 @@ from bundled_wheels import BLENDERS, BUNDLED, PLATFORM_TAGS, ROOT, fetch, this_p
 # All that runs in Blender, with the licence and the weights' own description.
 FILES = {"__init__.py", "blender_manifest.toml", "LICENSE"}
 FOLDERS = {"commands", "operators", "patchnet_addon"}
-# The platform takes no add-on that other software extends: the encoder in another Python stays out of its zips.
-NOT_FOR_THE_PLATFORM = (
-    "operators/check_python.py",
-    "patchnet_addon/network/other_python.py",
-    "patchnet_addon/network/torch_worker.py",
-    "patchnet_addon/network/array_stream.py",
-)
 SUFFIXES = {".py", ".glsl", ".safetensors", ".json", ".md"}
 
 
@@ -89,20 +81,12 @@ def with_wheels_named(manifest: str, target: str, pythons: Sequence[str], wheels
     return manifest.replace(old, "\n".join(lines))
 
 
-def unpack(plain: Path, folder: Path, *, for_platform: bool) -> None:
-    """Unpack the plain zip into a folder; `for_platform`: without what extensions.blender.org does not take."""
-    with zipfile.ZipFile(plain) as archive:
-        archive.extractall(folder)
-    if for_platform:
-        for name in NOT_FOR_THE_PLATFORM:
-            (folder / name).unlink()
-
-
-def build_with_wheels(plain: Path, target: str, pythons: Sequence[str], *, for_platform: bool = False) -> Path:
+def build_with_wheels(plain: Path, target: str, pythons: Sequence[str]) -> Path:
     """From the plain zip, the one for some Pythons, in ascending order, and a platform of computers, beside it."""
     with tempfile.TemporaryDirectory() as temporary:
         staging = Path(temporary)
-        unpack(plain, staging, for_platform=for_platform)
+        with zipfile.ZipFile(plain) as archive:
+            archive.extractall(staging)
         for python in pythons:
             fetch(staging / "wheels", python, target)
         wheels = sorted(wheel.name for wheel in (staging / "wheels").glob("*.whl"))
@@ -128,7 +112,7 @@ def main() -> None:
     chosen = [python for python in BLENDERS if {python, "all"} & set(args.wheels)]
     groups = [chosen] if args.together else [[python] for python in chosen]
     for target in PLATFORM_TAGS if args.platform == "all" else [args.platform or this_platform()] if chosen else []:
-        built += [build_with_wheels(built[0], target, group, for_platform=args.together) for group in groups]
+        built += [build_with_wheels(built[0], target, group) for group in groups]
     for path in built:
         print(f"{path}  {path.stat().st_size / 2**20:.1f} MiB")
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Command line: `patchnet SUB-COMMAND`, one sub-command a file.
+"""Command line: `patchnet SUB-COMMAND`, one sub-command per file.
 
-A sub-command NAME is the module `commands/NAME.py`, `patchnet lab NAME` the module `commands/lab/NAME.py`, a hyphen in
-its name an underscore. Its docstring is the help, and it has two functions:
+A sub-command NAME is the module `commands/NAME.py`, `patchnet lab NAME` the module `commands/lab/NAME.py`; a hyphen in
+its name becomes an underscore. Its docstring is the help, and it has two functions:
 
     add_arguments(parser)    its arguments
     run(args) -> int         the work; the exit code
 
-The modules are imported on every call, for the help: they import numba, torch and Blender inside functions only.
+The help of every call imports the modules: they import numba, torch and Blender inside functions only.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import NoReturn
 
-# With a line each, in the order of the help.
+# Short helps, in the order of the help.
 NAMES = {
     "run": "refine the views of a scene where a coarse picture is wrong",
     "demo": "build the demo courtyard and show what PatchNet does with it",
@@ -42,10 +42,9 @@ def main(
 ) -> int:
     """Run the command line.
 
-    `argv` are the arguments without the program's name, by default those of the process; `names` the sub-commands that
-    there are, by default all; `level` what the log tells users. Returns the exit code: 0 for success, 2 for bad input
-    (one sentence on stderr), 130 when interrupted, 143 by SIGTERM, and with a log for programs 1 for what should not
-    have happened, which else is raised.
+    argv: arguments without the program's name (those of the process). names: available sub-commands (all). level:
+    lowest level of log messages shown to users. Returns the exit code: 0 for success, 2 for bad input (one sentence on
+    stderr), 130 for Ctrl-C, 143 for SIGTERM, and with a JSON log 1 for an unexpected error, which is raised otherwise.
     """
     from ..patchnet_addon.runtime import log
     from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
@@ -76,7 +75,7 @@ def main(
 
 
 class _Parser(argparse.ArgumentParser):
-    """Argument parser that says in one sentence what it does not understand, without its usage."""
+    """Argument parser whose errors are one sentence without the usage."""
 
     def error(self, message: str) -> NoReturn:
         from .shared.lines import say_error
@@ -99,7 +98,7 @@ def make_parser(names: Iterable[str] = NAMES, program: str = "patchnet") -> argp
 def add_commands(
     parser: argparse.ArgumentParser, dest: str, package: str, helps: Mapping[str, str], metavar: str = "NAME"
 ) -> dict[str, argparse.ArgumentParser]:
-    """Add a parser, by name, for each of a package's modules that are named with their helps."""
+    """Add a parser for each named module of a package, with its short help."""
     subparsers = parser.add_subparsers(dest=dest, metavar=metavar, required=True)
     for name, text in helps.items():
         module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
@@ -124,7 +123,7 @@ def add_log_format(parser: argparse.ArgumentParser) -> None:
 
 
 def _log_format(words: Sequence[str]) -> str | None:
-    """--log-format before anything else is understood, so that even misunderstandings are said in it."""
+    """Value of --log-format before parsing, so that parsing errors follow it, too."""
     from ..patchnet_addon.runtime.log import FORMATS
 
     given = [following for word, following in pairwise(words) if word == "--log-format"]

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet bench NAME`: measure against other programs, in the same run and on the same input.
+"""`patchnet bench NAME`: measure PatchNet and other programs in the same run on the same input.
 
 A bench is a module of `commands/benches/`, imported when it runs:
 
     measure(args) -> Comparison the measurement
-    text(values) -> str         its figures for the user, from the values of the JSON
+    text(values) -> str         its report, from the values of the JSON; optional
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 from ..patchnet_addon.network.encoders import MLP
 from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.bounds import Bounds
+from ..training.benchmarks.tables import markdown_table
 from ..training.settings import AUTO, BF16, FP32
 from . import add_log_format
 from .shared.arguments import add_device, add_number
@@ -56,12 +58,41 @@ def run(args: argparse.Namespace) -> int:
         require_torch()
     bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args).as_json()
-    print(json.dumps(values) if args.json else bench.text(values))
+    print(json.dumps(values) if args.json else getattr(bench, "text", text_of)(values))
     return 0
 
 
+def text_of(values: Mapping[str, Any]) -> str:
+    """Report of a bench: one value per line, lists of rows as Markdown tables. Single runs are in the JSON only."""
+    lines, tables = [], []
+    for name, value in values.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = [_flat(row) for row in value]
+            tables.append("\n" + markdown_table(list(rows[0]), [list(row.values()) for row in rows]))
+        elif name not in ("name", "runs") and value is not None:
+            lines.append(f"{name}: {_shown(value)}")
+    return "\n".join([*lines, *tables])
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, str]:
+    """Cells of a row by column; nested values become columns of their own."""
+    cells: dict[str, str] = {}
+    for name, value in row.items():
+        nested = value if isinstance(value, dict) else {name: value}
+        cells |= {key: _shown(each) for key, each in nested.items()}
+    return cells
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
 def _number(parser: argparse.ArgumentParser, flag: str, row: Bounds, default: Any, text: str) -> None:
-    """Argument that is a number, or as many as its default has, which the help states."""
+    """Add a numeric argument, or several numbers if its default has several; the help states the default."""
     if isinstance(default, tuple):
         shown = " ".join(map(str, default))
         add_number(parser, flag, row, nargs=len(default), default=default, help=f"{text} ({shown})")
@@ -77,7 +108,7 @@ def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None
 
 
 def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
-    parser.add_argument("file", type=Path, nargs="?", help="octree file (one of --nodes nodes is made)")
+    parser.add_argument("file", type=Path, nargs="?", help="octree file (a generated one of --nodes nodes)")
     _number(parser, "--nodes", bounds.NODES, nodes, "nodes of the octree that is made")
     _repeats(parser, repeats)
 
@@ -94,7 +125,7 @@ def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
 
 def _trace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "file", type=Path, nargs="?", help="octree file of the scene (its triangles are voxelized at --depth)"
+        "file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)"
     )
     _triangles(parser, 5, "Embree")
     add_views(parser)
@@ -131,13 +162,13 @@ def _walkthrough(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     _number(parser, "--frames", bounds.TRACK_FRAMES, 250, "frames of the walk")
     _number(parser, "--size", bounds.VIEW_PX, (320, 180), "pixels of each")
-    parser.add_argument("--depth", default="fit", help="of the octree, or fit: fine where the walk sees it (fit)")
+    parser.add_argument("--depth", default="fit", help="octree depth, or fit: fine only where the cameras look (fit)")
     _number(parser, "--samples", bounds.SAMPLES, 4, "of a baked texel")
     _number(parser, "--timed", bounds.REPEATS, 3, "frames of PatchNet that are timed")
     _number(parser, "--cycles-timed", bounds.REPEATS, 1, "frames of Cycles that are timed")
     add_number(
         parser, "--cycles-samples", bounds.CYCLES_SAMPLES, nargs="+", default=[1, 2, 4, 8, 32], metavar="N",
-        help="of Cycles' frames, each of these (1 2 4 8 32)",
+        help="samples per pixel of Cycles' frames (1 2 4 8 32)",
     )  # fmt: skip
     _number(parser, "--judged", bounds.REPEATS, 1, "frames whose errors are measured")
     _number(parser, "--error-size", bounds.VIEW_PX, (160, 90), "pixels of these")
@@ -147,7 +178,7 @@ def _walkthrough(parser: argparse.ArgumentParser) -> None:
 def _train(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "datasets", nargs="*", type=Path, metavar="DATASET",
-        help="sample files, or folders of them (samples of an octree of --nodes nodes are drawn)",
+        help="sample files, or folders of them (drawn from an octree of --nodes nodes)",
     )  # fmt: skip
     add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
     _number(parser, "--nodes", bounds.NODES, 1_000_000, "nodes of the octree that is made")
@@ -155,7 +186,7 @@ def _train(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--threads", bounds.THREADS, help="threads that train, or gather batches for a GPU (all cores)")
     parser.add_argument(
         "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
-        help="of the encoder's products (auto: bf16 where the processor has it)",
+        help="precision of the encoder's products (auto: bf16 where the processor has it)",
     )  # fmt: skip
     _number(parser, "--encoder-width", bounds.ENCODER_WIDTH, MLP.width, "values between the encoder's layers")
     _repeats(parser, 9)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`blender --command patchnet SUB-COMMAND`: the sub-commands that need no torch, inside Blender.
 
-What an entry returns is Blender's exit code: 0 done, 1 unexpected, 2 bad input, 130 interrupted, 143 by
+Blender exits with the returned code: 0 for success, 1 for an unexpected error, 2 for bad input, 130 for Ctrl-C, 143 for
 SIGTERM.
 """
 
@@ -20,15 +20,15 @@ _handles: list[Any] = []
 
 
 def register() -> None:
-    """Make the command known to Blender."""
+    """Register the command in Blender."""
     import bpy
 
     _handles.append(bpy.utils.register_cli_command(ID, execute))
-    atexit.register(unregister)  # Blender as a Python module crashes at its exit if it still knows a command
+    atexit.register(unregister)  # Blender as a Python module crashes at exit while a command is registered
 
 
 def unregister() -> None:
-    """Forget the command."""
+    """Unregister the command."""
     import bpy
 
     atexit.unregister(unregister)
@@ -37,7 +37,7 @@ def unregister() -> None:
 
 
 def execute(words: Sequence[str]) -> int:
-    """Run a sub-command; Blender calls this with what follows `--command patchnet`."""
+    """Run a sub-command with the arguments after `--command patchnet`."""
     import traceback
 
     import bpy
@@ -58,7 +58,7 @@ def execute(words: Sequence[str]) -> int:
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
-    except SystemExit as stop:  # argparse: help, or words that it does not know
+    except SystemExit as stop:  # by argparse: help, or unknown arguments
         return stop.code if isinstance(stop.code, int) else EXIT_UNEXPECTED
     except Exception:  # noqa: BLE001  no caller would report what it was
         traceback.print_exc()
@@ -66,9 +66,9 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _blender_path(word: str) -> str:
-    """Expand Blender's `//` in a word to the folder of the open file; raises SettingError if none is open.
+    """Expand Blender's `//` in an argument to the folder of the open file, also after an equals sign (--out=//out).
 
-    Also behind an option's equals sign: --out=//out.
+    Raises SettingError if no file is open.
     """
     from ..operators.properties import absolute_path
 

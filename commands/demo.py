@@ -14,7 +14,7 @@ from .shared.job_arguments import add_job_arguments, job_settings, require_blend
 
 SCENE_NAME = "courtyard.blend"
 CAMERAS = "Far,Middle,Close"
-DEPTH = "10"  # gives look-ahead to Far and Middle; Close shows what happens without
+DEPTH = "10"  # look-ahead in Far and Middle; Close shows the result without
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

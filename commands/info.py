@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet info FILE`: print what an octree, codes or weights file holds. The whole file is read and checked."""
+"""`patchnet info FILE`: print the contents of an octree, codes or weights file. Reads and checks the whole file."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..patchnet_addon.runtime.quantities import counted
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("file", type=Path, help="a .safetensors file that PatchNet wrote")
+    parser.add_argument("file", type=Path, help="a .safetensors file of PatchNet")
     parser.add_argument(
-        "--weights", type=Path, help="of an octree: weights whose look-ahead counts (those that are shipped)"
+        "--weights", type=Path, help="for an octree: weights whose look-ahead is counted (the shipped ones)"
     )
     parser.add_argument("--json", action="store_true", help="print the metadata as JSON")
 
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
-    """Figures that a user asks for first; look-ahead is that of `weights`, None for the shipped ones."""
+    """Summary of a file's contents; look-ahead is that of `weights`, None for the shipped ones."""
     from ..patchnet_addon.network.weights import load_weights
 
     if header.kind == "octree":
@@ -81,7 +81,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
 
 
 def _lines(values: dict[str, Any], indent: str = "") -> list[str]:
-    """Nested metadata as indented lines; long lists are counted instead of printed."""
+    """Nested metadata as indented lines; only the length of long lists."""
     lines: list[str] = []
     for name, value in values.items():
         if isinstance(value, dict):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet octree SCENE`: write the lit octree of a scene, upright or turned, for training and experiments."""
+"""`patchnet octree SCENE`: write the lit octree of a scene, upright or rotated, for training and experiments."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FIT = "fit"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
-    parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only where the views look")
+    parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only in the views")
     add_views(parser)
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure")
     add_settings(parser, "sides", "gloss", "device")
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_frames(parser)
     add_out(parser, "octree file to write; with --frames, a folder", required=True)
     parser.add_argument(
-        "--timings", action="store_true", help="end with a line of JSON: seconds of each stage, and the peak of memory"
+        "--timings", action="store_true", help="print a line of JSON at the end: seconds of each stage, and peak memory"
     )
 
 
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     import bpy
 
     with BakePageCache() as kept:
-        # Who voxelizes for the first time will look at pictures next.
+        # A first octree is usually followed by pictures.
         with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
             made = drain(build_lit_octree(bpy.context, settings, clock, kept, overrides), bars.show)
         with clock.stage("save"):
@@ -117,13 +117,13 @@ def _settings(args: argparse.Namespace) -> JobSettings:
     from ..operators.settings.job_settings import JobSettings
 
     given = given_settings(args)
-    if args.gloss != GLOSS_CAMERA:  # an octree is for any camera
+    if args.gloss != GLOSS_CAMERA:  # for any camera
         given["from_camera"] = False
     return JobSettings.of(**given, depth=depth_of(args.depth, (FIT,)), fit=args.depth == FIT)
 
 
 def _overrides(args: argparse.Namespace) -> OctreeOverrides:
-    """Overrides beside the settings: the views that the octree is fitted to, a rotation, what is left out."""
+    """Overrides of the settings: views to fit the octree to, a rotation, objects to leave out."""
     from ..operators.pipeline.lit_octree import OctreeOverrides
 
     notes = {"file": scene_path(args.scene).name, "rotation": args.rotate, "without": args.without}
@@ -134,7 +134,7 @@ def _overrides(args: argparse.Namespace) -> OctreeOverrides:
 
 
 def check_out(args: argparse.Namespace) -> None:
-    """Raise OutputError if --out cannot be written, or would replace what the open or the named scene is read from."""
+    """Raise OutputError if --out cannot be written, or would replace a file of the scene."""
     from ..operators.pipeline.output_files import scene_inputs
     from ..operators.pipeline.reports import REPORT_NAME
     from ..patchnet_addon.runtime.file_kinds import OCTREE, REPORT
@@ -146,27 +146,27 @@ def check_out(args: argparse.Namespace) -> None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise SettingError for settings that are impossible or contradict each other."""
+    """Raise SettingError for conflicting settings."""
     check_frames(args)
     if args.frames is not None and args.timings:
-        raise SettingError("--timings are those of one octree: leave them out with --frames")
+        raise SettingError("--timings needs a single octree: omit it with --frames")
     if args.same_grid and args.rotate:
-        raise SettingError("--same-grid and --rotate contradict each other: leave one of them out")
+        raise SettingError("--same-grid and --rotate exclude each other: omit one of them")
     if _bisect(args) is not None and (args.rotate or args.depth == FIT):
         other = "--rotate" if args.rotate else f"--depth {FIT}"
-        raise SettingError(f"--bisect and {other} contradict each other: leave one of them out")
+        raise SettingError(f"--bisect and {other} exclude each other: omit one of them")
     if args.depth != FIT:
         depth_of(args.depth, (FIT,))
         if args.view:
-            raise SettingError(f"--view is what --depth {FIT} fits to: leave it out with a depth")
+            raise SettingError(f"--view requires --depth {FIT}: omit it with another depth")
     elif not args.view:
         raise SettingError(f"--depth {FIT} needs at least one --view to fit to")
     elif args.rotate:
-        raise SettingError(f"--depth {FIT} and --rotate contradict each other: leave one of them out")
+        raise SettingError(f"--depth {FIT} and --rotate exclude each other: omit one of them")
 
 
 def _without(args: argparse.Namespace) -> list[str]:
-    """Texts of --without, in lower case."""
+    """Values of --without in lower case."""
     return [text.strip().lower() for text in args.without.split(",") if text.strip()]
 
 
@@ -178,5 +178,5 @@ def _bisect(args: argparse.Namespace) -> tuple[int, float] | None:
         return None
     axis, share = args.bisect
     if axis.lower() not in AXES:
-        raise SettingError(f"--bisect {axis} is no axis: choose x, y or z")
+        raise SettingError(f"--bisect {axis} is not an axis: choose x, y or z")
     return AXES.index(axis.lower()), bounds.SHARE.read(share, "--bisect")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet run SCENE`: voxelize a scene, bake its light, look ahead with PatchNet, refine its views, and report."""
+"""`patchnet run SCENE`: voxelize a scene, bake its light, encode it with PatchNet, refine its views, and report."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _CYCLES_TITLES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_scene(parser, ".blend, .glb, .gltf, .obj, .ply, .stl, .fbx or .usd file")
-    parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="which objects (visible)")
+    parser.add_argument("--scope", choices=("visible", "selected"), default="visible", help="objects (visible)")
     add_job_arguments(parser)
     add_frames(parser)
     add_out(parser, "folder for the results (out/NAME-OF-SCENE)")
@@ -59,13 +59,13 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
 
     assert settings.out is not None
     if settings.surface.track:
-        raise SettingError("Each frame's octree fits that frame's cameras: leave out --track with --frames")
+        raise SettingError("With --frames each octree is fitted to its frame's cameras: omit --track")
     print_frames(bake_with_bars(args, JobMaker(settings), settings.out), settings.out)
     return 0
 
 
 def run_with_bars(settings: JobSettings) -> JobResult:
-    """Run the job on the scene that is open in Blender, with progress bars on stderr."""
+    """Run the job on the open scene with progress bars on stderr."""
     import bpy
 
     from ..operators.pipeline.run import run_job
@@ -78,7 +78,7 @@ def run_with_bars(settings: JobSettings) -> JobResult:
 
 
 def print_result(result: JobResult, settings: JobSettings) -> None:
-    """Warnings, the octree, the views, and with a reference what is left of the error by strategy."""
+    """Print warnings, the octree, the views, and with a reference the remaining error by strategy."""
     from ..operators.pipeline.output_files import OVERVIEW_NAME
 
     assert settings.out is not None
@@ -118,7 +118,7 @@ def _print_view(view: dict[str, Any], wanted: ViewSettings) -> None:
 
 
 def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> None:
-    """Error of every strategy, and of pictures that none refines."""
+    """Print the error of every strategy, and of unrefined pictures."""
     from ..patchnet_addon.sampling.registry import STRATEGIES
     from ..patchnet_addon.sampling.report import shown_figures
 
@@ -134,7 +134,7 @@ def _print_errors(view: dict[str, Any], wanted: ViewSettings, title: str) -> Non
 
 
 def _print_cycles(report: dict[str, Any]) -> None:
-    """Figures of a view's regions by Cycles."""
+    """Print figures of a view's pixels by Cycles."""
     seconds = report["seconds"]
     text = f"Cycles on {report['pixels_share']:.1%} of pixels: "
     text += f"{seconds['pixels']:.1f} s, {seconds['of_that_reading_the_scene']:.1f} s of that reading the scene"
@@ -144,7 +144,7 @@ def _print_cycles(report: dict[str, Any]) -> None:
 
 
 def _view_figures(view: dict[str, Any]) -> dict[str, Any]:
-    """Figures of a view for programs."""
+    """Figures of a view for the log."""
     from ..patchnet_addon.sampling.report import shown_errors
 
     errors = shown_errors(view)

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,
-        help="gloss that is baked; but for off, the render has all light, too, not diffuse and emission alone (off)",
+        help="baked gloss; unless off, the render has all light, not only diffuse and emission (off)",
     )  # fmt: skip
     add_number(parser, "--samples", bounds.SAMPLES, default=64, help="Cycles samples per baked texel (64)")
     add_number(
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--difference", bounds.DIFFERENCE, default=0.2, help="end of the pictures' legend (0.2)")
     parser.add_argument(
         "--whole-voxels", action="store_true",
-        help="also compare the same octree without the boxes in its finest voxels, and write whole_voxels.png",
+        help="also compare the octree without the boxes in its finest voxels, and write whole_voxels.png",
     )  # fmt: skip
     add_out(parser, "folder for the report and the pictures", required=True)
 
@@ -104,7 +104,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
 
 
 def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
-    """Folder of each camera by its name, of the open scene's or of those that will be placed; raises SceneError."""
+    """Folder of each camera by name, of the open scene or of cameras to place; raises SceneError."""
     import bpy
 
     from ..operators.pipeline.output_files import camera_folders, view_folders
@@ -115,7 +115,7 @@ def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
 
 
 def print_check(check: LightCheck) -> None:
-    """Warnings and a row of figures for each camera; by region, the share of the squared error."""
+    """Print warnings and a row of figures per camera, with the share of the squared error by region."""
     for warning in check.report["warnings"]:
         say_note(warning)
     octree = check.report["octree"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import bpy
 
-from ..patchnet_addon.runtime.heap import page_out
 from . import overlay
 from .jobs.polls import no_job_runs
 from .scene_access.images import free_copies
@@ -37,7 +36,6 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         overlay.forget(context)
         for image in filter(is_own, bpy.data.images):
             free_copies(image)
-        page_out("llvmlite")
         give_back()
         if not bpy.app.background:  # viewports let go of their pictures when they are drawn again
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)

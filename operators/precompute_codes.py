@@ -11,7 +11,6 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.polls import VoxelJob
-from .jobs.tell import tell_notes
 from .properties import CodesProperties
 from .session import results
 from .settings.job_settings import JobSettings
@@ -31,9 +30,7 @@ class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator
         clock = StageClock()
         with clock.stage("codes"):
             weights = load_network(settings.network)
-            coded, encoding = yield from encode(before.octree, weights, settings.compute)
-        made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoding.text)
-        made.notes = before.notes | {"codes": encoding.warnings}
+            coded, encoder = yield from encode(before.octree, weights, settings.compute)
+        made = replace(before, coded=coded, seconds=before.seconds | clock.seconds, encoder=encoder)
         results.keep(context.scene, results.without_view(made), "codes", settings=settings)
-        said = tell_notes(self, encoding.warnings)
-        return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoding.text}{said}"
+        return f"{counted(coded.coded_count, 'voxel')} with look-ahead, by {encoder}"

@@ -8,7 +8,6 @@ from types import ModuleType
 
 import bpy
 
-from ..patchnet_addon.network.devices import OTHER_PYTHON
 from . import (
     add_demo_scene,
     bake_animation,
@@ -74,10 +73,6 @@ _OPERATORS: tuple[ModuleType, ...] = (
     copy_diagnostics,
     add_demo_scene,
 )
-if OTHER_PYTHON:
-    from . import check_python
-
-    _OPERATORS += (check_python,)
 
 
 def _operators_of(module: ModuleType) -> list[type]:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training and measuring, without Blender."""
+"""Training and evaluation, without Blender."""

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoders by architecture: the paper's layers, and two that convolve, for the paper's comparison alone.
+"""Encoders by architecture: the paper's layers, and two convolutional ones for the paper's comparison.
 
-`mlp` is the paper's (methods 7.12), which the engine runs. The two others run on torch, in research commands: they
-convolve the patch down to 2x2x2 cells, with ReLU behind every stage, and two linear layers make the code of these. The
-hidden one is as wide as leaves the whole encoder no more parameters than the paper's `mlp` of the same look-ahead has.
+`mlp` is the paper's (methods 7.12), which the engine runs. The two others run on torch in research commands: they
+convolve the patch down to 2x2x2 cells, with ReLU after every stage, and two linear layers map these to the code. The
+hidden layer is as wide as fits the number of parameters of the paper's `mlp` with the same look-ahead.
 
 Voxception blocks are those of Brock, Lim, Ritchie, Weston, "Generative and Discriminative Voxel Modeling with
-Convolutional Neural Networks", 2016 (arXiv 1608.04236): convolutions of 3x3x3 and of 1x1x1 cells side by side; and to
-halve the sides, four of a quarter of the filters each: a 3x3x3 and a 1x1x1 convolution of stride 2, and two 3x3x3
-convolutions behind which the largest, or the mean, of 3x3x3 cells is taken. Ours has no batch norm, and ReLU for ELU.
+Convolutional Neural Networks", 2016 (arXiv 1608.04236): parallel convolutions of 3x3x3 and of 1x1x1 cells; and to halve
+the sides, four branches of a quarter of the filters each: a 3x3x3 and a 1x1x1 convolution of stride 2, and two 3x3x3
+convolutions followed by max or mean pooling of 3x3x3 cells. This version has no batch norm, and ReLU instead of ELU.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from ..patchnet_addon.network.encoders import CHANNELS, LUMINANCE, MLP, EncoderK
 from ..patchnet_addon.network.kinds import CODE_SIZE
 
 MAXIMUM, MEAN = "maximum", "mean"
-_LAST_SIDE = 2  # cells along a side of what the convolutions leave
+_LAST_SIDE = 2  # side of the convolutions' output in cells
 _WIDTH_STEP = 16  # of the hidden linear layer of encoders that convolve
 _CONV3D_FILTERS, _VOXCEPTION_FILTERS = 16, 8
 
 
 @dataclass(frozen=True)
 class Branch:
-    """Convolution with zeros around the patch.
+    """Convolution with zero padding.
 
-    side: of its kernels, 3 or 1. stride: 1, or 2 to halve the sides. pool: MAXIMUM or MEAN of 3x3x3 cells at every
-    second place, behind a convolution of stride 1; a mean counts the zeros around, a maximum does not.
+    side: of its kernels, 3 or 1. stride: 1, or 2 to halve the sides. pool: MAXIMUM or MEAN of 3x3x3 cells with stride
+    2, after a convolution of stride 1; a mean includes the padding, a maximum does not.
     """
 
     filters: int
@@ -42,7 +42,7 @@ class Branch:
 
 
 Stage = tuple[Branch, ...]
-"""Branches on the same cells; what they make stands side by side, and ReLU follows."""
+"""Parallel branches whose outputs are concatenated, followed by ReLU."""
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,21 @@ class ConvolvingKind(EncoderKind):
         return (*kernels, (width, flat), (CODE_SIZE, width))
 
     def hide_luminance(self, layers: Sequence[weights.Layer], lookahead: int) -> None:
-        """Set what the first layers would see of luminance to zero."""
+        """Zero the first layers' weights of luminance."""
         for kernels, _ in layers[: len(self.stages(lookahead)[0])]:
             kernels[:, LUMINANCE] = 0
 
 
 def _convolutions(lookahead: int) -> tuple[Stage, ...]:
-    """A convolution at full size, and one of twice the filters for each time that the sides are halved."""
+    """A convolution at full size, and one with twice the filters for each halving of the sides."""
     first = _CONV3D_FILTERS
     return ((Branch(first, 3),), *((Branch(first << halving, 3, 2),) for halving in range(1, lookahead + 1)))
 
 
 def _voxception(lookahead: int) -> tuple[Stage, ...]:
-    """A Voxception block at each size but the last, and one that halves the sides with twice the filters behind it."""
+    """A Voxception block at each size but the last, each followed by one that halves the sides and doubles the
+    filters.
+    """
     stages: list[Stage] = []
     for halving in range(lookahead):
         filters = _VOXCEPTION_FILTERS << halving
@@ -105,5 +107,5 @@ ENCODERS: dict[str, EncoderKind] = {kind.name: kind for kind in (MLP, CONV3D, VO
 
 
 def load_weights(path: str | Path | None = None) -> weights.Weights:
-    """Read weights with any of these encoders, or those that are shipped; raises WeightsFileError."""
+    """Read weights with any of these encoders, or the shipped ones; raises WeightsFileError."""
     return weights.load_weights(path, ENCODERS)

@@ -14,9 +14,9 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from .encoders import ENCODERS, ConvolvingKind
 
-SAMPLES = 16_000_000  # that data sets have in all, as the paper's and those of the shipped weights
+SAMPLES = 16_000_000  # of all data sets, as in the paper and for the shipped weights
 VIEWS = 8  # of each voxel
-VALIDATION_VOXELS = 2048  # of a data set, at most
+VALIDATION_VOXELS = 2048  # most of a data set
 SCHEDULES = ("paper", "cosine")
 ABSOLUTE, SQUARED = LOSSES = ("absolute", "squared")
 AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
@@ -24,20 +24,19 @@ AUTO, BF16, FP32, TF32 = PRECISIONS = ("auto", "bf16", "fp32", "tf32")
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """Settings that decide the result of a training run.
+    """Settings that determine the result of a training run.
 
-    passes: sample passes in all, the paper's 16 M x 8 epochs being 128 M. batch: samples (views) per step.
-    schedule: "paper" (drops to a tenth after 4/8 and 7/8 of the run, methods 7.21) or "cosine".
-    warm_up: steps of rising learning rate. average: decay of the moving mean of weights that is saved, 0 for none.
-    clip: largest norm of a gradient, 0 for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the
-    loss. precision: "fp32"; "bf16" for the encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or
-    "auto": fp32 on a GPU, on a CPU bf16 where the processor has it natively, and fp32 for the last fiftieth. network:
-    its kind (`network/kinds.py`). loss: "absolute" errors, whose best guesses are medians, or "squared" ones, whose are
-    means, which pictures and mean squared errors need. encoder: its architecture (`encoders.py`). fresh: each
-    step draws new voxels and views from the octrees (`fresh.py`), where sample files would be gone through again and
-    again. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0 for those of the kind.
-    encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for the paper's, and for encoders
-    that convolve.
+    passes: sample passes in total, the paper's 16 M x 8 epochs being 128 M. batch: samples (views) per step. schedule:
+    "paper" (drops to a tenth after 4/8 and 7/8 of the run, methods 7.21) or "cosine". warm_up: steps of rising learning
+    rate. average: decay of the moving mean of weights that is saved, 0 for none. clip: largest norm of a gradient, 0
+    for no limit. augment: methods 7.20. luminance_weight: factor of |dL| in the loss. precision: "fp32"; "bf16" for the
+    encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or "auto": fp32 on a GPU, on a CPU bf16 if the
+    processor has it natively, and fp32 for the last fiftieth. network: its kind (`network/kinds.py`). loss: "absolute"
+    errors, minimized by medians, or "squared" ones, minimized by means, which pictures and mean squared errors need.
+    encoder: its architecture (`encoders.py`). fresh: each step draws new voxels and views from the octrees (`fresh.py`)
+    instead of reading sample files. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0
+    for the default of the kind. encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for
+    the paper's, and for convolutional encoders.
     """
 
     passes: int = 8 * SAMPLES
@@ -76,13 +75,13 @@ class TrainSettings:
                 raise SettingError(f"{name.capitalize()} '{value}' is unknown: use one of {', '.join(known)}")
         own = KINDS[self.network]
         if not self.decoder_width:
-            object.__setattr__(self, "decoder_width", own.width)  # as cards and checkpoints state it
+            object.__setattr__(self, "decoder_width", own.width)  # as in checkpoints
         bounds.DECODER_WIDTH.check(self.decoder_width)
         if self.decoder_width % WIDTH_STEP:
-            raise SettingError(f"Decoder width {self.decoder_width} is no multiple of {WIDTH_STEP}: choose one that is")
+            raise SettingError(f"Decoder width {self.decoder_width} is not a multiple of {WIDTH_STEP}: choose one")
         if self.decoder_width != own.width and not own.mixes:
             raise SettingError(
-                f"The decoder of the network '{own.name}' is {own.width} wide: leave --decoder-width out"
+                f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width"
             )
         if not self.encoder_width:
             object.__setattr__(self, "encoder_width", ENCODERS[self.encoder].width)
@@ -92,21 +91,21 @@ class TrainSettings:
         own = ENCODERS[self.encoder]
         if isinstance(own, ConvolvingKind):
             if self.encoder_width:
-                raise SettingError(f"The look-ahead decides how wide '{own.name}' is: leave --encoder-width out")
+                raise SettingError(f"The look-ahead determines the width of '{own.name}': omit --encoder-width")
             return
         bounds.ENCODER_WIDTH.check(self.encoder_width)
         if self.encoder_width % MLP_WIDTH_STEP:
             step = MLP_WIDTH_STEP
-            raise SettingError(f"Encoder width {self.encoder_width} is no multiple of {step}: choose one that is")
+            raise SettingError(f"Encoder width {self.encoder_width} is not a multiple of {step}: choose a multiple")
 
     @property
     def kind(self) -> NetworkKind:
-        """Kind of network, with a decoder of this width."""
+        """Kind of network, with this width of the decoder."""
         return KINDS[self.network].of_width(self.decoder_width)
 
     @property
     def encoder_kind(self) -> EncoderKind:
-        """Architecture of the encoder, of this width."""
+        """Architecture of the encoder, with this width."""
         own = ENCODERS[self.encoder]
         return own.of_width(self.encoder_width) if own.width else own
 
@@ -124,17 +123,17 @@ IMPROVED = TrainSettings(
     network=MIXTURE.name,
     loss=SQUARED,
 )
-_FULL_RUN = IMPROVED.passes // IMPROVED.batch  # steps that the preset's learning rate is for
+_FULL_RUN = IMPROVED.passes // IMPROVED.batch  # steps of the preset's learning rate
 _HIGHEST_RATE = 0.016
-OF_LENGTH = "passes", "learning_rate", "warm_up"  # what a run that goes on for more passes may have others of
-_WARM_UP_SHARE = 0.1  # of a run at most: short ones would spend half of it on rising rates
+OF_LENGTH = "passes", "learning_rate", "warm_up"  # settings that may change when a run is extended
+_WARM_UP_SHARE = 0.1  # longest warm-up, as a share of a run
 
 
 def of_length(settings: TrainSettings) -> TrainSettings:
-    """Settings with the learning rate and warm-up that suit a run of so many steps, of a cosine schedule.
+    """Settings with a learning rate and warm-up for a run of so many steps with a cosine schedule.
 
-    Short runs learn most at higher rates: in inverse proportion to the root of the number of steps
-    (docs/lab/training.md, "Length of a run").
+    The best rate is inversely proportional to the root of the number of steps (docs/lab/training.md, "Length of a
+    run").
     """
     steps = max(1, settings.passes // settings.batch)
     rate = min(IMPROVED.learning_rate * max(1.0, _FULL_RUN / steps) ** 0.5, _HIGHEST_RATE)
@@ -149,8 +148,8 @@ PRESETS = {"quick": of_length(replace(IMPROVED, passes=8 * QUICK_SAMPLES)), "pap
 def preset_with(preset: str, changes: Mapping[str, Any]) -> TrainSettings:
     """Preset with the values of `changes` that are not None; another network or encoder has its own width.
 
-    Where neither preset nor schedule is the paper's, warm-up and a learning rate that is not given are those of the
-    run's length (`of_length`).
+    If neither preset nor schedule is the paper's, default warm-up and learning rate depend on the run's length
+    (`of_length`).
     """
     given = {name: value for name, value in changes.items() if value is not None}
     own = {width: 0 for what, width in (("network", "decoder_width"), ("encoder", "encoder_width")) if what in given}

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benches of `patchnet bench`, one a file; `commands/bench.py` has their arguments and imports the one that runs."""
+"""Benches of `patchnet bench`, one per file; `commands/bench.py` has their arguments."""

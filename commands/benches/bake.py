@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths per second of a bake against Cycles' camera renders of the same scene, page and render in turns.
+"""Paths per second of a bake against Cycles' camera renders of the same scene, in turns.
 
-Both are whole calls, reading the scene included, in processor seconds of all cores together. Renders take as many paths
-as the page before them, from cameras that are placed in the scene. Beside that: how full the pages are.
+Both are whole calls, including scene reading, in processor seconds of all cores. A render takes as many paths as the
+page before it, from cameras placed in the scene. The report also has the occupancy of the pages.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -45,7 +44,7 @@ _MIN_PX, _MAX_PX = 64, 2048
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of both and the state of the pages; raises PatchNetError."""
+    """Rates of bake and renders, and occupancy of the pages; raises PatchNetError."""
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
         source = read_scene(bpy.context.evaluated_depsgraph_get(), "VISIBLE")
@@ -77,20 +76,20 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def own_texels(charts: Charts) -> np.ndarray:
-    """(T,) int64: texels that belong to each triangle."""
+    """Number of texels of each triangle, (T,) int64."""
     owners = np.concatenate([texel_owners(charts, page).ravel() for page in range(charts.page_count)])
     return np.bincount(owners[owners >= 0], minlength=len(charts.page))
 
 
 def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
-    """Cameras in free space; the octree for it is a coarse one in plain light."""
+    """Cameras in free space, found in a coarse octree with plain light."""
     octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
     return (yield from viewpoints(octree, _VIEWS, (64, 64)))
 
 
 @dataclass(frozen=True)
 class Turn:
-    """Page that was baked, or a picture: paths, and processor and wall seconds of the whole call."""
+    """Baked page or rendered picture: paths, processor and wall seconds of the whole call."""
 
     paths: int
     processor_s: float
@@ -99,21 +98,21 @@ class Turn:
 
 @dataclass(frozen=True)
 class Rates:
-    """Cost of pages, and of the render after each of them, reading the scene included."""
+    """Costs of pages and of the render after each of them, including scene reading."""
 
     pages: tuple[Turn, ...]
     renders: tuple[Turn, ...]
 
 
 def rate(turns: Sequence[Turn]) -> float:
-    """Paths per processor second, of all cores together: other programs' load changes it least."""
+    """Paths per processor second of all cores, which other programs' load affects least."""
     return sum(turn.paths for turn in turns) / sum(turn.processor_s for turn in turns)
 
 
 def measure_rates(
     context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
 ) -> Steps[Rates]:
-    """Bake each page with something on it, and render about as many paths through one camera after the other."""
+    """Bake each page that is not empty, and render about as many paths through the next camera."""
     light = LightSettings(color=False)
     plan = yield from plan_sides(context, source, cameras, light, lift_world(source, charts))
     baker = Baker(context, source, charts, light, plan, seed=seed)
@@ -137,7 +136,7 @@ def measure_rates(
 
 
 class _Clock:
-    """Clock that measures from now on."""
+    """Clock that starts now."""
 
     def __init__(self) -> None:
         self._wall, self._processor = time.perf_counter(), time.process_time()
@@ -147,21 +146,9 @@ class _Clock:
 
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:
-    """Camera with a square picture of about so many pixels."""
+    """Camera with a square picture of about `pixels` pixels."""
     side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
     target = camera.position_world + camera.forward
     return Camera.look_at(
         camera.position_world, target, fov=2.0 * float(np.arctan(camera.half_y)), size_px=(side, side), name=camera.name
-    )
-
-
-def text(values: dict[str, Any]) -> str:
-    """Rates and filling in sentences."""
-    return (
-        f"{values['scene']} at depth {values['depth']}: {values['triangles']:,} triangles\n"
-        f"Bake {values['ours']:.3f} million paths per processor second, camera renders {values['peer']:.3f}: ratio "
-        f"{values['ratio']:.2f}\n"
-        f"{values['atlas_use']:.0%} of texels on pages lie in a triangle\n"
-        f"{values['paths_a_side'] / 1e6:.1f} M paths a side; if no triangles shared, "
-        f"{values['paths_a_side_without_sharing'] / 1e6:.1f} M"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes of a whole octree, from its nodes to stored codes, by the compiled encoder against torch's, in turns."""
+"""Codes of a whole octree, from nodes to stored codes, by the compiled encoder against torch, in turns."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import argparse
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +20,11 @@ from ...patchnet_addon.runtime.progress import drain
 from ...training.benchmarks.timing import Comparison, timed
 from .inputs import given_octree, use_threads
 
-_REST_SECONDS = 0.3  # threads of torch spin on after a product, and would take the next one's cores
+_REST_SECONDS = 0.3  # torch's threads spin after a product and would occupy cores of the next turn
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of both, without torch of ours alone; raises PatchNetError, as for an octree without look-ahead."""
+    """Rates of both, without torch only PatchNet's; raises PatchNetError, also for an octree without look-ahead."""
     (octree, name), weights = given_octree(args), load_weights(args.weights)
 
     def encoded(encoder: Encoder | None = None) -> CodedOctree:
@@ -37,9 +36,9 @@ def measure(args: argparse.Namespace) -> Comparison:
 
         runs["torch"] = partial(encoded, TorchEncoder(weights, CPU))
     with use_threads(args.threads):
-        codes = [run().codes.astype(np.float32) for run in runs.values()]  # compiles, too
+        codes = [run().codes.astype(np.float32) for run in runs.values()]  # also compiles
         if not len(codes[0]):
-            raise SettingError("This octree has no corners to encode: take one of depth 2 or more")
+            raise SettingError("This octree has no corners to encode: give one of depth 2 or more")
         seconds, details = timed(runs, args.repeats, args.threads, prepare=partial(time.sleep, _REST_SECONDS))
     rates = {backend: len(codes[0]) / each for backend, each in seconds.items()}
     details |= {
@@ -51,12 +50,3 @@ def measure(args: argparse.Namespace) -> Comparison:
         "largest_code": float(np.abs(codes[0]).max()),
     }
     return Comparison.of_rates("encode", rates["compiled"], rates.get("torch"), details, "corners per second")
-
-
-def text(values: dict[str, Any]) -> str:
-    """Sentence about corners and rates."""
-    peer = f"torch {values['peer']:,.0f}, ratio {values['ratio']:.2f}" if values["peer"] else "no torch here"
-    return (
-        f"{values['octree']}: {values['corners']:,} corners a run; per second: ours {values['ours']:,.0f}; {peer} "
-        f"({values['clock']} seconds, threads: {values['threads']})"
-    )

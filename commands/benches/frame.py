@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seconds of a whole frame, from camera to picture and priority, by stage; four rays in each pixel beside it.
+"""Seconds of a whole frame, from camera to picture and priority, by stage; beside it, four rays in each pixel.
 
-Stages: rays with what is finer and behind, the network, score and order of all pixels, and the preview under the
-heatmap of what a budget of 30 % refines.
+Stages: rays with finer voxels and voxels behind, the network, score and order of all pixels, and the preview with the
+heatmap of a budget of 30 %.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import patch_hits
 from ...patchnet_addon.tracing.supersample import supersample
-from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison
 from ..shared.views import view_cameras
 from .inputs import given_octree
@@ -35,11 +34,11 @@ from .trace import views_of
 
 STAGES = ("trace", "decode", "priority", "picture")
 _BUDGET = 0.3
-_UNIFORM_SIDE = 2  # rays a pixel side
+_UNIFORM_SIDE = 2  # rays per pixel side
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Median wall seconds of each view by stage, the first run left out; raises PatchNetError."""
+    """Median wall seconds of each view by stage, without the first run; raises PatchNetError."""
     octree, name = given_octree(args)
     coded = drain(encode_octree(octree, load_weights()))
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
@@ -82,16 +81,3 @@ def _frame(coded: CodedOctree, camera: Camera) -> dict[str, float]:
     with clock.stage("uniform"):
         drain(supersample(coded.octree, camera, _UNIFORM_SIDE))
     return clock.seconds
-
-
-def text(values: dict[str, Any]) -> str:
-    """Markdown table with a row for each view."""
-    width, height = values["size"]
-    rows = [
-        [row["view"], *(f"{row['stage_s'][stage]:.3f}" for stage in STAGES), f"{row['ours']:.3f}", f"{row['peer']:.3f}"]
-        for row in values["frames"]
-    ]
-    return (
-        f"{values['octree']}, depth {values['depth']}, {width} x {height}, threads: {values['threads']}; seconds\n\n"
-        + markdown_table(["view", *STAGES, "frame", values["peer_name"]], rows)
-    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octrees and triangles that benches work on: of files, or of bumpy spheres where none are given."""
+"""Octrees and triangles of benches: from files, or bumpy spheres."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from ...training.run.torch_threads import torch_threads
 from ..shared.job_arguments import require_blender
 from ..shared.quiet import quiet_stdout
 
-SHELLS = "shells"  # bumpy spheres inside each other, where no scene is given
+SHELLS = "shells"  # nested bumpy spheres, without a scene
 
 
 @contextmanager
 def use_threads(count: int) -> Iterator[None]:
-    """Let our kernels, and torch where it is, use so many threads."""
+    """Limit PatchNet's kernels, and torch if it is installed, to so many threads."""
     with limit_threads(count), torch_threads(count) if has_torch() else nullcontext():
         yield
 
 
 def given_octree(args: argparse.Namespace) -> tuple[Octree, str]:
-    """Octree file, or an octree of `--nodes`, and its name; raises PatchNetError for a file that is none."""
+    """Octree file, or a generated octree of `--nodes` nodes, and its name; raises PatchNetError."""
     if args.file is not None:
         return load_octree(args.file), args.file.name
     return octree_of_shells(args.nodes), SHELLS
@@ -57,7 +57,7 @@ def read_triangles(scene: Path | None) -> np.ndarray:
 
 
 def voxelized(mesh: TriangleMesh, depth: int) -> Octree:
-    """Octree of triangles under constant light, so that no texture is read."""
+    """Octree of triangles under constant light, without textures."""
     return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), _constant_light, exposure=1.0))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rays per second of the tracer in turns with Embree on the same triangles (https://pypi.org/project/embreex).
 
-Views are given, or found from the octree: from far outside, from the free space within, and close to what that sees.
+Views are given, or found in the octree: from far outside, from the free space within, and close to a surface.
 """
 
 from __future__ import annotations
@@ -28,19 +28,18 @@ from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_pe
 from ...patchnet_addon.tracing.supersample import supersample_pixels
 from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison, timed
 from ..shared.views import view_cameras
 from .inputs import SHELLS, read_triangles, voxelized
 
-_BLOCK = 4  # pixels a side that are super-sampled together, as refinement does
+_BLOCK = 4  # side in pixels of super-sampled blocks, as in refinement
 _BLOCKS = 40
 _SIDE = 32
 _CLOSE = 0.15  # of the way from what the view within sees back to it
 
 
 def import_embree() -> ModuleType:
-    """Embree's scenes, or a PatchNetError that says how to get them."""
+    """Embree's scene classes; raises PatchNetError with the command to install them."""
     try:
         from embreex import mesh_construction, rtcore_scene  # noqa: F401
     except (ImportError, OSError) as cause:
@@ -52,7 +51,7 @@ class EmbreeScene:
     """Triangles (T, 3, 3) in Embree's bounding volume hierarchy."""
 
     def __init__(self, corners_world: np.ndarray) -> None:
-        """Build the hierarchy; around the middle of the triangles, since Embree computes in float32."""
+        """Build the hierarchy around the middle of the triangles, since Embree computes in float32."""
         from embreex.mesh_construction import TriangleMesh as EmbreeMesh
 
         self._scene = import_embree().EmbreeScene()
@@ -61,20 +60,20 @@ class EmbreeScene:
         EmbreeMesh(self._scene, (corners_world - self._middle).astype(np.float32))
 
     def run(self, octree: Octree, camera: Camera) -> Callable[[], Any]:
-        """Run over the first hits of a perspective camera's pixels, whose rays are made before."""
+        """Trace the first hits of a perspective camera's pixels; the rays are generated in advance."""
         direction = first_hits(octree, camera).direction
         origin = np.tile((camera.position_world - self._middle).astype(np.float32), (len(direction), 1))
         return partial(self._scene.run, origin, direction, query="INTERSECT")
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates in all views, their geometric mean over Embree's as ratio.
+    """Rates in all views; the ratio is the geometric mean over Embree's.
 
-    Raises PatchNetError without Embree, but for an octree file alone, which has no triangles.
+    Raises PatchNetError without Embree, except for an octree file alone, which has no triangles.
     """
     triangles = embree = None
     if args.scene is not None or args.file is None:
-        import_embree()  # before a long scene is read
+        import_embree()  # before reading a large scene
         if args.scene is not None and not args.scene.is_file():
             raise SceneError(f"Scene file {args.scene} does not exist: check its path")
         triangles = read_triangles(args.scene)
@@ -107,9 +106,9 @@ def _octree(args: argparse.Namespace, triangles: np.ndarray | None) -> Octree:
 
 
 def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
-    """Views Far, Inside and Close of an octree with light; Inside is the best of the places with room.
+    """Views Far, Inside and Close of a lit octree; Inside is the best free place.
 
-    Where no place has room, both others look from the same side as Far, from nearer.
+    Without a free place, both others look from the side of Far, but closer.
     """
     cells = octree.grid.to_world((octree.cells(level := min(octree.depth, 6)) + 0.5) / (1 << level))
     low, high = cells.min(axis=0), cells.max(axis=0)
@@ -128,7 +127,7 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
 
 
 def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
-    """Rates of one camera, and what the second and third answer of a walk cost."""
+    """Rates of one camera, and the cost of the second and third hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
     coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
     pixels = _blocks(camera)
@@ -143,7 +142,7 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
     if embree is not None:
         runs["embree"] = embree.run(octree, camera)
     for run in runs.values():
-        run()  # compiles, and reads the octree into the caches' reach
+        run()  # compiles, and warms the caches
     seconds, _ = timed(runs, repeats, threads)
     rays = dict.fromkeys(runs, camera.pixel_count) | {"reference": len(pixels) * _SIDE**2}
     return {
@@ -158,7 +157,7 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
 
 
 def _blocks(camera: Camera) -> np.ndarray:
-    """Pixels (N,) int64 of small squares all over the picture, always the same."""
+    """Pixels (N,) int64 of small squares all over the picture, always the same ones."""
     rng = np.random.default_rng(0)
     rows = rng.integers(0, max(camera.height_px - _BLOCK, 1), _BLOCKS)
     columns = rng.integers(0, max(camera.width_px - _BLOCK, 1), _BLOCKS)
@@ -166,38 +165,3 @@ def _blocks(camera: Camera) -> np.ndarray:
     row = np.minimum(rows[:, None, None] + inside[:, None], camera.height_px - 1)
     column = np.minimum(columns[:, None, None] + inside, camera.width_px - 1)
     return np.unique(row * camera.width_px + column)
-
-
-def text(values: dict[str, Any]) -> str:
-    """Markdown table with a row for each view."""
-    peer = values["peer_name"] or "no peer"
-    head = [
-        "view", "hit", "ours", peer, "ratio", "leaves", "with all hits' data", "fine costs", "behind costs", "32x32",
-        "visits a ray",
-    ]  # fmt: skip
-    width, height = values["size"]
-    lines = [
-        f"{values['scene']}, depth {values['depth']}, {width} x {height}, threads: {values['threads']}, "
-        f"{values['clock']} seconds; million rays per second\n",
-        markdown_table(head, [_row(row) for row in values["views"]]),
-    ]
-    if values["ratio"] is not None:
-        lines.append(f"\nGeometric mean over the views: {values['ratio']:.2f} of {peer}")
-    return "\n".join(lines)
-
-
-def _row(row: dict[str, Any]) -> list[str]:
-    rates = {name: f"{rate / 1e6:.1f}" for name, rate in row["rays_per_s"].items()}
-    return [
-        row["name"],
-        f"{row['hit_share']:.0%}",
-        rates["ours"],
-        rates.get("embree", ""),
-        "" if row["ratio"] is None else f"{row['ratio']:.2f}",
-        rates["leaves"],
-        rates["picture"],
-        f"{row['fine_costs']:.0%}",
-        f"{row['behind_costs']:.0%}",
-        rates["reference"],
-        f"{row['visits_per_ray']:.2f}",
-    ]

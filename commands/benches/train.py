@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training samples per second of both kinds of network, on the CPU, and on a GPU beside it.
 
-A step is all that a run does again and again: batches are gathered, gradients computed, the optimiser's step taken.
+A step is the loop of a run: gather a batch, compute gradients, step the optimizer.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...training.benchmarks.shells import octree_of_shells
-from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison
 from ...training.data.corpus import corpus_of
 from ...training.data.dataset import Dataset, load_dataset, sample_files
@@ -30,13 +29,13 @@ from ...training.run.torch_threads import torch_threads
 from ...training.run.trainer import encoder_type
 from ...training.settings import IMPROVED, PAPER, TrainSettings
 
-_WARM = 4  # steps before those that are measured
+_WARM = 4  # warm-up steps
 _STEPS = 16  # of a run
 _SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Rates of both kinds of network; those of a GPU have the CPU's as their peer; raises PatchNetError."""
+    """Rates of both kinds of network, on a GPU with the CPU's as peer; raises PatchNetError."""
     args.threads = args.threads or usable_cores()
     device = found_device(args.device, "--device")
     datasets = [load_dataset(path) for path in sample_files(args.datasets)] or [_made(args)]
@@ -87,28 +86,11 @@ def _measured(datasets: Sequence[Dataset], kind: str, args: argparse.Namespace, 
 def _steps(
     learner: Learner, plan: StepPlan, settings: TrainSettings, args: argparse.Namespace
 ) -> Generator[None, None, None]:
-    """Steps as a run takes them, one for each call, and those before that nobody measures."""
+    """Training steps, one per call, after warm-up."""
     dtype, end = encoder_type(settings, 0.0, str(learner.device)), _WARM + _STEPS * args.repeats
     for batch in batches_ahead(plan, 0, end, learner.device, args.threads):
         gradients, sums = learner.differentiate(batch, dtype)
         learner.step(gradients, settings.final_rate)
-        sums.tolist()  # waits for a GPU
+        sums.tolist()  # synchronizes with a GPU
         if learner.steps > _WARM:
             yield
-
-
-def text(values: dict[str, Any]) -> str:
-    """Markdown table of both kinds."""
-    rows = [
-        [
-            row["kind"], row["device"], f"{row['batch']:,}", row["precision"], f"{row['step_ms']:.1f}",
-            f"{row['samples_per_s']:,.0f}", f"{row['samples_per_processor_s']:,.0f}",
-        ]
-        for row in values["rows"]
-    ]  # fmt: skip
-    head = ["network", "device", "samples a step", "precision", "step, ms", "samples/s", "samples/s of the processor"]
-    return (
-        f"{values['machine']}; {values['versions']}\n"
-        f"Threads: {values['threads']}, medians of {values['repeats']} runs\n\n"
-        f"{markdown_table(head, rows)}"
-    )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Octree of triangles in memory against Open3D's `VoxelGrid.create_from_triangle_mesh` (https://www.open3d.org).
 
-Open3D marks the voxels that a triangle meets, in one thread. Ours also clips the triangles, weighs and averages light
-and normals, and builds the octree of all levels. Both get the same triangles and the same voxel size.
+Open3D marks the voxels that overlap a triangle, in one thread. PatchNet also clips the triangles, computes weighted
+means of light and normals, and builds all levels of the octree. Both get the same triangles and voxel size.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _WARM_DEPTH = 5
 
 
 def import_open3d() -> ModuleType:
-    """Open3D, or a PatchNetError that says how to get it."""
+    """Open3D; raises PatchNetError with the command to install it."""
     try:
         import open3d
     except (ImportError, OSError) as cause:
@@ -37,7 +37,7 @@ def import_open3d() -> ModuleType:
 
 
 class Open3DVoxels:
-    """Triangles (T, 3, 3) in Open3D's memory, and the last voxel grid made of them."""
+    """Triangles (T, 3, 3) in Open3D's memory, and the last voxel grid."""
 
     def __init__(self, corners_world: np.ndarray) -> None:
         self._open3d = import_open3d()
@@ -49,26 +49,28 @@ class Open3DVoxels:
         self._voxels: Any = None
 
     def voxelize(self, voxel_size_world: float) -> None:
-        """Make the grid, with voxels of this side; `clear` before, so that freeing the last one is not timed."""
+        """Create the grid with voxels of this side; call `clear` first, so that the time excludes freeing the last
+        grid.
+        """
         self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_size_world)
 
     @property
     def voxel_count(self) -> int:
-        """Voxels of the last grid; its text says how many; `get_voxels` would make a Python object of each."""
+        """Number of voxels of the last grid, from its text: `get_voxels` would create a Python object for each."""
         return int(str(self._voxels).split()[2])
 
     def clear(self) -> None:
-        """Let the last grid go."""
+        """Free the last grid."""
         self._voxels = None
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Seconds of both; raises PatchNetError without Open3D, GeometryError if there is no surface."""
-    import_open3d()  # before a long scene is read
+    """Seconds of both; raises PatchNetError without Open3D, GeometryError without a surface."""
+    import_open3d()  # before reading a large scene
     corners_world = read_triangles(args.scene)
     mesh, theirs = TriangleMesh.from_arrays(corners_world), Open3DVoxels(corners_world)
     side_world = Grid.around(mesh.bounds_world, args.depth).voxel_size_world
-    voxelized(mesh, _WARM_DEPTH)  # compiles
+    voxelized(mesh, _WARM_DEPTH)  # also compiles
     theirs.voxelize(Grid.around(mesh.bounds_world, _WARM_DEPTH).voxel_size_world)
     runs: dict[str, Callable[[], Any]] = {
         "ours": partial(voxelized, mesh, args.depth),
@@ -88,12 +90,3 @@ def measure(args: argparse.Namespace) -> Comparison:
     }
     ours, peer = seconds["ours"], seconds["peer"]
     return Comparison("voxelize", ours, peer, peer / max(ours, 1e-9), details)
-
-
-def text(values: dict[str, Any]) -> str:
-    """Return the figures as one sentence."""
-    return (
-        f"{values['scene']} at depth {values['depth']}: octree of {values['ours_voxels']:,} voxels in "
-        f"{values['ours']:.2f} s, {values['peer_name']} {values['peer_voxels']:,} voxels in {values['peer']:.2f} s, "
-        f"ratio {values['ratio']:.2f} ({values['clock']} seconds, threads: {values['threads']})"
-    )

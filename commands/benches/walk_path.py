@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Path of a camera that walks straight through the free space of an octree, for scenes that bring no cameras."""
+"""Camera path straight through the free space of an octree, for scenes without cameras."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from ...patchnet_addon.tracing.render import first_hits
 from ...patchnet_addon.tracing.viewpoints import FOV, grown, occupied_cells, viewpoints
 from ...training.evaluation.explorations import catmull_rom
 
-_VIEWS = 16  # whose sights are tried
-_SKY = 0.02  # of what is above, from which on a place is under the sky and not in a hollow wall
+_VIEWS = 16  # candidates
+_SKY = 0.02  # least open share of the sky, below which a place may be inside a hollow wall
 _SKY_FOV, _SKY_PX = float(np.radians(120.0)), (32, 32)
-_LEVEL = 6  # of the cells that are free, at most
-_STEPS = 256  # places along a sight
-_MOST = 0.6  # of the surface's extent
-_TURN = float(np.radians(20.0))  # to the left at the beginning, to the right at the end
+_LEVEL = 6  # deepest level of free cells
+_STEPS = 256  # sampled places along a way
+_MOST = 0.6  # longest way, as a share of the surface's extent
+_TURN = float(np.radians(20.0))  # left at the start, right at the end
 
 
 def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
-    """Three cameras along the longest free way that the sight of a good view leads, level with it, looking ahead.
+    """Three cameras along the longest free horizontal way through a good view, looking ahead.
 
-    Ways under the sky come first: no light is known yet that would tell a hall from a hollow wall. The first camera
-    looks a little to the left, the last a little to the right. Raises SceneError where no place is free.
+    Ways under the open sky are preferred, since without light a hall looks like a hollow wall. The first camera turns
+    slightly left, the last slightly right. Raises SceneError without free space.
     """
     views = yield from viewpoints(octree, _VIEWS, size_px)
     ways = [_way(octree, view) for view in views]
@@ -52,20 +52,20 @@ def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
 
 
 def _sky(octree: Octree, place_world: np.ndarray) -> float:
-    """Share of what is above a place that is open."""
+    """Share of open sky above a place."""
     up = Camera.look_at(place_world, place_world + np.array([0.0, 1e-3, 1.0]), fov=_SKY_FOV, size_px=_SKY_PX)
     return float(1.0 - first_hits(octree, up).hit.mean())
 
 
 def _level(view: Camera) -> np.ndarray:
-    """Direction (3,) of a view's sight without its slope."""
+    """Horizontal direction (3,) of a view."""
     forward = np.array([*np.asarray(view.forward)[:2], 0.0])
     result: np.ndarray = forward / max(float(np.linalg.norm(forward)), 1e-9)
     return result
 
 
 def _way(octree: Octree, view: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (3,) of the free way through a view's place, back and ahead, in world units."""
+    """End points (3,) of the free way through a view's position, backward and forward, in world units."""
     level = min(_LEVEL, octree.depth)
     occupied = occupied_cells(octree, level)
     blocked, where = grown(occupied), np.argwhere(occupied)
@@ -84,9 +84,9 @@ def _way(octree: Octree, view: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
-    """Cameras of a walk from key to key, evenly in time and without a halt, with the lens of the first.
+    """Cameras from key to key at even intervals of time, with the lens of the first key.
 
-    Positions and targets, which are 1 from the position, follow a Catmull-Rom spline.
+    Positions, and targets at distance 1, follow a Catmull-Rom spline.
     """
     times = np.linspace(0.0, len(keys) - 1.0, frames)
     places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fly-through of a scene, rendered by the engine PatchNet and by Cycles: seconds, errors, flicker, who is ahead."""
+"""Camera fly-through of a static scene by the engine PatchNet and by Cycles: seconds, errors, flicker, break-even."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 
 ENGINE = "PATCHNET"
-FIT_EVERY = 10  # frames from one that the depth is fitted to, to the next
+FIT_EVERY = 10  # distance in frames of cameras that the octree is fitted to
 _TRUTH_SEED = 1
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Plan of a walk.
+    """Frames and samples of a fly-through.
 
-    cameras: of all frames. timed, cycles_timed, judged: frames whose seconds count, and whose errors do, which are
-    judged with the frame after each, if there is one. error_size: of the pictures that are judged, in pixels. samples:
-    of Cycles' frames, which are rendered with each of these numbers. truth: samples that all are judged by.
+    cameras: of all frames. timed, cycles_timed: frames that are timed. judged: frames whose error is measured, and
+    flicker against the next frame. error_size: size in pixels for errors. samples: numbers of samples per pixel of
+    Cycles. truth: samples of the ground truth.
     """
 
     cameras: Sequence[Camera]
@@ -56,9 +56,9 @@ class Plan:
 
 @dataclass
 class Measured:
-    """Figures of one way to render frames: wall seconds of timed ones; of judged ones squared error and flicker.
+    """Figures of one renderer: wall seconds of timed frames; squared error and flicker of judged frames.
 
-    flicker: mean squared difference to the frame after it, less that of the truth.
+    flicker: mean squared difference to the next frame, less that of the ground truth.
     """
 
     seconds: list[float] = field(default_factory=list)
@@ -78,9 +78,9 @@ class Measured:
 
 @dataclass
 class Walk:
-    """Findings of a walk: wall seconds of stages once, and figures of PatchNet and of Cycles by its samples.
+    """Results of a fly-through: wall seconds of one-time stages, figures of PatchNet, and of Cycles by samples.
 
-    denoised: whether Cycles' frames were, which depends on the build. leaves, depth: of the octree.
+    denoised: whether Cycles denoises, which depends on the build. leaves, depth: of the octree.
     """
 
     setup_s: dict[str, float] = field(default_factory=dict)
@@ -92,13 +92,13 @@ class Walk:
 
     @property
     def rival(self) -> int:
-        """Samples of Cycles' cheapest picture that is no worse than PatchNet's; the most if each is worse."""
+        """Samples of Cycles' cheapest picture with at most PatchNet's error; the most samples if none has."""
         good = (samples for samples in sorted(self.cycles) if self.cycles[samples].mean_mse <= self.ours.mean_mse)
         return next(good, max(self.cycles))
 
     @property
     def ahead_from(self) -> int | None:
-        """Frames from which PatchNet takes less in all than its rival, with its bake; None if it never does."""
+        """Number of frames at which PatchNet with its bake breaks even with its rival; None if it never does."""
         setup = sum(self.setup_s.values())
         return frames_until_ahead(setup, self.ours.frame_s, self.cycles[self.rival].frame_s)
 
@@ -109,9 +109,9 @@ def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | No
 
 
 def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps[Walk]:
-    """Bake and build for the whole walk, then render frames of it with both engines; raises PatchNetError.
+    """Bake and build for all frames, then render frames with both engines; raises PatchNetError.
 
-    Both render through Blender as F12 does, reading the scene included. The extension has to be registered.
+    Both render through Blender as F12 does, including scene reading. The extension has to be registered.
     """
     found = Walk()
     with scene_copy(context.scene) as scene, context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
@@ -124,7 +124,7 @@ def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps
 
 
 def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found: Walk) -> Steps[None]:
-    """Make the voxels that the engine renders from, and keep them for the scene."""
+    """Build the octree and store it as the scene's result."""
     clock = StageClock()
     cameras = [*plan.cameras[::FIT_EVERY], plan.cameras[-1]]
     made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: cameras))
@@ -147,7 +147,7 @@ def _moving_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
 
 
 def _look(scene: bpy.types.Scene, item: bpy.types.Object, camera: Camera, size: tuple[int, int]) -> None:
-    """Let the scene look through a camera of the walk, at pictures of a size."""
+    """Set the scene's camera and picture size."""
     axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
     item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
     item.data.sensor_fit, item.data.angle = "HORIZONTAL", 2.0 * math.atan(camera.half_x)
@@ -155,7 +155,7 @@ def _look(scene: bpy.types.Scene, item: bpy.types.Object, camera: Camera, size: 
 
 
 def _prepare(scene: bpy.types.Scene) -> bool:
-    """Set what both engines render with; whether Cycles denoises."""
+    """Set render settings of both engines; returns whether Cycles denoises."""
     render, cycles = scene.render, scene.cycles
     render.resolution_percentage, render.film_transparent = 100, True
     render.use_compositing = render.use_sequencer = render.use_border = render.use_multiview = False
@@ -172,7 +172,7 @@ def _prepare(scene: bpy.types.Scene) -> bool:
 
 
 def can_denoise() -> bool:
-    """Return whether this build of Cycles has Open Image Denoise, which those of some distributions have not."""
+    """Return whether this build of Cycles has Open Image Denoise."""
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:
@@ -181,7 +181,7 @@ def can_denoise() -> bool:
 
 
 def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk) -> Steps[None]:
-    """Seconds of frames; PatchNet first renders one that does not count, for what it reads once."""
+    """Time frames; an untimed frame of PatchNet comes first, for one-time reading."""
     found.cycles = {samples: Measured() for samples in plan.samples}
     work = [(ENGINE, 0, frame, found.ours) for frame in plan.timed]
     for samples, measured in found.cycles.items():
@@ -197,9 +197,9 @@ def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Wa
 
 
 def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
-    """Errors and flicker of all against many samples, of luminance in the octree's exposure, clipped to [0, 1]."""
+    """Errors and flicker against the ground truth, of luminance in the octree's exposure, clipped to [0, 1]."""
     exposure = results.voxels_of(scene).octree.exposure
-    ways = {0: found.ours, **found.cycles}  # by Cycles' samples, PatchNet first
+    ways = {0: found.ours, **found.cycles}  # by Cycles' samples; 0 is PatchNet
     count = len(ways) + 1
     for at, frame in enumerate(plan.judged):
         cameras = plan.cameras[frame : frame + 2]
@@ -225,7 +225,7 @@ def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: W
 
 
 def _seen(scene: bpy.types.Scene, engine: str, path: Path) -> np.ndarray:
-    """Luminance (H, W) of a render, linear, over black."""
+    """Linear luminance (H, W) of a render, over black."""
     scene.render.filepath, scene.render.use_file_extension = str(path), False
     _render(scene, engine, write_still=True)
     return luminance(combined_light(read_exr(path)))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fly-through of a scene: the engine PatchNet, with its bake, against Cycles, frame by frame.
+"""Camera fly-through of a static scene: the engine PatchNet, including its bake, against Cycles.
 
-PatchNet bakes once and then renders each frame with its default samples; Cycles renders each frame anew with several
-numbers of samples, denoised where its build can. PatchNet is compared with the cheapest of these that is no worse.
-Errors of all are against many samples. A few frames are rendered, and all of the walk extrapolated from their medians:
-the text says so.
+PatchNet bakes once and then renders each frame with its default samples; Cycles renders each frame with several numbers
+of samples, denoised if its build can. PatchNet's rival is Cycles' cheapest picture with at most PatchNet's error.
+Errors are against a ground truth of many samples. A few frames are rendered; the totals of all frames are extrapolated
+from their medians, as the report states.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from ..shared.scene_argument import open_or_build
 from .walk_path import walk_cameras, walk_keys
 from .walk_renders import Plan, Walk, walk
 
-_PATH_DEPTH = 7  # of the voxels between which the way is found
+_PATH_DEPTH = 7  # of the octree for path finding
 
 
 def measure(args: argparse.Namespace) -> Comparison:
-    """Seconds and errors of both; raises PatchNetError, as where a scene of the catalogue is not there."""
+    """Seconds and errors of both; raises PatchNetError, also for a missing scene file."""
     size = tuple(args.size)
     settings = JobSettings.of(
         depth=depth_of(args.depth), fit=args.depth == "fit", samples=args.samples, color=True, size=size
@@ -51,7 +51,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         with _registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
             timed, cycles = (_spread(args.frames, count) for count in (args.timed, args.cycles_timed))
-            judged = _spread(max(args.frames - 1, 1), args.judged)  # each with the frame after it, if there is one
+            judged = _spread(max(args.frames - 1, 1), args.judged)  # each with the next frame
             samples = sorted(set(args.cycles_samples))
             plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), samples, args.truth)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
@@ -61,13 +61,13 @@ def measure(args: argparse.Namespace) -> Comparison:
 
 
 def open_scene_of(name: str) -> None:
-    """Open a scene of the catalogue, one of the project's own, or a file."""
+    """Open a scene of the catalogue, a built-in scene, or a file."""
     open_or_build(str(SCENES[name].path()) if name in SCENES else name)
 
 
 @contextmanager
 def _registered() -> Iterator[None]:
-    """Block in which Blender knows the render engine."""
+    """Register the render engine within the block."""
     known = hasattr(bpy.types.Scene, "patchnet")
     if not known:
         registration.register()
@@ -79,7 +79,7 @@ def _registered() -> Iterator[None]:
 
 
 def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
-    """Cameras that the walk passes: the scene's own from far to near, or a straight way through its free space."""
+    """Key cameras: the scene's own from far to near, or a straight way through its free space."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if sum(item.type == "CAMERA" for item in bpy.context.scene.objects) < 2:
         settings = JobSettings.of(depth=_PATH_DEPTH, light="two-lights")
@@ -91,7 +91,7 @@ def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
 
 
 def _spread(frames: int, count: int) -> list[int]:
-    """Frames in the middles of `count` even parts of the walk."""
+    """Frames in the middles of `count` equal parts of the fly-through."""
     count = min(count, frames)
     return [int((index + 0.5) * frames / count) for index in range(count)]
 
@@ -124,7 +124,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Figures of all in a table, and what they mean for a walk."""
+    """Table of all renderers, and the break-even of the fly-through."""
     setup, frames, rival = sum(values["setup_s"].values()), values["frames"], values["rival_samples"]
     how, flicker = ", denoised" if values["denoised"] else "", values["flicker"]
     rows = [

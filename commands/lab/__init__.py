@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet lab NAME`: research: train networks, compare strategies, draw figures.
 
-Needs the extras `train` and `bench`. A sub-command is a module of this folder, as those of `commands/` are.
+Needs the extras `train` and `bench`. Each sub-command is a module of this folder, as in `commands/`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import argparse
 
 from .. import add_commands
 
-# With a line each, in the order of the help.
+# Short helps, in the order of the help.
 NAMES = {
     "furnish": "compose a furnished room or a garden",
     "dataset": "draw training samples from octrees",

@@ -30,12 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--views",
         bounds.DATASET_VIEWS,
         default=VIEWS,
-        help=f"views per voxel: more are faster to learn from, less diverse ({VIEWS})",
+        help=f"views per voxel: more are faster to train on, but less diverse ({VIEWS})",
     )
-    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels that is used (5)")
+    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels (5)")
     add_number(
         parser, "--lookahead", bounds.LOOKAHEAD, default=bounds.DEFAULT_LOOKAHEAD,
-        help="levels that patches look ahead, and so the weights that learn from them (2)",
+        help="levels of look-ahead of the samples, and of weights trained on them (2)",
     )  # fmt: skip
     add_number(
         parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation (0.05)"

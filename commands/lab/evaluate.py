@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost, with intervals
-and figures. What is done is skipped in a later run.
+"""`patchnet lab evaluate`: compare all strategies on camera tracks of scenes, by error and by cost, with intervals and
+figures. A later run skips finished parts.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
+from ...patchnet_addon.runtime.file_kinds import EVALUATION, EVALUATION_TABLES
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
@@ -25,8 +25,8 @@ from .scene_arguments import add_scenes, add_track, scenes_named, stated
 if TYPE_CHECKING:
     from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
 
-RESULTS, TABLE, TABLES, FIGURES = "results.json", "results.csv", "tables.md", "figures"
-OUTPUTS = {RESULTS: EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
+RESULTS, TABLES, FIGURES = "results.json", "tables.md", "figures"
+OUTPUTS = {RESULTS: EVALUATION, TABLES: EVALUATION_TABLES}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,16 +35,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     add_scenes(parser)
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate each such frame of a track (10)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate every Nth frame of a track (10)")
     add_track(parser)
-    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     parser.add_argument(
         "--lpips", type=Path, nargs=2, metavar=("TRUNK", "HEADS"), help="weight files of LPIPS: AlexNet as torchvision "
-        "saves it, and the linear heads of version 0.1; it is not run without them",
+        "saves it, and the linear heads of version 0.1; without them LPIPS is left out",
     )  # fmt: skip
     parser.add_argument(
-        "--maps", type=Path, nargs="+", default=(), metavar="FILE", help="weights files of train-maps, which are "
-        "evaluated as well",
+        "--maps", type=Path, nargs="+", default=(), metavar="FILE", help="weights files of train-maps, to "
+        "evaluate as well",
     )  # fmt: skip
     parser.add_argument(
         "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
     share = parser.add_mutually_exclusive_group()
     share.add_argument(
-        "--prepare", action="store_true", help="only make octrees and codes, before several machines go on with --part"
+        "--prepare", action="store_true", help="only create octrees and codes, before several machines run --part"
     )
     share.add_argument(
         "--part", type=_part, metavar="K/N", help="only evaluate the K-th of N shares of the frames, without results"
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate, write and say where; returns 0; raises PatchNetError."""
+    """Evaluate, write results and print their path; returns 0; raises PatchNetError."""
     from ...training.evaluation import require_reports
     from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
     from ..shared.progress_bars import ProgressBars
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
-    """Settings of the evaluation; raises PatchNetError for networks that cannot stand beside each other."""
+    """Settings of the evaluation; raises PatchNetError for conflicting networks."""
     from ...training.encoders import load_weights
     from ...training.evaluation.evaluate import EvaluationSettings
     from ...training.evaluation.strategies import patch_networks
@@ -116,20 +116,19 @@ def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scene
     """Write results, tables and figures."""
     from ...training.evaluation.results import results_of
     from ...training.evaluation.strategies import map_names
-    from ...training.evaluation.tables import errors_of, markdown_of, tables_of
+    from ...training.evaluation.tables import markdown_of, tables_of
 
     about = stated(args, "frames", "every", "size", "seed", "weights")
     results = {"settings": about} | results_of(scenes, settings.networks)
     strategies = scenes[0].strategies
     results["maps"] = {name: strategies[name].description for name in map_names(strategies.values())}
-    _write(args.out / TABLE, errors_of(results).to_csv(index=False, lineterminator="\n"))
     _write(args.out / TABLES, markdown_of(tables_of(results)))
     _write(args.out / RESULTS, json.dumps(results, indent=1, allow_nan=False))
     _draw(args.out / FIGURES, results)
 
 
 def _part(text: str) -> tuple[int, int]:
-    """Read "2/8" as the second of eight."""
+    """Parse "2/8" as the second of eight shares."""
     part, slash, parts = text.partition("/")
     if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
         raise argparse.ArgumentTypeError(f"{text!r} is not a share such as 2/8, the second of eight")
@@ -137,7 +136,7 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
-    """Octree files by name; those of the catalogue are made where they are missing."""
+    """Octree files by name; creates missing ones of the catalogue."""
     found = _scenes(args) if args.scenes else {}
     for path in args.octrees:
         if path.stem in found:
@@ -149,7 +148,7 @@ def _octrees(args: argparse.Namespace) -> dict[str, Path]:
 def _scenes(args: argparse.Namespace) -> dict[str, Path]:
     from ...training.evaluation.catalogue import scene_octree
 
-    scenes = scenes_named(args.scenes)  # all names are looked at before the first octree is made
+    scenes = scenes_named(args.scenes)  # check all names before creating the first octree
     return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab evaluate-cycles`: compare all strategies through a few cameras of each scene's track, with refined
-pixels from a render of the scene by Cycles. The error that the voxels themselves leave is stated apart.
+"""`patchnet lab evaluate-cycles`: compare all strategies in a few cameras of each scene's track, with pixels refined by
+Cycles. The error of the voxels themselves is stated separately.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLE, EVALUATION_TABLES
+from ...patchnet_addon.runtime.file_kinds import CYCLES_EVALUATION, EVALUATION_TABLES
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ...training.evaluation.catalogue import Scene
     from ...training.evaluation.cycles_reference import CameraResult
 
-RESULTS, TABLE, TABLES, FIGURES = "cycles.json", "cycles.csv", "cycles.md", "figures"
-OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLE: EVALUATION_TABLE, TABLES: EVALUATION_TABLES}
+RESULTS, TABLES, FIGURES = "cycles.json", "cycles.md", "figures"
+OUTPUTS = {RESULTS: CYCLES_EVALUATION, TABLES: EVALUATION_TABLES}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,17 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all")
     parser.add_argument(
         "--octree", type=named_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
-        "(made in --out); may be repeated",
+        "(created in --out); may be repeated",
     )  # fmt: skip
     add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
     add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
     add_track(parser)
-    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     add_out(parser, "folder for results and figures; that of `patchnet lab evaluate` will do", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate scene after scene, write, and say where; returns 0; raises PatchNetError."""
+    """Evaluate scene by scene, write results and print their path; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
     from ...training.evaluation import require_reports
     from ...training.evaluation.cycles_reference import cycles_results
@@ -68,19 +68,19 @@ def run(args: argparse.Namespace) -> int:
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
             found[scene.name] = {"light": scene.light} | cycles_results(scene.name, coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
-            _write(args, found)  # scene by scene: each takes long
+            _write(args, found)  # after each scene, since a scene takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
 
 
 def _scenes(args: argparse.Namespace) -> tuple[list[Scene], dict[str, Path]]:
-    """Scenes, and octree files that are given by name; raises SettingError, and SceneError for a missing file."""
+    """Scenes and given octree files by name; raises SettingError, and SceneError for a missing file."""
     scenes, octrees = scenes_named(args.scenes), dict(args.octree)
     if not scenes:
         raise SettingError("There is nothing to evaluate: name --scenes of the catalogue, or all")
     strange = octrees.keys() - {scene.name for scene in scenes}
     if strange:
-        raise SettingError(f"--octree {sorted(strange)[0]}: there is no such scene among --scenes: name it there, too")
+        raise SettingError(f"--octree {sorted(strange)[0]}: --scenes does not contain this scene: add it")
     for scene in scenes:
         scene.path()
     return scenes, octrees
@@ -120,7 +120,7 @@ def _measured(
 
 
 def _camera(coded: CodedOctree, camera: Any, scene: Scene, samples: int) -> Steps[CameraResult]:
-    """Results of a camera. Surfaces that shine by Two Lights have no gloss: there is no truth of all light."""
+    """Results of a camera. Two Lights are emissive surfaces without gloss: the ground truth of all light is missing."""
     import bpy
 
     from ...operators.cycles.camera_render import render_halves
@@ -137,7 +137,7 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, samples: int) -> Step
 
 
 def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
-    """Draw error over budget against Cycles, and what the cameras see."""
+    """Draw error over budget against Cycles, and pictures of the cameras."""
     from ...training.evaluation.cycles_reference import DIFFUSE, draw_cameras
     from ...training.evaluation.figures import draw_budgets
 
@@ -148,12 +148,11 @@ def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], fol
 
 
 def _write(args: argparse.Namespace, found: dict[str, Any]) -> None:
-    """Write all scenes that there are up to now, the tables first."""
-    from ...training.evaluation.tables import cycles_errors, cycles_tables, markdown_of
+    """Write the results of all scenes so far, tables first."""
+    from ...training.evaluation.tables import cycles_tables, markdown_of
 
     about = stated(args, "cameras", "samples", "frames", "size", "seed", "weights")
     contents = {
-        TABLE: cycles_errors(found).to_csv(index=False, lineterminator="\n"),
         TABLES: markdown_of(cycles_tables(found)),
         RESULTS: json.dumps({"settings": about, "scenes": found}, indent=1, allow_nan=False),
     }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab figures`: draw a split rendering and refinement patterns of the shuttle, and a table of San Miguel from
-several distances with one to three levels of look-ahead, as .png, .svg and .json. Scenes are read from the folder
+"""`patchnet lab figures`: draw the split rendering and refinement patterns of the shuttle, and a table of San Miguel
+from several distances with one to three levels of look-ahead, as .png, .svg and .json. Scene files are in the folder
 PATCHNET_SCENES.
 """
 
@@ -22,21 +22,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("--only", choices=FIGURES, help="draw one figure of the paper (both)")
     parser.add_argument(
-        "--octrees", type=Path, metavar="DIR", help="folder where octrees and codes are found and kept (OUT/octrees)"
+        "--octrees", type=Path, metavar="DIR", help="folder of octrees and codes, created if missing (OUT/octrees)"
     )
     parser.add_argument(
-        "--weights", type=Path, nargs="+", default=(), metavar="FILE", help="weights files: the first is that of "
-        "split (the shipped one), look-ahead shows each beside the exact scores",
+        "--weights", type=Path, nargs="+", default=(), metavar="FILE", help="weights files: split uses the first "
+        "(the shipped one), look-ahead shows each beside the exact scores",
     )  # fmt: skip
     parser.add_argument(
         "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of "
-        "train-networks that look-ahead shows as well, under their names, one for each look-ahead",
+        "train-networks for look-ahead, shown under their names, one for each look-ahead",
     )  # fmt: skip
     add_out(parser, "folder for the figures", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw and say where; returns 0; raises PatchNetError."""
+    """Draw figures and print their paths; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
     from ...training.evaluation import require_reports
     from ...training.evaluation.catalogue import scene_octree
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(files, weights, folder=args.out)
     require_reports()
     args.out.mkdir(parents=True, exist_ok=True)
-    networks = [load_weights(path) for path in weights]  # an error now, not after the octrees
+    networks = [load_weights(path) for path in weights]  # raises before octrees are created
     if LOOK_AHEAD in names:
         check_look_aheads(networks)
     octrees = args.octrees or args.out / "octrees"
@@ -73,10 +73,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _networks(args: argparse.Namespace) -> list[tuple[str, Path]]:
-    """Names and files of the networks that look-ahead shows; raises SettingError for a name that is there twice."""
+    """Names and files of the networks that look-ahead shows; raises SettingError for duplicate names."""
     shown = [(f"weights {number}", path) for number, path in enumerate(args.weights, 1)] + list(args.networks)
     names = [name for name, _ in shown]
     for name in names:
         if names.count(name) > 1:
-            raise SettingError(f"Two networks are called {name!r}: give each a name of its own in --networks")
+            raise SettingError(f"Two networks are called {name!r}: give each a different name in --networks")
     return shown

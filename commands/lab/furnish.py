@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab furnish LIBRARY...`: compose a room or a garden of models from furniture libraries of Sweet Home 3D
-(.sh3f), with a text of credits beside it. The same seed gives the same scene.
+"""`patchnet lab furnish LIBRARY...`: compose a room or a garden from furniture libraries of Sweet Home 3D (.sh3f), with
+a text file of credits. The same seed gives the same scene.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from ..shared.job_arguments import require_blender
 from ..shared.lines import make_parent, say_note, say_result
 
 CREDITS = ".credits.txt"
-_KINDS = ("interior", "garden")  # those of `furnished/compose.py`, which the help is not to load
+_KINDS = ("interior", "garden")  # as in `furnished/compose.py`, which is slow to import
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("libraries", nargs="+", type=Path, metavar="LIBRARY", help=".sh3f files")
     parser.add_argument("--kind", choices=_KINDS, default=_KINDS[0], help="a room or a garden (interior)")
-    add_number(parser, "--seed", bounds.SEED, default=1, help="of all random choices (1)")
+    add_number(parser, "--seed", bounds.SEED, default=1, help="random seed (1)")
     add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene as its octree shows it, for Cycles: the same surface, in the same light, cut open at the same plane.
+"""Scene for Cycles as its octree shows it: the same surface and light, cut open at the same plane.
 
-Two Lights, the paper's light without shadows, is rendered by materials that shine by themselves (methods 7.3). Lamps of
-Cycles would not do: they shade by smooth normals, and light nothing of a metal's base colour that is diffuse. So a
-surface emits what an octree lit by Two Lights holds: base colour times |normal . direction|, plus its emission. Beyond
-the plane materials are transparent: for the camera alone, or for all rays.
+Two Lights, the paper's light without shadows, is rendered by emissive materials (methods 7.3). Cycles' lamps do not
+match it: they shade by smooth normals, and light no diffuse base color of metals. So a surface emits the light that an
+octree stores for Two Lights: base color times |normal . direction|, plus its emission. Beyond the cut plane materials
+are transparent, for camera rays or for all rays.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from ...patchnet_addon.runtime.errors import SceneError
 
 _BASE = {"BSDF_PRINCIPLED": "Base Color", "BSDF_DIFFUSE": "Color"}
 _KEPT = frozenset({"MIX_SHADER", "ADD_SHADER", "BSDF_TRANSPARENT", "EMISSION"})
-_MOST_LAYERS = 1024  # transparent ones that a ray passes, as Cycles' panel offers
+_MOST_LAYERS = 1024  # transparent layers per ray, the maximum of Cycles' panel
 
-Plane = tuple[int, float]  # axis, and coordinate in world units beyond which nothing is
+Plane = tuple[int, float]  # axis, and coordinate of the cut in world units
 
 
 @contextmanager
 def two_lights(
     scene: bpy.types.Scene, names: Sequence[str], direction: Sequence[float], plane: Plane | None = None
 ) -> Iterator[None]:
-    """Let materials, by full name, emit the light of two antipodal lights within the block; all is as before after it.
+    """Replace materials, by full name, by emission of the light of two antipodal lights within the block.
 
-    plane: beyond it they are transparent. Raises SceneError for a surface without material, or one whose shaders are
-    other than principled, diffuse, transparent and emission.
+    plane: beyond it they are transparent. Raises SceneError for a surface without material, or for shaders other than
+    principled, diffuse, transparent and emission.
     """
     if "" in names:
-        raise SceneError("A surface has no material, and Two Lights shine on those with one: give it a material")
+        raise SceneError("A surface has no material, which Two Lights need: assign a material to it")
     toward = np.asarray(direction, np.float64)
     toward /= np.linalg.norm(toward)
 
@@ -55,7 +55,7 @@ def two_lights(
 def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plane: Plane | None) -> None:
     tree = tree_in_use(copy)
     if tree is None:
-        raise SceneError(f"Material '{name}' has no nodes, and Two Lights need them: turn on its nodes")
+        raise SceneError(f"Material '{name}' has no nodes, which Two Lights need: enable its nodes")
     for node in list(tree.nodes):
         if node.type in _BASE:
             shine = _shine(tree, node, direction)
@@ -63,14 +63,14 @@ def _make_shine(copy: bpy.types.Material, name: str, direction: np.ndarray, plan
                 tree.links.new(shine, link.to_socket)
         elif node.type not in _KEPT and any(each.type == "SHADER" and each.is_linked for each in node.outputs):
             raise SceneError(
-                f"Material '{name}' has a shader '{node.name}' that Two Lights do not know: use a principled one"
+                f"Material '{name}' has a shader '{node.name}', which Two Lights do not support: use a Principled BSDF"
             )
     if plane is not None:
         cut(tree, *plane, camera_only=False)
 
 
 def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray) -> bpy.types.NodeSocket:
-    """Shader output that emits what the lights make of a node's base colour, and its emission, where it is opaque."""
+    """Shader output that emits a node's base color in Two Lights plus its emission, with the node's transparency."""
     base = tree.nodes.new("ShaderNodeEmission")
     _same(tree, node.inputs[_BASE[node.type]], base.inputs["Color"])
     tree.links.new(_cosine(tree, direction), base.inputs["Strength"])
@@ -87,7 +87,7 @@ def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray
 
 
 def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSocket:
-    """Output |n . d|, of the normal without smoothing."""
+    """Output |n . d| of the flat normal."""
     geometry, dot = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeVectorMath")
     dot.operation = "DOT_PRODUCT"
     tree.links.new(geometry.outputs["True Normal"], dot.inputs[0])
@@ -99,7 +99,7 @@ def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSo
 
 
 def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
-    """Give an input the link or the value of another one."""
+    """Copy an input's link or value to another input."""
     if source.is_linked:
         tree.links.new(source.links[0].from_socket, target)
     else:
@@ -110,11 +110,11 @@ def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.ty
 def as_in_octree(
     context: bpy.types.Context, octree: Octree, light: str, bisect: tuple[int, float] | None = None
 ) -> Iterator[None]:
-    """Light the open scene as an octree of it that is lit by `light`, within the block; it is as before after it.
+    """Light the open scene as an octree of it with the light `light`, within the block.
 
-    Light that Cycles has baked is the scene's own already, of the whole scene where the octree is cut open: the camera
-    alone sees through what lies beyond the plane. bisect: axis and share of that plane. Raises SceneError for an octree
-    of another surface or light, and as `two_lights` and `cut_for_camera`.
+    Baked light is already the scene's own, and of the whole scene if the octree is cut open: then only the camera sees
+    through the parts beyond the plane. bisect: axis and share of that plane. Raises SceneError for an octree of another
+    surface or light, and as `two_lights` and `cut_for_camera`.
     """
     from ...patchnet_addon.surface.shading import DIRECTION
 
@@ -127,7 +127,7 @@ def as_in_octree(
     if off.max() > grid.voxel_size_world:
         raise SceneError(
             f"The octree's cube, of side {grid.side_world:g}, is not that around the scene, of side "
-            f"{wanted.side_world:g}: give an octree of this scene, without what is left out of it"
+            f"{wanted.side_world:g}: give an octree of this scene without the hidden objects"
         )
     plane = None
     if bisect is not None:
@@ -146,9 +146,10 @@ def as_in_octree(
 def replaced_materials(
     scene: bpy.types.Scene, names: Sequence[str], change: Callable[[bpy.types.Material, str], None]
 ) -> Iterator[None]:
-    """Use changed copies of materials, by full name, within the block; all is as before after it.
+    """Replace materials, by full name, by changed copies within the block.
 
-    change: is called with a copy and the material's name. Rays pass as many transparent layers as Cycles lets them.
+    change: modifies a copy; its second argument is the material's name. Rays pass the maximum number of transparent
+    layers.
     """
     library = {material.name_full: material for material in bpy.data.materials}
     with ExitStack() as stack:
@@ -160,7 +161,7 @@ def replaced_materials(
 
 @contextmanager
 def _replaced(material: bpy.types.Material, change: Callable[[bpy.types.Material, str], None]) -> Iterator[None]:
-    """Put a changed copy in the place of a material, wherever it is used."""
+    """Replace a material by a changed copy wherever it is used."""
     with temporary(material.copy(), material) as copy:
         change(copy, material.name)
 
@@ -180,18 +181,17 @@ def _replaced(material: bpy.types.Material, change: Callable[[bpy.types.Material
 
 @contextmanager
 def cut_for_camera(scene: bpy.types.Scene, names: Sequence[str], plane: Plane) -> Iterator[None]:
-    """Let the camera see through what lies beyond a plane, which light meets as before, within the block.
+    """Make parts beyond a plane invisible to the camera within the block; other rays meet them as before.
 
-    names: full names of the materials of all surfaces. All is as before after it. Raises SceneError for a surface
-    without material, or a material without nodes.
+    names: full names of all materials. Raises SceneError for a surface without material, or a material without nodes.
     """
     if "" in names:
-        raise SceneError("A surface has no material, and materials are what cuts it open: give it a material")
+        raise SceneError("A surface has no material, which the cut needs: assign a material to it")
 
     def change(copy: bpy.types.Material, name: str) -> None:
         tree = tree_in_use(copy)
         if tree is None:
-            raise SceneError(f"Material '{name}' has no nodes, and it is cut open by some: turn on its nodes")
+            raise SceneError(f"Material '{name}' has no nodes, which the cut needs: enable its nodes")
         cut(tree, *plane, camera_only=True)
 
     with replaced_materials(scene, names, change):
@@ -199,13 +199,13 @@ def cut_for_camera(scene: bpy.types.Scene, names: Sequence[str], plane: Plane) -
 
 
 def cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float, *, camera_only: bool) -> None:
-    """Make the surface of a material's nodes transparent beyond a plane across an axis, for all rays or the camera's.
+    """Make a material transparent beyond a plane across an axis, for all rays or camera rays only.
 
-    A camera's ray that has passed such a surface is still the camera's.
+    A camera ray behind a transparent surface is still a camera ray.
     """
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Surface"].is_linked:
-        return  # shows nothing anyway
+        return  # invisible anyway
     geometry, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
     tree.links.new(geometry.outputs["Position"], parts.inputs[0])
     shown = tree.nodes.new("ShaderNodeMath")

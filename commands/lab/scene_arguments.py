@@ -23,7 +23,7 @@ def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks")
 
 
 def stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Arguments as results state them, the size and the weights' file too."""
+    """Arguments as results state them, with size and weights file."""
     found = {name: getattr(args, name) for name in names}
     return found | {"size": list(args.size), "weights": args.weights and args.weights.name}
 
@@ -31,7 +31,7 @@ def stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:
 def add_scenes(parser: argparse.ArgumentParser) -> None:
     """Add --scenes, names for `scenes_named`."""
     parser.add_argument(
-        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all whose files are there; "
+        "--scenes", default="", metavar="NAME,NAME", help="scenes of the catalogue, or all with existing files; "
         "they are read from the folder PATCHNET_SCENES",
     )  # fmt: skip
 
@@ -40,9 +40,9 @@ ALL = "all"
 
 
 def scenes_named(names: str) -> list[Scene]:
-    """Scenes of names with commas between; "all": those whose files are there, with a note that names the others.
+    """Scenes by comma-separated names; "all": those with existing files, with a note about the others.
 
-    Raises SettingError for a name that is not in the catalogue, before anything long begins.
+    Raises SettingError for a name that is not in the catalogue.
     """
     if names != ALL:
         return [scene_named(name.strip()) for name in names.split(",") if name.strip()]

@@ -13,7 +13,7 @@ from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...training.encoders import ENCODERS
-from ...training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run
+from ...training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run, read_log
 from ...training.settings import (
     LOSSES,
     PRECISIONS,
@@ -34,7 +34,7 @@ _PRESET = "improved"
 
 
 def description() -> str:
-    """Description of the command, with the numbers of the presets and of the shipped weights' run."""
+    """Description of the command with the numbers of the presets and of the shipped weights."""
     presets = "\n".join(
         f"    {name:<9} {settings.passes:>11,} passes in batches of {settings.batch:,}, "
         f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}, "
@@ -71,18 +71,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--fresh", action="store_true",
-        help="draw new voxels and views from octrees at every step, in the place of sample files",
+        help="draw new voxels and views from octrees at every step instead of reading sample files",
     )  # fmt: skip
-    add_out(parser, "folder for checkpoint, log, weights and model card", required=True)
+    add_out(parser, "folder for checkpoint, log and weights", required=True)
     parser.add_argument(
         "--validate", nargs="+", type=Path, default=[], metavar="DATASET",
-        help="sample files of scenes that are not in training in any pose, or folders of them, to measure errors on",
+        help="sample files of held-out scenes, or folders of them, for validation",
     )  # fmt: skip
     parser.add_argument(
-        "--preset", choices=tuple(PRESETS), default=_PRESET, help=f"what is not said otherwise ({_PRESET})"
+        "--preset", choices=tuple(PRESETS), default=_PRESET, help=f"default of the other options ({_PRESET})"
     )
     add_number(
-        parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples, held-out ones counted"
+        parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples, including held-out ones"
     )
     add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
     add_number(parser, "--batch", bounds.BATCH, help="samples per step")
@@ -102,19 +102,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--encoder-width", bounds.ENCODER_WIDTH, help="values between the layers of the encoder mlp, a "
         f"multiple of {MLP_WIDTH_STEP} ({MLP.width}): costs time when codes are made, none when pixels are decoded",
     )  # fmt: skip
-    parser.add_argument("--loss", choices=LOSSES, help="errors that are made small; squared ones are least for means")
-    parser.add_argument("--schedule", choices=SCHEDULES, help="how the learning rate falls")
+    parser.add_argument("--loss", choices=LOSSES, help="error to minimize; squared errors are minimal for means")
+    parser.add_argument("--schedule", choices=SCHEDULES, help="schedule of the learning rate")
     add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
     parser.add_argument(
         "--precision", choices=PRECISIONS, help="of the encoder's matrix products; tf32: of all, on a GPU"
     )
     add_number(parser, "--seed", bounds.SEED, help="random seed")
     add_run_arguments(parser)
-    parser.add_argument("--tensorboard", action="store_true", help="write curves for TensorBoard, too")
+    parser.add_argument("--tensorboard", action="store_true", help="also write curves for TensorBoard")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train, then write the weights and their model card."""
+    """Train and write the weights."""
     from ...training.data.dataset import sample_files
 
     files = args.datasets if args.fresh else sample_files(args.datasets)
@@ -125,7 +125,6 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.network.weights import save_weights
     from ...training.data.dataset import fresh_datasets, load_dataset
     from ...training.data.held_out import why_not_held_out
-    from ...training.run.model_card import write_card
     from ...training.run.processes import Processes
     from ...training.run.provenance import run_notes
     from ...training.run.trainer import RunOptions, train
@@ -147,10 +146,9 @@ def run(args: argparse.Namespace) -> int:
         weights = drain(train(datasets, settings, options), bars.show if processes.is_first else None)
     processes.leave()
     path = args.out / WEIGHTS
-    if not processes.is_first:  # the first one writes
+    if not processes.is_first:  # only the first process writes
         return 0
     save_weights(weights, path)
-    write_card(args.out, datasets, settings, weights.metadata, weights.hash, validation)
     _print_errors(args.out / LOG)
     say_written(args.out, RUN_FILES)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
@@ -158,9 +156,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_errors(log: Path) -> None:
-    """Print the last errors of what was learned from, and of each data set that was validated on."""
-    from ...training.run.model_card import read_log
-
+    """Print the last errors on training data and on each validation set."""
     curve, validations = read_log(log)
     found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
     print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
@@ -170,7 +166,7 @@ def _print_errors(log: Path) -> None:
 
 
 def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
-    """Preset with what the command line says otherwise."""
+    """Preset with the settings of the command line."""
     if args.epochs is not None and args.passes is not None:
         raise SettingError("Give --epochs or --passes, not both")
     if args.epochs is not None and args.fresh:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab train-maps`: train the sampling-map networks of the literature that ours is compared with.
+"""`patchnet lab train-maps`: train the sampling-map networks of the literature, PatchNet's rivals.
 
-Frames of camera tracks of the octrees are rendered once and kept; give several networks the same --frames-folder:
+Frames of camera tracks of the octrees are rendered once and reused by networks with the same --frames-folder:
 
     patchnet lab train-maps OCTREE... --network unet --steps 20000 --frames-folder frames --out unet
     patchnet lab evaluate OCTREE... --maps unet/sampling_map.safetensors --out results
 
-The octrees to train on should be of other scenes than those that are evaluated.
+Train on octrees of other scenes than those of the evaluation.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .scene_arguments import add_track
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
+    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to train on")
     parser.add_argument("--network", choices=NAMES, required=True, help="weiss: WITW20; kuznetsov: KKR18; unet: ours")
     add_number(parser, "--steps", bounds.STOP_AFTER, required=True, help="steps of training")
     add_out(parser, "folder for checkpoint, log and weights", required=True)
     parser.add_argument(
-        "--frames-folder", type=Path, metavar="FOLDER", help="where rendered frames are kept (frames in --out)"
+        "--frames-folder", type=Path, metavar="FOLDER", help="folder of rendered frames (frames in --out)"
     )
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="learn from each such frame of a track (10)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="train on every Nth frame of a track (10)")
     add_track(parser, "tracks, weights and crops")
     add_number(parser, "--batch", bounds.BATCH, help="crops per step (16 of weiss, else 6)")
     add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Render the frames that are missing, train, and say where the weights are; returns 0; raises PatchNetError."""
+    """Render missing frames, train, and print the path of the weights; returns 0; raises PatchNetError."""
     from ...training.evaluation.networks.maps import FRAMES, check_map_run
 
     check_map_run(args.out, args.octrees, resume=args.resume)

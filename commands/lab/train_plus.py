@@ -28,30 +28,30 @@ from .scene_arguments import add_track
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to learn from")
+    parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to train on")
     parser.add_argument("--weights", type=Path, help="weights of PatchNet (the shipped ones)")
     add_out(parser, "folder for weights and log", required=True)
     parser.add_argument(
-        "--references-folder", type=Path, metavar="FOLDER", help="where references are kept (references in --out)"
+        "--references-folder", type=Path, metavar="FOLDER", help="folder of references (references in --out)"
     )
     add_number(parser, "--steps", bounds.STOP_AFTER, default=20_000, help="steps of training (20,000)")
     add_number(parser, "--batch", bounds.BATCH, default=2048, help="pixels per step (2048)")
-    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=2000, help="pixels to learn from in a frame (2,000)")
+    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=2000, help="pixels per frame (2,000)")
     add_number(parser, "--rate", bounds.LEARNING_RATE, default=3e-3, help="learning rate (0.003)")
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="learn from each such frame of a track (40)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="train on every Nth frame of a track (40)")
     add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")
     add_track(parser, "tracks, pixels and weights")
     add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that train (1)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Render what is missing, train, and say where the weights are; returns 0; raises PatchNetError."""
+    """Render missing references, train, and print the path of the weights; returns 0; raises PatchNetError."""
     from ...training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
 
     check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
     check_octrees(args.octrees)
     if len({path.resolve() for path in args.octrees}) < len(args.octrees):
-        raise SettingError("An octree is named twice, and would count twice: name each file once")
+        raise SettingError("An octree is named twice: name each file once")
     require_torch()
     import torch
 

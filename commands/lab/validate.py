@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab validate`: errors of weights on samples of scenes, beside luminance as the voxel shows it.
+"""`patchnet lab validate`: errors of weights on samples of scenes, beside those of the voxel's own luminance.
 
     patchnet lab dataset unseen/*.safetensors --samples 200000 --out unseen-samples
     patchnet lab validate unseen-samples --weights new.safetensors --out errors.json
 
-Weights that are not named are those that are shipped. The scenes should have no part in training, in any pose.
+The default is the shipped weights. The scenes should be held out from training in any pose.
 """
 
 from __future__ import annotations

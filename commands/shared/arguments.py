@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arguments that are refused with our own sentence before anything is done: numbers and outputs."""
+"""Arguments with PatchNet's own error messages: numbers and outputs."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from ...patchnet_addon.runtime.file_kinds import BLEND, GLB, FileKind
 
 
 def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:
-    """Add an argument that is a number of the table, or several of them with `nargs`.
+    """Add a numeric argument with bounds of the table, or several numbers with `nargs`.
 
-    A value outside raises SettingError, which argparse lets through.
+    A value outside its bounds raises SettingError, which argparse passes on.
     """
     parser.add_argument(flag, type=partial(bounds.read, what=flag), **others)
 
 
 def add_device(parser: argparse._ActionsContainer, text: str) -> None:
-    """Argument `--device`: auto, cpu, cuda or cuda:N; another raises SettingError, which argparse lets through."""
+    """Add `--device`: auto, cpu, cuda or cuda:N; others raise SettingError, which argparse passes on."""
     parser.add_argument(
         "--device", type=partial(read_device, what="--device"), default=AUTO, metavar="auto|cpu|cuda|cuda:N", help=text
     )
 
 
 def named_file(text: str) -> tuple[str, Path]:
-    """Read "station=run/patchnet.safetensors" as a name and a file."""
+    """Parse "station=run/patchnet.safetensors" as a name and a file."""
     name, equals, path = text.partition("=")
     if not (name and equals and path):
         raise argparse.ArgumentTypeError(f"{text!r} is not a name and a file such as station=run/patchnet.safetensors")
@@ -40,7 +40,7 @@ def named_file(text: str) -> tuple[str, Path]:
 
 
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
-    """Path of `--out`, which is not empty; an empty one would be the working folder, not meant to be filled."""
+    """Add `--out`; an empty path, which would mean the working folder, is an error."""
     parser.add_argument("--out", type=_output, help=text, **others)
 
 
@@ -51,18 +51,18 @@ def _output(text: str) -> Path:
 
 
 def check_octrees(paths: Iterable[Path]) -> None:
-    """Raise OctreeFileError for octree files that are not there, before hours go by with those that are."""
+    """Raise OctreeFileError for missing octree files before the work starts."""
     for path in paths:
         if not path.is_file():
             raise OctreeFileError(f"{path} does not exist: name an octree file")
 
 
 def scene_kind(out: Path) -> FileKind:
-    """Kind of the scene file that is to be written at `out`; raises SettingError for an ending of no such file."""
+    """Kind of the scene file `out`; raises SettingError for another ending."""
     for kind in (BLEND, GLB):
         if out.suffix.lower() in kind.endings:
             return kind
-    raise SettingError(f"--out {out} is no scene file: let it end with .glb or .blend")
+    raise SettingError(f"--out {out} is not a scene file: use the ending .glb or .blend")
 
 
 _PACKAGES = ("bpy", "numpy", "numba", "torch")
@@ -72,7 +72,7 @@ def add_version(parser: argparse.ArgumentParser) -> None:
     """Add --version."""
     parser.add_argument(
         "--version", action=_Version, nargs=0, default=argparse.SUPPRESS,
-        help="say the versions of PatchNet, Python and the packages that compute, and exit",
+        help="print the versions of PatchNet, Python and numerical packages, and exit",
     )  # fmt: skip
 
 

@@ -18,29 +18,29 @@ if TYPE_CHECKING:
 
 
 def add_frames(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of frames, and of overwriting those that are there."""
+    """Add --frames, --overwrite and --same-grid."""
     parser.add_argument(
         "--frames", metavar="FRAMES",
         help="bake these frames one after the other, each into a folder of its own: 1-24, 1-24x2, 1,5,9, or all of the "
         "scene's range; frames that are there are skipped",
     )  # fmt: skip
-    parser.add_argument("--overwrite", action="store_true", help="with --frames: make frames that are there, too")
+    parser.add_argument("--overwrite", action="store_true", help="with --frames: replace existing frames")
     parser.add_argument(
         "--same-grid", action="store_true",
-        help="with --frames: one cube and depth for all octrees, so that pictures do not swim; reads all frames first",
+        help="with --frames: one cube and depth for all octrees, for temporal stability; reads all frames first",
     )  # fmt: skip
 
 
 def check_frames(args: argparse.Namespace) -> None:
-    """Raise SettingError for frames that cannot be, before anything is opened."""
+    """Raise SettingError for invalid frames before a scene is opened."""
     if args.frames is not None:
         parse_frames(args.frames)
     elif args.overwrite or args.same_grid:
-        raise SettingError(f"--{'overwrite' if args.overwrite else 'same-grid'} is about --frames: give them, too")
+        raise SettingError(f"--{'overwrite' if args.overwrite else 'same-grid'} requires --frames: add it")
 
 
 def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> AnimationResult:
-    """Bake frames of the scene that is open in Blender, with progress bars on stderr."""
+    """Bake frames of the open scene with progress bars on stderr."""
     import bpy
 
     from ...operators.animation.animation import FramePlan, bake_frames
@@ -56,7 +56,7 @@ def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> An
 
 
 def print_frames(result: AnimationResult, out: Path) -> None:
-    """Warnings, a line a frame, and where the results are."""
+    """Print warnings, a line per frame, and the path of the results."""
     for warning in result.warnings:
         say_note(warning)
     for entry in result.report["frames"]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arguments of a job, which several sub-commands share, and the settings that they give."""
+"""Job arguments shared by several sub-commands, and their settings."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
-    """Add the arguments of settings, by their names in the table."""
+    """Add arguments for settings, by their names in the table."""
     from ...operators.schema.setting import Kind
     from ...operators.schema.table import CYCLES_TABLE, TABLE
 
     for row in ((TABLE | CYCLES_TABLE)[name] for name in names):
         flag, text = row.argument or f"--{row.name.replace('_', '-')}", row.help or row.description
-        if row.kind is Kind.SWITCH and row.default:  # with a --no-... beside it
+        if row.kind is Kind.SWITCH and row.default:  # with its --no-... form
             parser.add_argument(flag, action=argparse.BooleanOptionalAction, default=True, help=f"{text} (on)")
         elif row.kind is Kind.SWITCH:
             parser.add_argument(flag, action="store_true", help=text)
@@ -44,7 +44,7 @@ def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
 
 
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of a job, which `patchnet demo` shares."""
+    """Add the arguments of a job, shared with `patchnet demo`."""
     parser.add_argument(
         "--depth", default="auto",
         help="octree depth; auto: 95 %% look-ahead for all cameras; fit: fine only where the cameras look (auto)",
@@ -61,11 +61,11 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, "color", "sides", "gloss", "device")
     add_settings(parser, "budget", "refined_samples", "spp", "reference")
     costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
-    parser.add_argument("--strategy", default=DEFAULT, help=f"what is refined first ({DEFAULT}): {costs}")
+    parser.add_argument("--strategy", default=DEFAULT, help=f"order of refinement ({DEFAULT}): {costs}")
     add_settings(parser, "unrefined", "background")
     parser.add_argument(
         "--mask", type=Path, metavar="IMAGE",
-        help="painted importance, stretched over each view: multiplies the priority, black is never refined",
+        help="painted importance, scaled to each view: multiplies the priority; black pixels are never refined",
     )  # fmt: skip
     add_settings(parser, "importance_image", "importance_group", "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
@@ -75,7 +75,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def require_blender() -> None:
-    """Raise PatchNetError that says what to install if Blender is not there as a Python module."""
+    """Raise PatchNetError with the command to install Blender as a Python module, if it is missing."""
     from .quiet import quiet_import
 
     try:
@@ -113,25 +113,25 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
 
 
 def _importance(args: argparse.Namespace) -> Importance | None:
-    """Source of painted importance, if one was given; raises SettingError for more than one."""
+    """Source of painted importance, if given; raises SettingError for more than one."""
     from ...operators.importance.painted import Importance
 
     if args.mask is None and not args.mask_image and not args.mask_group:
         return None
-    if args.mask is not None and not args.mask.is_file():  # an error now, not after the bake
+    if args.mask is not None and not args.mask.is_file():  # raises before the bake
         raise SettingError(f"The importance mask {args.mask} does not exist")
     return Importance(args.mask_image, None if args.mask is None else args.mask.absolute(), args.mask_group)
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Values of the arguments of `add_settings` that there are, by their flat names in `JobSettings`."""
+    """Values of the arguments of `add_settings`, by their flat names in `JobSettings`."""
     from ...operators.schema.setting import Kind
     from ...operators.schema.table import IMPORTANCE, TABLE
 
     found = {}
     for row in TABLE.values():
         name = row.argument.removeprefix("--").replace("-", "_")
-        if not name or not hasattr(args, name) or row.stage == IMPORTANCE:  # whose sources are one value together
+        if not name or not hasattr(args, name) or row.stage == IMPORTANCE:  # sources form one value
             continue
         value = getattr(args, name)
         if row.name == "memory" and value is not None:
@@ -145,7 +145,7 @@ def given_settings(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
-    """Depth that was given, None for one of the other words; raises SettingError for what is neither."""
+    """Parse a depth, None for one of the other words; raises SettingError."""
     if text in others:
         return None
     if not re.fullmatch(r"[+-]?\d+", text):
@@ -156,18 +156,18 @@ def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
 def _add_cycles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("pixels by Cycles")
     add_number(
-        group, "--cycles-budget", bounds.CYCLES_BUDGET, metavar="SHARE", help="share of pixels that Cycles renders, "
-        "those of highest priority (none)",
+        group, "--cycles-budget", bounds.CYCLES_BUDGET, metavar="SHARE", help="share of pixels, those of "
+        "highest priority, that Cycles renders (none)",
     )  # fmt: skip
     add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
 
 
 def _cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
-    """Read the settings, None unless a budget was given; raises SettingError for values outside their range."""
+    """Cycles settings, None without a budget; raises SettingError for values outside their range."""
     from ...operators.settings.cycles_settings import CyclesSettings
 
     if args.cycles_budget is not None:
         return CyclesSettings(args.cycles_budget, args.cycles_samples, args.cycles_light, args.cycles_compare)
     if args.cycles_compare:
-        raise SettingError("--cycles-compare needs pixels to compare: give --cycles-budget")
+        raise SettingError("--cycles-compare requires --cycles-budget: add it")
     return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Messages of commands, on the terminal for users and as events of the log, and folders of the files they write."""
+"""Messages of commands, for users on the terminal and as log events, and folders of output files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def say_result(text: str, **fields: Any) -> None:
-    """Print what was made; `fields` for programs: file, frame, and figures."""
+    """Print a result; log `fields` for programs: file, frame, and figures."""
     print(text)
     event("result", text, **fields)
 
 
 def say_exposure(octree: Octree) -> None:
-    """Print the factor that luminance was multiplied with and how to choose it."""
+    """Print the exposure factor and how to set it."""
     from ...patchnet_addon.octree.exposure import exposure_text
 
     automatic = octree.provenance.get("exposure") == "automatic"
@@ -31,7 +31,7 @@ def say_exposure(octree: Octree) -> None:
 
 
 def say_note(text: str) -> None:
-    """Print what was assumed or left out, for users to stderr, so that it is seen where stdout is kept in a file."""
+    """Print an assumption or omission to stderr, so that it is visible when stdout is redirected."""
     text = with_flags(text)
     if not is_json():
         print(f"Note: {text}", file=sys.stderr)
@@ -39,7 +39,7 @@ def say_note(text: str) -> None:
 
 
 def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
-    """Print why the command ends with `exit_code`, for users to stderr, too."""
+    """Print the error that ends the command with `exit_code` to stderr."""
     text = with_flags(text)
     if not is_json():
         print(f"{prefix}{text}", file=sys.stderr)
@@ -47,8 +47,8 @@ def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
 
 
 def make_parent(path: Path) -> None:
-    """Make the folder of a file that is to be written; raises PatchNetError if it cannot be made."""
+    """Create the folder of an output file; raises PatchNetError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as cause:
-        raise PatchNetError(f"{path.parent} cannot be made ({cause.strerror}): choose another folder") from cause
+        raise PatchNetError(f"{path.parent} cannot be created ({cause.strerror}): choose another folder") from cause

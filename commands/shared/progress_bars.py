@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progress of a job on stderr: one bar for all of it, or one a step.
+"""Progress of a job on stderr: one bar for the whole job, or one per step.
 
-Plain lines where stderr is no terminal, or there is no tqdm (Blender), or events of the log.
+Prints plain lines if stderr is not a terminal or tqdm is missing (Blender), or log events.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.progress_log import ProgressLog
 
 _FORMAT = "{desc} {bar} {n:3.0f} % {elapsed}{postfix}"
 _WHOLE = "the whole job"
-_PAUSE_S, _LOG_PAUSE_S = 10.0, 60.0  # between two lines of one step, at a terminal and in a file
+_PAUSE_S, _LOG_PAUSE_S = 10.0, 60.0  # between two lines of a step, on a terminal and in a file
 
 
 class ProgressBars:
@@ -48,7 +48,7 @@ class ProgressBars:
 
 
 class _Lines:
-    """Progress lines: one when a step begins, and one now and then while it lasts."""
+    """Progress lines: at the start of a step, and at intervals."""
 
     def __init__(self, pause_s: float) -> None:
         self._label, self._pause_s = "", pause_s
@@ -69,7 +69,7 @@ class _Lines:
 
 
 class _Bars:
-    """Progress bars: one for a whole job once it is known how far that is, else one a step, or a step named anew."""
+    """Progress bars: one for a whole job if its share is known, else one per step."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -92,7 +92,7 @@ class _Bars:
         self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
 
     def _show_whole(self, progress: Progress) -> None:
-        """Move the one bar of the job, whose step stands before it."""
+        """Update the bar of the job, with its step as prefix."""
         from tqdm import tqdm
 
         if self._bar is None or self._label != _WHOLE:
@@ -100,7 +100,7 @@ class _Bars:
             self._label = _WHOLE
             self._bar = tqdm(total=100.0, bar_format=_FORMAT)
         new, self._step = progress.label != self._step, progress.label
-        self._bar.set_description_str(f"{progress.label:<36}", refresh=new)  # short steps are named, too
+        self._bar.set_description_str(f"{progress.label:<36}", refresh=new)  # also shows short steps
         self._bar.set_postfix_str(", ".join(filter(None, (left_text(progress.left_s), progress.note))), refresh=False)
         self._bar.update(max(100.0 * (progress.whole or 0.0) - self._bar.n, 0.0))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Silence Blender's and Cycles' own lines on the terminal, which would bury the progress bars."""
+"""Suppress Blender's and Cycles' own lines on the terminal, which would hide the progress bars."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from ...patchnet_addon.runtime.streams import diverted
 
 @contextmanager
 def quiet_stdout() -> Iterator[None]:
-    """Silence stdout of the process within the block, whether Python or compiled code writes to it."""
+    """Suppress stdout of the process within the block, of Python and compiled code."""
     with open(os.devnull, "wb") as nowhere, diverted(stdout=nowhere):
         yield
 
 
-# Lines that concern no user: its file browser misses /etc/mtab in a container; 5.3 names its file of colour spaces.
+# Irrelevant lines: a missing /etc/mtab in containers; the path of the color configuration in 5.3.
 _OF_NO_CONCERN = (b"mounted file-systems", b"color_management | Using config")
 
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Leave out the lines of no concern that Blender prints at its import.
+    """Suppress irrelevant lines that Blender prints at its import.
 
-    All else that the block prints goes to stderr at its end.
+    All other output of the block goes to stderr at its end.
     """
     with tempfile.TemporaryFile() as said:
         with diverted(stdout=said, stderr=said):

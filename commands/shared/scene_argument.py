@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene argument of a command: a file that it opens, or the open one in `blender -b FILE --command patchnet`."""
+"""Scene argument of a command: a file, or the open one in `blender -b FILE --command patchnet`."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 from ...patchnet_addon.runtime.errors import SceneError
 
 OWN = ("demo", "room", "glossy-room")
-"""Scenes that the project builds itself, named in the place of a file."""
+"""Built-in scenes, given by name instead of a file."""
 NO_SCENE = "There is no scene: name its file, or open one with `blender -b FILE --command patchnet`"
 
 
 def add_scene(parser: argparse.ArgumentParser, text: str, kind: Callable[[str], Any] = Path) -> None:
-    """Add the argument SCENE, which may be left out where a file is open."""
+    """Add the argument SCENE, optional in Blender."""
     parser.add_argument("scene", type=kind, nargs="?", help=f"{text}; in Blender, the open file if it is left out")
 
 
 def scene_path(scene: Path | str | None) -> Path:
-    """File of the scene, for its name; raises SceneError if none is named and none is open."""
+    """Path of the scene; raises SceneError if no file is given or open."""
     import bpy
 
     from ...operators.scene_access.unread_file import check_opened
@@ -33,7 +33,7 @@ def scene_path(scene: Path | str | None) -> Path:
 
 
 def open_given(scene: Path | str | None) -> None:
-    """Open the scene if a file is named, else keep what is open; raises SceneError."""
+    """Open the scene if a file is given, else keep the open one; raises SceneError."""
     from ...operators.scene.files import open_scene
     from .quiet import quiet_stdout
 
@@ -44,14 +44,14 @@ def open_given(scene: Path | str | None) -> None:
 
 
 def opened_file(scene: Path | None) -> Path | None:
-    """Return the .blend file that was opened just now; what was open before may have been changed by a script since."""
+    """Path of the .blend file that was just opened; a scene that was open before may have been changed by a script."""
     from ...operators.scene.files import is_blend
 
     return scene if scene is not None and is_blend(scene) else None
 
 
 def open_or_build(scene: str | None) -> None:
-    """Open the scene's file if one is named, or build one of OWN in an empty file."""
+    """Open the scene's file, or build one of OWN in an empty file."""
     import bpy
 
     from ...operators.demo_scene import build_courtyard, build_glossy_room, build_room

@@ -21,7 +21,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "(all cores)",
     )  # fmt: skip
     parser.add_argument(
-        "--resume", action="store_true", help="continue the run in --out, for more passes or steps if it is given more"
+        "--resume", action="store_true", help="continue the run in --out, also with more passes or steps"
     )
     add_number(
         parser, "--stop-after", bounds.STOP_AFTER, metavar="STEPS", help="end early, leaving a checkpoint to resume "
@@ -31,8 +31,8 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def require_torch() -> None:
-    """Import torch as a training wants it; raises SettingError that says how to install it where it is missing."""
-    # Threads that spin while they wait cost a shared machine more than they gain; must be set before torch is loaded.
+    """Import torch with passive waiting threads; raises SettingError with the command to install it."""
+    # Spinning threads slow down a shared machine; must be set before torch is imported.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     try:
         import torch  # noqa: F401
@@ -41,5 +41,5 @@ def require_torch() -> None:
 
 
 def say_written(out: Path, names: Iterable[str]) -> None:
-    """Print which of the files that a run may write are in its folder."""
+    """Print the files of a run in its folder."""
     print(f"{out} holds {', '.join(name for name in names if (out / name).exists())}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Views that `--depth fit` of `patchnet octree` fits to; no sub-command."""
+"""Views for `--depth fit` of `patchnet octree`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_views(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the views that `--depth fit` fits to."""
+    """Add the arguments of the views for `--depth fit`."""
     add_number(
         parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
         metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
@@ -28,7 +28,7 @@ def add_views(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
     add_number(
-        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="what building may take, with --depth fit (all)"
+        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="memory limit for building, with --depth fit (all)"
     )
 
 
@@ -40,7 +40,7 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
     for values in args.view:
         if values[:3] == values[3:]:
             raise SettingError(
-                f"--view {' '.join(f'{value:g}' for value in values)} looks at where it stands: move its target"
+                f"--view {' '.join(f'{value:g}' for value in values)} has its target at its position: move the target"
             )
     return [
         Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
@@ -49,7 +49,7 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
 
 
 def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
-    """Say of each camera why it sees nothing, or only black, if that is so."""
+    """Print for each camera the reason why its picture is empty or black."""
     from ...patchnet_addon.tracing.empty_view import why_unseen_by
 
     for text in why_unseen_by(octree, cameras):

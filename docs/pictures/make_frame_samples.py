@@ -20,6 +20,8 @@ import bpy  # noqa: TID251
 import numpy as np
 
 from patchnet.__main__ import leave
+from patchnet.commands.benches.walk_path import walk_cameras
+from patchnet.commands.benches.walk_renders import FIT_EVERY
 from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.operators.cycles.camera_render import render_reference
@@ -27,7 +29,6 @@ from patchnet.operators.cycles.daylight import daylight, has_light
 from patchnet.operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from patchnet.operators.pipeline.stages import encode, load_network
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light.walkthrough import FIT_EVERY, walk_cameras
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock

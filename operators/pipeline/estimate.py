@@ -26,9 +26,8 @@ from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import VIEW, Change, SceneState
 from ..state.watch import read_state
-from .encoder import encoder_text
 from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
-from .stages import GridChoice, load_network
+from .stages import GridChoice, encoder_text, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
 
@@ -110,9 +109,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
     free = settings.compute.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")
-    automatic = choose_depth(
-        coarse, cameras, None, free, color=light.color, sides=light.has_sides, lookahead=lookahead
-    )
+    automatic = choose_depth(coarse, cameras, None, free, color=light.color, sides=light.has_sides, lookahead=lookahead)
     depth = _depth(surface, bounds, automatic.wanted if surface.fit else automatic.depth)
     leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color, sides=light.has_sides)
     yield Progress(2, 3, "Estimating: texels of the bake")

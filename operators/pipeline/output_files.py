@@ -19,8 +19,8 @@ from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.errors import OutputError, PatchNetError
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.owned_folder import owned_folder, remove_left_over
 from ...patchnet_addon.runtime.replace import temporary_path
+from ...patchnet_addon.runtime.unfinished import remove_left_over, temporary_folder
 from ..scene.cameras import AUTO, camera_names, scene_cameras
 from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
@@ -111,7 +111,7 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
 
     files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
     Files of the same name are replaced, pictures that an earlier report names and the new one omits go, others stay. On
-    an error nothing in `out` is touched. What dead processes left of such folders is removed.
+    an error nothing in `out` is touched. Leftovers of killed processes are removed after a week.
     Raises OutputError, before any work, if `out` cannot be written, or what is there is not to be replaced.
     """
     wanted = {out / name: kind for name, kind in files.items()}
@@ -121,7 +121,7 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     before = reported(out)
     with ExitStack() as stack:
         with _spoken_of_as(out):
-            temporary = stack.enter_context(owned_folder(parent / temporary_path(out).name))
+            temporary = stack.enter_context(temporary_folder(parent / temporary_path(out).name))
         with _spoken_of_as(out, temporary):
             yield temporary
         check_outputs(wanted, inputs, folder=out)  # long jobs leave time to put something there

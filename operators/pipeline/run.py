@@ -13,6 +13,7 @@ import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
+from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
@@ -25,11 +26,11 @@ from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene_access.images import VIEW_TRANSFORM, save_png
+from ..settings.groups import NETWORK_DEVICE
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
-from .encoder import check_encoder
 from .job_work import JobPlan
 from .kernels_beside import compiling_beside
 from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
@@ -120,7 +121,7 @@ def _compute(
     meanwhile: Meanwhile | None,
     before: Before | None,
 ) -> Steps[JobResult]:
-    check_encoder(settings.compute)  # before anything is baked
+    found_device(settings.compute.torch_device, NETWORK_DEVICE)  # an error before anything is baked
     clock, wanted = plan.clock, settings.view
     made, cameras = yield from _lit(context, settings, plan, kept, meanwhile, before)
     plan.resumed = bool(kept.found)
@@ -129,7 +130,7 @@ def _compute(
     if meanwhile is not None:
         with clock.stage("first look"):
             yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
-    coded, encoder, coding_warnings = yield from _codes(made, before, weights, settings, clock)
+    coded, encoder = yield from _codes(made, before, weights, settings, clock)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -144,7 +145,8 @@ def _compute(
             views[-1].report["cycles"] = cycles[-1].report
     unseen = dict.fromkeys(warning for told in (views, cycles) for item in told for warning in item.warnings)
     focus = focus_warnings(context.scene, cameras)
-    notes = {"octree": made.warnings, "codes": coding_warnings, "view": (*focus, *unseen)}
+    others = estimators_warning(wanted.strategy, coded.weights)
+    notes = {"octree": made.warnings, "codes": (others,) if others else (), "view": (*focus, *unseen)}
     report = _report(coded, views, wanted.strategy, clock.seconds, sum(notes.values(), ())) | {"encoder": encoder}
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
@@ -184,17 +186,12 @@ def _lit(
 
 def _codes(
     made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
-) -> Steps[tuple[CodedOctree, str, tuple[str, ...]]]:
-    """Codes of an octree, those that are there if they fit; who made them; and warnings."""
-    warnings: tuple[str, ...] = ()
+) -> Steps[tuple[CodedOctree, str]]:
+    """Codes of an octree, those that are there if they fit, and the name of the encoder that made them."""
     if made is before and before.coded is not None:
-        coded, encoder = before.coded, before.encoder
-    else:
-        with clock.stage("codes"):
-            coded, encoding = yield from encode(made.octree, weights, settings.compute)
-        encoder, warnings = encoding.text, encoding.warnings
-    others = estimators_warning(settings.view.strategy, coded.weights)
-    return coded, encoder, (*warnings, *([others] if others else []))
+        return before.coded, before.encoder
+    with clock.stage("codes"):
+        return (yield from encode(made.octree, weights, settings.compute))
 
 
 def _report(

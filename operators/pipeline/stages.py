@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.network.devices import AUTO, CPU, device_title, found_device, torch_has_gpu
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
@@ -27,9 +28,8 @@ from ..cycles.daylight import has_light
 from ..scene.precision import light_warnings, place_warnings
 from ..scene.scene_mesh import SceneMesh
 from ..schema.table import CYCLES
-from ..settings.groups import ComputeSettings, LightSettings, NetworkSettings
+from ..settings.groups import NETWORK_DEVICE, ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
-from .encoder import Encoding, chosen_encoder
 from .reports import versions
 
 if TYPE_CHECKING:  # nothing needs them before something is built
@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # nothing needs them before something is built
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
+_OWN_ENCODER = "own kernels on the CPU"
 _TEXTURES, _ENCODING = Progress(0, 1, "Reading textures"), Progress(0, 1, "Encoding")
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
@@ -230,12 +231,18 @@ def load_network(network: NetworkSettings) -> Weights:
     return load_weights(network.weights)
 
 
-def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, Encoding]]:
-    """Codes for all voxels with look-ahead, and the encoder that the settings' devices chose; raises SettingError."""
+def encode(octree: Octree, weights: Weights, compute: ComputeSettings) -> Steps[tuple[CodedOctree, str]]:
+    """Codes of all voxels with look-ahead, and the name of the encoder; raises SettingError for a missing device."""
     from ...patchnet_addon.codes.encode import encode_octree
 
     yield _ENCODING
-    with chosen_encoder(weights, compute) as chosen:
-        steps = run_in_worker(lambda: encode_octree(octree, weights, encoder=chosen.encoder), _ENCODING)
-        coded = yield from labelled(steps, f"{{}} with {chosen.text}")
-    return coded, chosen
+    device = found_device(compute.torch_device, NETWORK_DEVICE)
+    encoder = _OWN_ENCODER if device == CPU else f"torch on {device_title(device)}"
+    steps = run_in_worker(lambda: encode_octree(octree, weights, device=device), _ENCODING)
+    return (yield from labelled(steps, f"{{}} with {encoder}")), encoder
+
+
+def encoder_text(compute: ComputeSettings) -> str:
+    """Name of the encoder that the settings choose, without loading torch where that is not needed."""
+    has_gpu = compute.torch_device != CPU and (compute.torch_device != AUTO or torch_has_gpu())
+    return "torch on a GPU" if has_gpu else _OWN_ENCODER

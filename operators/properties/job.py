@@ -54,9 +54,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
         return setting(context, operator, name)
 
     scope = VISIBLE if bpy.app.background else SELECTED
-    mine = preferences(context)
-    settings = _job_settings(value, _resolution(operator, value("resolution")), scope, mine.colormap)
-    return settings.changed(torch_python=absolute_path(mine.torch_python))
+    return _job_settings(value, _resolution(operator, value("resolution")), scope, preferences(context).colormap)
 
 
 def scene_settings(scene: bpy.types.Scene) -> JobSettings:

@@ -10,7 +10,6 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
-from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime.bounds import KEPT_GIB as KEPT
 from ...patchnet_addon.runtime.heap import reuse_freed_memory
 from ...patchnet_addon.runtime.log import set_up
@@ -26,17 +25,12 @@ _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 @dataclass
 class _Kept:
-    """Findings of operators that the preferences show: the size of the cache, what the other Python has."""
+    """Finding of an operator that the preferences show: the size of the cache."""
 
     cache: str = ""
-    python: str = ""
 
 
 kept = _Kept()
-
-
-def _forget_python(_values: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
-    kept.python = ""
 
 
 class PatchNetPreferences(bpy.types.AddonPreferences):
@@ -61,14 +55,6 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         step=100,
         precision=1,
     )
-    if OTHER_PYTHON:
-        torch_python: StringProperty(
-            name="Python with Torch",
-            description="Python program with torch that prepares look-ahead, such as /opt/venv/bin/python; empty uses "
-            "Blender's own without torch, with the same result",
-            subtype="FILE_PATH",
-            update=_forget_python,
-        )
     colormap: EnumProperty(
         name="Color Map",
         description="Colors of the heatmap and the error picture",
@@ -130,13 +116,6 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
         layout.prop(self, "kept_gib")
-        if OTHER_PYTHON:
-            layout.prop(self, "torch_python", placeholder="Without torch")
-            row = layout.row()
-            row.label(
-                text=kept.python or ("Not checked" if self.torch_python else "Look-ahead is prepared without torch")
-            )
-            row.operator("patchnet.check_python", text="Check")
         layout.prop(self, "log_level")
         layout.operator("patchnet.copy_diagnostics", icon="COPYDOWN")
 
@@ -148,7 +127,6 @@ class Preferences:
     cache_folder: str = ""
     colormap: str = COLORMAPS[0]
     log_level: str = "WARNING"
-    torch_python: str = ""
     open_pictures: str = OPEN_WINDOW
     kept_gib: float = KEPT_GIB
     viewport: str = VIEWPORT_AUTO

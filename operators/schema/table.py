@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...patchnet_addon.network.devices import OTHER_PYTHON
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
@@ -164,8 +163,7 @@ _NETWORK = (
         "network_device", "Network Device", "Device that the network encodes on; results are the same up to rounding",
         CODES, Kind.CHOICE, AUTO,
         choices=(
-            (AUTO, "Automatic", "A GPU where torch has one, else CPU"
-             + ("; the Python of the preferences encodes if one is named" if OTHER_PYTHON else "")),
+            (AUTO, "Automatic", "A GPU where torch has one, else the CPU"),
             (CPU, "CPU", "All cores of the CPU, without torch if none is there"),
             (GPU, "GPU", "An NVIDIA GPU through torch; an error if there is none"),
         ),

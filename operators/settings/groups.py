@@ -182,14 +182,12 @@ class ComputeSettings:
 
     memory_bytes: what the octree may take while it is built; None for all that is free. It bounds the depth, so it is
     in keys. device: of the bake. network_device: of encoding, AUTO, CPU or GPU, or as torch names one,
-    cuda:1. torch_python: another Python that has torch, which encodes. They decide which device computes, and not what:
-    they count for no frame's key.
+    cuda:1. Devices change results by rounding alone, and count for no frame's key.
     """
 
     memory_bytes: int | None = None
     device: str = field(default=TABLE["device"].default, repr=False)
     network_device: str = field(default=TABLE["network_device"].default, repr=False)
-    torch_python: Path | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         _check_numbers(self)

@@ -15,9 +15,6 @@ from ..runtime.errors import SettingError
 AUTO, CPU, CUDA = "auto", "cpu", "cuda"
 FORMS = "auto, cpu, cuda, or cuda:N with the number of a GPU"
 _INSTALL = "install PyTorch with CUDA (docs/gpu.md)"
-# The zip for extensions.blender.org has no encoder in another Python: the platform takes nothing that needs, or is
-# extended by, other programs.
-OTHER_PYTHON = Path(__file__).with_name("other_python.py").is_file()
 
 
 def read_device(text: str, what: str = "Device") -> str:

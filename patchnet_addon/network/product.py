@@ -17,8 +17,7 @@ import numpy as np
 
 from ..runtime.kernels import device
 from ..runtime.vectors import larger, store
-from .encoders import CHANNELS, LUMINANCE
-from .octants import octant_matrices
+from .encoders import CHANNELS, LUMINANCE, octant_matrices
 from .simd import LANES, add_product, load, spread
 from .weights import Weights
 

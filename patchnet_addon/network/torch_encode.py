@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet's encoder on torch, on the CPU or a GPU; the scheme is that of `encode.py`.
-
-Another Python may run this file on its own: it imports nothing of the package but `octants.py` and
-`torch_precision.py`.
-"""
+"""PatchNet's encoder on torch, on the CPU or a GPU; the scheme is that of `encode.py`."""
 
 from __future__ import annotations
 
@@ -14,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from .octants import octant_matrices
+from .encoders import octant_matrices
 from .torch_precision import float32_products
 
 if TYPE_CHECKING:

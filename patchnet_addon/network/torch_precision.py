@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Precision of float32 products and convolutions on a GPU.
-
-Imports nothing of the package, as another Python may run it on its own.
-"""
+"""Precision of float32 products and convolutions on a GPU."""
 
 from __future__ import annotations
 

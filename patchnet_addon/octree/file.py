@@ -107,7 +107,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     if any(arrays[name].shape != shape for name, shape in shapes.items()):
         return "its arrays differ in length"
     if count > UINT32_COUNT:
-        return f"it has {count:,} nodes, more than numbers of 32 bits can name"
+        return f"it has {count:,} nodes, which exceed 32-bit indices"
     start = arrays["level_start"]
     if start[0] != 0 or start[1] != 1 or start[-1] != count or (start[1:] < start[:-1]).any():
         return "its levels do not add up to its nodes"

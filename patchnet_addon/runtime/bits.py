@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bits of a word in kernels, one instruction each; a word is an int64 or a uint64, or the int32 of a float's bits."""
+"""Bit operations in kernels, one instruction each, on int64, uint64, or the int32 bits of a float."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _WORDS = types.int64, types.uint64
 
 @intrinsic
 def count_ones(_typing: Any, word: Any) -> Any:
-    """Number of bits of a word that are set, as int64: count_ones(word)."""
+    """Number of set bits of a word, as int64: count_ones(word)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.ctpop(arguments[0])
@@ -24,7 +24,7 @@ def count_ones(_typing: Any, word: Any) -> Any:
 
 @intrinsic
 def lowest_one(_typing: Any, word: Any) -> Any:
-    """Index of the lowest bit of a word that is set, as int64; 64 where none is: lowest_one(word)."""
+    """Index of the lowest set bit of a word, as int64; 64 for a zero word: lowest_one(word)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
@@ -34,7 +34,7 @@ def lowest_one(_typing: Any, word: Any) -> Any:
 
 @intrinsic
 def float_of_bits(_typing: Any, word: Any) -> Any:
-    """Number, float32, whose bits are those of an int32: float_of_bits(word)."""
+    """float32 with the bits of an int32: float_of_bits(word)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.bitcast(arguments[0], ir.FloatType())

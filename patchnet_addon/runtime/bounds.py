@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bounds of numbers: one table for arguments of commands, properties of Blender, and settings made by scripts.
+"""Bounds of numbers: one table for command-line arguments, Blender properties and settings of scripts.
 
-No row has room for what is not finite. A property whose 0 stands for "automatic" begins at 0 and not at the row's
-lowest number; settings then look at the row again.
+All bounds are finite. A property whose value 0 means "automatic" has the minimum 0 instead of the row's minimum; the
+settings check the row again.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from .frames import LAST_FRAME
 
 @dataclass(frozen=True)
 class Bounds:
-    """Numbers from `low` to `high`, both of them included.
+    """Numbers from `low` to `high`, both inclusive.
 
-    what: the number's name in sentences. whole: without a fraction. advice: what a user may do instead.
+    what: the number's name in messages. whole: integers only. advice: ends the error message.
     """
 
     what: str
@@ -29,15 +29,15 @@ class Bounds:
     advice: str = "choose a number in this range"
 
     def check(self, value: float, what: str = "") -> None:
-        """Raise SettingError that names the number (as `what`, if that is given) unless it is within the bounds."""
-        # Blender keeps its properties in single precision, their bounds too: 1e-12 comes back a little smaller.
+        """Raise SettingError unless the number is within the bounds; `what` replaces its name in the message."""
+        # Blender stores properties and their bounds in single precision: 1e-12 comes back slightly smaller.
         if not min(self.low, _single(self.low)) <= value <= max(self.high, _single(self.high)):
             raise SettingError(f"{what or self.what} {value} is outside {self._range()}: {self.advice}")
         if self.whole and value != int(value):
             raise SettingError(f"{what or self.what} {value} is not a whole number: choose one of {self._range()}")
 
     def read(self, text: str, what: str = "") -> float:
-        """Read the number that a text is; an int where it is whole; raises SettingError as `check`."""
+        """Parse a number, an int where it is whole; raises SettingError as `check`."""
         try:
             value = int(text) if self.whole else float(text)
         except ValueError as cause:
@@ -67,10 +67,10 @@ LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delt
 DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
 _PIXEL_SHARE = "give a share of the pixels"
 _LARGEST = 1e9  # of factors and of ends of legends
-_MAX_PATHS = 65536  # as many as Cycles' own panel offers
+_MAX_PATHS = 65536  # maximum of Cycles' own panel
 MAX_SEED = 2**32 - 1
 
-# What is voxelized.
+# Voxelizing.
 DEPTH = Bounds("Depth", 1, MAX_DEPTH, True, "choose a depth in this range")
 LEVEL = Bounds("Level", 0, MAX_DEPTH, True, "choose a level in this range")
 LOOKAHEAD = Bounds("Look-ahead", LOOKAHEADS[0], LOOKAHEADS[-1], True, "choose how many levels a patch looks ahead")
@@ -131,13 +131,13 @@ TRACK_FRAMES = Bounds("Frames of a track", 1, 10**6, True)
 DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
 
 
-INT32_COUNT = 2**31  # numbers from 0 on that an int32 has
+INT32_COUNT = 2**31  # non-negative int32 values
 UINT32_COUNT = 2**32
 NODE_ADVICE = "choose a smaller depth, or voxelize fewer objects"
 
 
 def check_count(count: int, most: int, what: str, advice: str) -> None:
-    """Raise SettingError that names `what` there is too much of and says what to do, for more than `most`."""
+    """Raise SettingError if `count` exceeds `most`; the message names `what` and ends with `advice`."""
     if count > most:
         bits = 31 if most <= INT32_COUNT else 32
-        raise SettingError(f"{count:,} {what} are more than numbers of {bits} bits can name ({most:,}): {advice}")
+        raise SettingError(f"{count:,} {what} exceed the limit of {bits}-bit indices ({most:,}): {advice}")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cache folder of kernels, pages of bakes and finished octrees: the user's, or one that takes its place.
+"""Cache folder of kernels, baked pages and octrees: the user's cache folder or a fallback.
 
-A cache folder may be on a disk that can only be read, as in a container, or may have been made by an administrator.
-Compiled kernels are executed when they are read: what takes its place is the user's alone.
+A cache folder may be read-only, as in a container, or belong to an administrator. Compiled kernels are code that is
+executed, so the fallback is readable and writable by the user only.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def user_cache_folder() -> Path:
-    """Folder for what can be computed again: `PATCHNET_CACHE`, or the platform's cache folder.
+    """Cache folder: `PATCHNET_CACHE`, or the platform's cache folder.
 
-    Where that cannot be written, one among the temporary files takes its place, and the log says so, once.
+    If it is not writable, a folder among the temporary files is the fallback, with one warning in the log.
     """
     return _usable(_wanted())
 
@@ -44,9 +44,8 @@ def user_cache_folder() -> Path:
 def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
-    Where `root` takes the place of another folder, or is the extension's own, kernels that were compiled there, or in
-    the platform's cache folder by commands, are taken over. Versions that nothing has used for a long time, such as
-    those of earlier releases, are deleted when a new one begins.
+    If `root` is a fallback or the extension's own folder, kernels are copied from PATCHNET_CACHE and from the
+    platform's cache folder, where commands keep theirs. A new version deletes versions that were not used for 90 days.
     """
     folder = root / KERNELS / version
     for other in {_wanted(), _platforms()} - {root}:
@@ -58,13 +57,13 @@ def kernel_folder(root: Path, version: str) -> Path:
             for path in source.rglob("*.nb[ic]"):
                 target = copy / path.relative_to(source)
                 target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(path, target)  # not its mode: it may be write-protected
+                shutil.copyfile(path, target)  # without its mode, which may be read-only
             os.replace(copy, folder)
-        except OSError:  # another process was faster, or there is no room: they are compiled again
+        except OSError:  # another process was faster, or the disk is full: kernels are compiled again
             shutil.rmtree(copy, ignore_errors=True)
     if folder.is_dir():
         with suppress(OSError):
-            os.utime(folder)  # used now
+            os.utime(folder)  # marks its last use
     else:
         _remove_old_versions(root / KERNELS)
     return folder
@@ -78,7 +77,7 @@ def _remove_old_versions(kernels: Path) -> None:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Bytes of the files that lie in a folder; what another process removes meanwhile counts nothing."""
+    """Total size of the files directly in a folder, in bytes; files that disappear meanwhile count 0."""
     total = 0
     with suppress(OSError):
         for path in folder.iterdir():
@@ -104,8 +103,8 @@ def _platforms() -> Path:
 def _home() -> Path:
     try:
         return Path.home()
-    except RuntimeError:  # a user without one, as in containers
-        return Path(os.devnull)  # in which no folder can be made
+    except RuntimeError:  # a user without a home, as in containers
+        return Path(os.devnull)  # not writable: leads to the fallback
 
 
 @cache
@@ -130,7 +129,7 @@ def _usable(wanted: Path) -> Path:
 
 
 def _private_folder() -> Path:
-    """Private folder of the user among the temporary files, the same at each start; a new one if it is not private."""
+    """User's private folder among the temporary files, the same at each start; a new one if it is not private."""
     user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
     folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
     with suppress(OSError):
@@ -144,7 +143,7 @@ def _private_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Test whether `folder` is one, is ours, and no other user can put files there."""
+    """Test whether `folder` is a writable folder of this user that no other user can write to."""
     try:
         found = folder.lstat()
         if not stat.S_ISDIR(found.st_mode):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compilation state of kernels, so that users can be told why it takes long; imports nothing heavy."""
+"""Compilation state of kernels, for progress messages; imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ NOTE = "compiling, once on this machine"
 
 _lock = threading.Lock()
 _count = 0
-_spent_s = _since = 0.0  # until the last compilation ended, and when the one that runs began
+_spent_s = _since = 0.0  # total until the last compilation ended; start of the present one
 
 
 def is_compiling() -> bool:
-    """Return whether a kernel is compiled in some thread; one that is loaded from the cache is not."""
+    """Return whether a thread compiles a kernel; loading from the cache does not count."""
     return _count > 0
 
 
 def compiling_seconds() -> float:
-    """Seconds of this process in which kernels were compiled."""
+    """Seconds that this process has spent compiling kernels."""
     with _lock:
         return _spent_s + (time.monotonic() - _since if _count > 0 else 0.0)
 
 
 def compilation_begins() -> None:
-    """Note that a compilation begins; `kernels.py` calls this."""
+    """Count a compilation that begins; called by `kernels.py`."""
     _change(1)
 
 
 def compilation_ends() -> None:
-    """Note that a compilation has ended; `kernels.py` calls this."""
+    """Count a compilation that ends; called by `kernels.py`."""
     _change(-1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors that a user can act on: operators report them, the command line prints them and exits with 2."""
+"""Errors that users can act on: operators report them, the command line prints them and exits with code 2."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import os
 
 
 class PatchNetError(Exception):
-    """Base of all errors that name what was wrong and what to do about it."""
+    """Base of all errors whose message states the cause and what to do."""
 
 
 class SceneError(PatchNetError):
-    """The scene, its file, its cameras or its selection cannot be used as they are."""
+    """Unusable scene, scene file, camera or selection."""
 
 
 class StoppedError(SceneError):
-    """The user stopped what Blender was doing for us."""
+    """Stopped by the user while Blender was computing."""
 
 
 class EmptySelectionError(SceneError):
-    """Empty selection: nothing that has a surface is selected or visible."""
+    """No selected or visible object has a surface."""
 
 
 class GeometryError(SceneError):
-    """The surface itself is unusable: no area, or coordinates that are not finite."""
+    """Unusable surface: no area, or coordinates that are not finite."""
 
 
 class MemoryEstimateError(PatchNetError):
@@ -35,15 +35,15 @@ class SettingError(PatchNetError):
 
 
 class OutputError(PatchNetError):
-    """Output cannot be written, or would replace something that is to stay."""
+    """Output that cannot be written, or would replace a file of another kind."""
 
 
 class FileAccessError(PatchNetError):
-    """A file cannot be read or written, for a reason that the system names."""
+    """File that cannot be read or written, with the system's reason."""
 
     @classmethod
     def of(cls, cause: OSError) -> FileAccessError | None:
-        """Sentence for an error of the system that names its file, else None."""
+        """Error for an OSError that names its file, else None."""
         names = [os.fsdecode(name) for name in (cause.filename, cause.filename2) if isinstance(name, str | bytes)]
         if not names or cause.strerror is None:
             return None
@@ -51,14 +51,14 @@ class FileAccessError(PatchNetError):
 
 
 class FilesGoneError(PatchNetError):
-    """Libraries that come with PatchNet are not there.
+    """Missing libraries of the extension.
 
-    Blenders share a folder of them, and one of them has emptied it; or the zip was one without libraries.
+    Several Blenders share a folder of libraries; one of them has removed them, or the zip has none.
     """
 
     @classmethod
     def of(cls, cause: ImportError | OSError) -> FilesGoneError | None:
-        """Sentence for a library that cannot be imported any more, else None."""
+        """Error for a library that can no longer be imported, else None."""
         text = f"{getattr(cause, 'name', '')} {cause}"
         if "numba" not in text and "llvmlite" not in text:
             return None
@@ -69,7 +69,7 @@ class FilesGoneError(PatchNetError):
 
 
 class FileFormatError(PatchNetError):
-    """A file is missing, foreign, damaged or of a newer version; the message names file and cause."""
+    """File that is missing, damaged, of another program or of a newer version."""
 
 
 class OctreeFileError(FileFormatError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Time left: of a step by its pace, of a job by what its stages should take, of an animation by its frames."""
+"""Remaining time: of a step by its pace, of a job by its expected stages, of an animation by its frames."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from statistics import median_low
 from .compiling import compiling_seconds, is_compiling
 from .progress import Progress
 
-_MOST = 0.995  # of a job that still reports
-_LEAST_LEFT = 0.03  # of a stage or a frame that takes longer than expected
+_MOST = 0.995  # largest share of an unfinished job
+_LEAST_LEFT = 0.03  # of a stage or frame that takes longer than expected
 _MIN_SHARE, _MIN_S = 0.02, 2.0  # of a step, before which its pace says nothing
 _MAIN_STEP = 0.25  # of a stage's expected time, from which on a step is taken for all of it
 _STEADY = 0.2  # of a step, after which its pace alone counts
@@ -23,14 +23,14 @@ Clock = Callable[[], float]
 
 
 class _Pace:
-    """Pace of the present step, measured from where it began: a resumed bake begins in its middle."""
+    """Pace of the present step, from the progress of its first report on: a resumed bake starts in the middle."""
 
     def __init__(self, label: str = "", fraction: float = 0.0, now: float = 0.0) -> None:
         self._label, self._first, self.fraction = label, fraction, fraction
         self._begun = self._reported = now
 
     def sees(self, label: str, fraction: float, now: float) -> _Pace:
-        """Take a report; the result is the pace of the step that it is of."""
+        """Update with a report; returns the pace of its step."""
         if label != self._label or fraction < self.fraction:
             return _Pace(label, fraction, now)
         if fraction > self.fraction:
@@ -38,7 +38,7 @@ class _Pace:
         return self
 
     def left(self, now: float) -> float | None:
-        """Seconds until the step ends; None while nothing is known."""
+        """Seconds until the step ends; None while unknown."""
         share, spent = self.fraction - self._first, self._reported - self._begun
         if share < _MIN_SHARE or spent < _MIN_S:
             return None
@@ -50,7 +50,7 @@ class _Pace:
 
 
 class Eta:
-    """Seconds left as users are told: what reports of a whole job say, else those of the present step, by its pace."""
+    """Remaining seconds shown to users: those of the whole job if reports have them, else of the present step."""
 
     def __init__(self, clock: Clock = time.perf_counter) -> None:
         self._clock, self._pace = clock, _Pace()
@@ -58,26 +58,26 @@ class Eta:
         self._told: float | None = None
 
     def see(self, progress: Progress) -> None:
-        """Take a report."""
+        """Update with a report."""
         self._is_told, self._told = progress.whole is not None or progress.left_s is not None, progress.left_s
         self._pace = self._pace.sees(progress.label, progress.fraction, self._clock())
 
     def seconds(self) -> float | None:
-        """Seconds until the job or the step ends, as far as they can be known by now."""
+        """Seconds until the job or the step ends; None while unknown."""
         return self._told if self._is_told else self._pace.left(self._clock())
 
     def text(self) -> str:
-        """Time left in words: "about 40 s left", or ""."""
+        """Remaining time in words: "about 40 s left", or ""."""
         return left_text(self.seconds())
 
 
 class JobEta:
-    """Share of a job that is done, and seconds left, by expected seconds of its stages and the pace of each step.
+    """Finished share of a job and remaining seconds, by expected seconds of its stages and the pace of each step.
 
-    Seconds left are said once the pace of a step that takes a good part of them agrees with them; what this machine
-    took for other jobs is said from the start, for as long as a stage takes no longer. They do not rise when a stage
-    goes to its next step. Stages come in the order of `expect`; those of `again` are entered several times, such as the
-    views of cameras. The share never falls.
+    Remaining seconds are known from the start if they are measured on this machine, until a stage takes longer;
+    otherwise once the pace of a long step agrees with them. They never increase between the steps of a stage. Stages
+    come in the order of `expect`; those of `again` are entered several times, such as the views of cameras. The share
+    never decreases.
     """
 
     def __init__(self, again: frozenset[str] = frozenset(), clock: Clock = time.perf_counter) -> None:
@@ -89,17 +89,17 @@ class JobEta:
         self._whole = 0.0
         self._sure = self._measured = False
         self._own = self._most = math.inf  # seconds left of the stage: by the last report, and when its step began
-        self.compiled: set[str] = set()  # stages in which kernels were compiled, whose seconds tell nothing
+        self.compiled: set[str] = set()  # stages that compiled kernels: their seconds do not predict others
 
     def expect(self, seconds: Mapping[str, float], *, measured: bool = False) -> None:
-        """Take the expected seconds of all stages, by name and in their order; before that nothing is known.
+        """Set the expected seconds of all stages, by name in their order; nothing is known before.
 
-        measured: jobs on this machine took as long for as much.
+        measured: the seconds come from earlier jobs on this machine.
         """
         self._expected, self._measured = dict(seconds), measured
 
     def see(self, stage: str, progress: Progress) -> Progress:
-        """Add to a report of a stage's steps how far the whole job is, once that is known."""
+        """Add the finished share of the whole job to a report, once it is known."""
         now = self._clock()
         self._spent[stage] = self._spent.get(stage, 0.0) + (now - self._seen)
         self._seen = now
@@ -128,15 +128,16 @@ class JobEta:
         return own + later
 
     def _left_of_stage(self, seconds: float, rest: float, now: float) -> float:
-        """Seconds left of the present stage: as expected, and by its step's pace the more, the longer the step is.
+        """Remaining seconds of the present stage: a mix of its expected seconds and its step's pace.
 
-        seconds: expected of the stage. rest: of these, what is left. The pace of a short step says nothing of others.
+        The pace weighs more the longer the step takes; that of a short step says little about others. seconds: expected
+        seconds of the stage. rest: remaining part of them.
         """
         rest = max(min(rest, self._most - self._pace.spent(now)), _LEAST_LEFT * seconds)
         by_pace = self._pace.left(now)
         if by_pace is None:
             self._own = rest
-        elif self._stage in self._again:  # there are more such steps
+        elif self._stage in self._again:  # more steps follow
             self._own = max(rest, by_pace)
         else:
             length = self._pace.spent(now) + by_pace
@@ -146,41 +147,41 @@ class JobEta:
 
 
 class FramesEta:
-    """Share of all frames of an animation that is done, and seconds left.
+    """Finished share of all frames of an animation and remaining seconds.
 
-    A frame takes as long as the last ones that were made, without what those compiled; the first one as long as it says
-    itself, if it does. The share never falls.
+    A frame is expected to take as long as the last rendered ones without compilation, the first one as long as its own
+    reports say. The share never decreases.
     """
 
     def __init__(self, frames: int, clock: Clock = time.monotonic) -> None:
-        """Take the number of frames that are likely to be made: those that are there take no time."""
+        """Start with the number of frames to render, without those that exist."""
         self._left, self._done, self._clock = frames, 0, clock
         self._seconds: list[float] = []
         self._whole = 0.0
         self.begin()
 
     def begin(self) -> None:
-        """Begin a frame."""
+        """Start a frame."""
         self._begun, self._compiled = self._clock(), compiling_seconds()
 
     def one_more(self) -> None:
-        """Expect one frame more: one that is there, but is not what it would be now."""
+        """Expect one frame more: an existing frame is outdated."""
         self._left += 1
 
     @property
     def text(self) -> str:
-        """Frame that is made now, of all of them, in words."""
+        """Present frame and number of frames in words."""
         return f"Frame {self._done + 1} of {self._done + max(self._left, 1)}"
 
     def end(self) -> None:
-        """End a frame that was made."""
+        """Finish a rendered frame."""
         compiled = compiling_seconds() - self._compiled
         self._seconds.append(max(self._clock() - self._begun - compiled, 0.0))
         self._done += 1
         self._left = max(self._left - 1, 0)
 
     def see(self, progress: Progress) -> Progress:
-        """Add to a report of a frame's steps how far all frames are; its own seconds left are those of the frame."""
+        """Add the finished share of all frames to a report of a frame's steps."""
         spent = self._clock() - self._begun
         usual = median_low(self._seconds[-_LAST_FRAMES:]) if self._seconds else None
         left = progress.left_s
@@ -193,7 +194,7 @@ class FramesEta:
         return replace(self._told(progress, share, max(self._left, 1)), left_s=left)
 
     def skip(self, progress: Progress) -> Progress:
-        """Add to a report between two frames how far all frames are."""
+        """Add the finished share of all frames to a report between two frames."""
         return self._told(progress, 0.0, self._left)
 
     def _told(self, progress: Progress, share: float, left: int) -> Progress:
@@ -202,12 +203,12 @@ class FramesEta:
 
 
 def _share(spent: float, left: float) -> float:
-    """Share of some seconds that is spent: never all of what still reports."""
+    """Finished share by seconds, below 1 while steps still report."""
     return min(spent / max(spent + left, 1e-9), _MOST)
 
 
 def left_text(seconds: float | None) -> str:
-    """Seconds left in words: "about 40 s left"; "" where they are not known, or next to none."""
+    """Remaining seconds in words: "about 40 s left"; "" where unknown or close to 0."""
     return "" if seconds is None or seconds < 1.0 else f"about {duration_text(seconds)} left"
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""File kinds, told by content: something else is never replaced by what is written.
+"""File kinds by content: output never replaces a file of another kind.
 
-An ending says little: users mistype paths, and `.json`, `.png` or `.safetensors` may be of any program.
+An ending is not enough: users mistype paths, and `.json`, `.png` or `.safetensors` files may belong to any program.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x1f\x8b")  # zstd and gzip, as Blender co
 class FileKind:
     """Kind of files.
 
-    title: in words, with its article. endings: of such files' names. holds: whether the file at a path is one, by what
-    stands in it; raises OSError, and ValueError, TypeError or KeyError where it is something else.
+    title: its name with article. endings: endings of file names. holds: test of a file's content; raises OSError, and
+    ValueError, TypeError or KeyError for other kinds.
     """
 
     title: str
@@ -33,7 +33,7 @@ class FileKind:
     holds: Callable[[Path], bool]
 
     def is_at(self, path: Path) -> bool:
-        """Return whether the file at `path` is of this kind; an empty one is, if it has the ending; raises OSError."""
+        """Test whether the file at `path` is of this kind; empty files with its ending are. Raises OSError."""
         if path.stat().st_size == 0:
             return path.suffix.lower() in self.endings
         try:
@@ -44,13 +44,13 @@ class FileKind:
 
 @cache
 def arrays_kind(kind: str) -> FileKind:
-    """Files of ours with arrays, such as "octree", see `files.py`; damaged ones too, if their header can be read."""
+    """Kind of PatchNet array files (`files.py`), such as "octree"; damaged files count if their header is readable."""
     article = "an" if kind[0] in "aeio" else "a"
     return FileKind(f"{article} {kind} file of PatchNet", (".safetensors",), lambda path: arrays_in(path) == kind)
 
 
 def arrays_in(path: Path) -> str:
-    """Kind of a file of ours with arrays, "" for one of another program; raises as `FileKind.holds`."""
+    """Kind of a PatchNet array file, "" for files of other programs; raises as `FileKind.holds`."""
     with path.open("rb") as file:
         length = int.from_bytes(file.read(8), "little")
         own = json.loads(file.read(length))["__metadata__"] if length <= _MAX_HEADER_BYTES else {}
@@ -75,7 +75,7 @@ def _is_report(path: Path) -> bool:
 
 
 def _is_frame_record(path: Path) -> bool:
-    """Test for a frame's record, also one that is not whole: such a one counts as no frame, and should not block it."""
+    """Test for a frame's record; a truncated one counts, so that it does not block its frame."""
     head = _head(path, len(_RECORD_BEGINS))
     return _RECORD_BEGINS.startswith(head) or {"frame", "content", "file", "files", "summary"} <= _json(path).keys()
 
@@ -116,12 +116,10 @@ CHECKPOINT = FileKind(
     "a checkpoint of a training run", (".pt",), lambda path: any(name.endswith("/data.pkl") for name in _members(path))
 )
 TRAINING_LOG = FileKind("a log of a training run", (".jsonl",), _is_log)
-MODEL_CARD = FileKind("a model card of PatchNet", (".md",), _begins(b"# Model card of PatchNet"))
 EVALUATION = FileKind("results of an evaluation", (".json",), _begins(b'{\n "settings": {\n  "frames": '))
 CYCLES_EVALUATION = FileKind(
     "results of an evaluation against Cycles", (".json",), _begins(b'{\n "settings": {\n  "cameras": ')
 )
-EVALUATION_TABLE = FileKind("a table of an evaluation", (".csv",), _begins(b"scene,strategy,group,rays_per_pixel,"))
 EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Tables of an evaluation"))
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
 ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""File format of ours: safetensors with a kind, a schema version, JSON metadata and checksums in the header.
+"""PatchNet's file format: safetensors with kind, schema version, JSON metadata and checksums in the header.
 
-Files appear complete or not at all (`replace.py`). Reading maps the file into memory; every failure is one sentence
-that names file and cause. Why the format is written here and not by its library: docs/developers.md.
+Files are replaced atomically (`replace.py`). Reading maps a file into memory; each error is one sentence with file and
+cause. Why this module does not use the safetensors library: docs/developers.md.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ _DTYPE_NAMES = {np.dtype(code): name for name, code in _DTYPES.items()}
 
 @dataclass(frozen=True)
 class FileHeader:
-    """Header of a file: what it says about itself.
+    """Header of a file.
 
-    kind: of what is in it, such as "octree", "codes" or "weights". metadata: plain JSON values.
-    arrays: dtype and shape of each array. data_start: byte where the arrays begin.
+    kind: content of the file, such as "octree", "codes" or "weights". metadata: plain JSON values. arrays: dtype and
+    shape of each array. data_start: offset of the arrays in bytes.
     """
 
     kind: str
@@ -53,13 +53,12 @@ class FileHeader:
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], kind: str) -> None:
-    """Write named arrays and JSON `metadata` to `path` as a file of ours.
+    """Write named arrays and JSON `metadata` to a PatchNet file.
 
-    Raises OutputError if the file cannot be written or another kind of file is there; what stood at `path` is then
-    unchanged.
+    Raises OutputError if the file cannot be written or a file of another kind exists there, which then stays unchanged.
     """
     path = Path(path)
-    # Wide items first: every array then starts at a multiple of its item size.
+    # Largest items first: every array then starts at a multiple of its item size.
     names = sorted(arrays, key=lambda name: (-arrays[name].dtype.itemsize, name))
     contiguous = {name: np.asarray(arrays[name], arrays[name].dtype.newbyteorder("<"), order="C") for name in names}
     header = _header_bytes(contiguous, metadata, kind)
@@ -73,17 +72,17 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: d
 def read_arrays(
     path: str | Path, kind: str, error: type[FileFormatError] = FileFormatError, *, verify: bool = True
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays and metadata of a file of ours, the arrays mapped into memory copy-on-write.
+    """Arrays and metadata of a PatchNet file, the arrays mapped into memory copy-on-write.
 
-    `verify` compares every array with its checksum, which reads the whole file once, on all cores. Raises `error` if
-    the file is missing, foreign, truncated, damaged, of another kind or of a newer version.
+    verify: compare every array with its checksum, which reads the whole file. Raises `error` if the file is missing,
+    truncated, damaged, of another kind, program or newer version.
     """
     path = Path(path)
     header = read_header(path, error)
     if header.kind != kind:
         raise error(f"{path} is a PatchNet {header.kind} file where {_article(kind)} {kind} file is needed")
     try:
-        # Copy-on-write, because compiled kernels take read-only arrays for another type and compile once more.
+        # Copy-on-write: read-only arrays are another type for numba, which would compile kernels again.
         mapped = np.asarray(np.memmap(path, np.uint8, mode="c"))
     except OSError as cause:
         raise error(f"{path} cannot be read: {cause.strerror or cause}") from cause
@@ -98,21 +97,21 @@ def read_arrays(
 
 
 def _typed(raw: np.ndarray, dtype: np.dtype, shape: tuple[int, ...]) -> np.ndarray:
-    """Bytes (n,) as an array, copied only where the file does not align them."""
+    """View bytes (n,) as an array; copies them only where the file does not align them."""
     if raw.ctypes.data % dtype.itemsize:
         raw = raw.copy()
     return raw.view(dtype).reshape(shape)
 
 
 def _checksums(raw: Mapping[str, np.ndarray]) -> dict[str, int]:
-    """Checksums of arrays of bytes, computed side by side, the largest first; zlib lets other threads run."""
+    """Checksums of arrays of bytes in parallel, largest first; zlib releases the interpreter's lock."""
     names = sorted(raw, key=lambda name: -raw[name].size)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         return dict(zip(names, pool.map(lambda name: zlib.crc32(raw[name].data), names), strict=True))
 
 
 def read_header(path: str | Path, error: type[FileFormatError] = FileFormatError) -> FileHeader:
-    """Kind, version, metadata and array shapes of a file of ours, without reading its data; errors as `read_arrays`."""
+    """Kind, version, metadata and array shapes of a PatchNet file without its data; errors as `read_arrays`."""
     path = Path(path)
     try:
         with path.open("rb") as file:
@@ -136,7 +135,7 @@ def read_header(path: str | Path, error: type[FileFormatError] = FileFormatError
 
 
 def content_hash(arrays: Mapping[str, np.ndarray]) -> str:
-    """Hash (32 hex digits) of names, types, shapes and values; equal for equal contents on every machine."""
+    """Hash (32 hex digits) of names, types, shapes and values of arrays; the same on every machine."""
     digest = hashlib.blake2b(digest_size=16)
     for name in sorted(arrays):
         array = np.asarray(arrays[name], arrays[name].dtype.newbyteorder("<"), order="C")
@@ -158,7 +157,7 @@ def _canonical(value: Any) -> str:
 
 
 def _header_bytes(arrays: dict[str, np.ndarray], metadata: dict[str, Any], kind: str) -> bytes:
-    """JSON header, padded with spaces so that the data begins aligned."""
+    """JSON header, padded with spaces to align the data."""
     header: dict[str, Any] = {}
     end = 0
     for name, array in arrays.items():
@@ -181,7 +180,7 @@ def _header_bytes(arrays: dict[str, np.ndarray], metadata: dict[str, Any], kind:
 def _parse_header(
     header: dict[str, Any], path: Path, data_start: int, size: int, error: type[FileFormatError]
 ) -> FileHeader:
-    """Check the parsed JSON; ValueError, TypeError and KeyError mean anything unexpected: the caller explains them."""
+    """Check the parsed JSON; raises ValueError, TypeError or KeyError for anything unexpected."""
     own = header.get("__metadata__") or {}
     if own.get("format") != _FORMAT:
         raise error(f"{path} is not a PatchNet file: it is a safetensors file of another program")

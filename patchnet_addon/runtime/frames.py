@@ -10,15 +10,14 @@ from contextlib import contextmanager
 from .errors import PatchNetError, SettingError
 
 ALL = "all"
-LAST_FRAME = 1_048_574  # Blender knows no later one, and no earlier one than its negative
+LAST_FRAME = 1_048_574  # Blender's last frame; its first is the negative
 _PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?:[x:](\d+))?)?")
 
 
 def parse_frames(text: str, of_scene: range | None = None) -> tuple[int, ...]:
-    """Parse the frames that a text names, each once, the earliest first.
+    """Parse a list of frames: each once, in ascending order.
 
-    of_scene: what "all" stands for; None where it is not known yet, for which "all" is empty.
-    Raises SettingError with what is wrong.
+    of_scene: frames of "all"; None where unknown, then "all" is empty. Raises SettingError.
     """
     frames: set[int] = set()
     for part in (part.strip() for part in text.split(",")):
@@ -30,9 +29,9 @@ def parse_frames(text: str, of_scene: range | None = None) -> tuple[int, ...]:
 
 
 def frame_range(first: int, last: int, step: int = 1) -> range:
-    """Frames from `first` to `last`, both of them included; raises SettingError if that is none."""
+    """Frames from `first` to `last`, both inclusive; raises SettingError if there is none."""
     if step < 1:
-        raise SettingError(f"A frame step of {step} is impossible: give at least 1")
+        raise SettingError(f"A frame step of {step} is too small: give at least 1")
     if last < first:
         raise SettingError(f"Frames {first} to {last} are none: the last frame comes before the first")
     if max(-first, last) > LAST_FRAME:
@@ -42,7 +41,7 @@ def frame_range(first: int, last: int, step: int = 1) -> range:
 
 @contextmanager
 def errors_of_frame(frame: int) -> Iterator[None]:
-    """Let errors that a user can act on name the frame that the block is about."""
+    """Prefix errors within the block with the frame number."""
     try:
         yield
     except PatchNetError as error:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interrupt a command within seconds by Ctrl-C, or SIGTERM as render farms send it, also while Blender computes.
+"""Interrupt a command within seconds by Ctrl-C or SIGTERM (render farms), even while Blender computes.
 
-Python acts on a signal only between two of its own instructions, and a call into Blender, such as the bake of a page,
-is one of them for minutes. A thread of ours hears of the signal at once (Blender lets threads run while it bakes); if
-the main thread has not ended by a deadline, it removes unfinished files and ends the process. Nothing else is lost:
-files appear complete or not at all, and finished pages of a bake stay for the next start.
+Python handles a signal between two of its own instructions, and a call into Blender, such as the bake of a page, is one
+instruction that takes minutes. A thread receives the signal at once, since Blender releases Python's lock while it
+bakes. If the main thread has not ended by a deadline, the thread removes unfinished files and ends the process. No
+finished work is lost: files are replaced atomically, and finished pages of a bake are kept for the next start.
 
-A Blender without a window has a handler of its own for Ctrl-C, which Python does not know and which asks what runs to
-stop: our steps would not hear of it, and Cycles hears it after half a minute. Within the block ours takes its place.
+Blender without a window installs its own handler for Ctrl-C, which Python cannot see. It only sets a flag: PatchNet's
+steps would not notice it, and Cycles notices it after half a minute. Within the block PatchNet's handler replaces it.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from .streams import undivert
 from .unfinished import remove_unfinished
 
 DEADLINE_S = 2.5
-INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # exit codes, as shells name a signal's end
-STOPPED = "interrupted; a bake goes on where it was when it is started again"
-# What Python does with these signals where no handler was set.
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # exit codes by the convention of shells
+STOPPED = "interrupted; start again to continue the bake"
+# Python's default handlers.
 _DEFAULTS: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, or SIGTERM: `exit_code` tells which."""
+    """Interruption by Ctrl-C or SIGTERM, by `exit_code`."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -44,12 +44,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 def exit_code_of(error: KeyboardInterrupt) -> int:
-    """Exit code of a process that this ended."""
+    """Exit code of a process that ends by this error."""
     return error.exit_code if isinstance(error, Interrupted) else INTERRUPTED
 
 
 class _Waiting:
-    """Counter of blocks of `interrupts_wait`, and the signal that came meanwhile, or 0."""
+    """Number of nested `interrupts_wait` blocks, and the signal received meanwhile, or 0."""
 
     depth = 0
     heard = 0
@@ -57,10 +57,10 @@ class _Waiting:
 
 @contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait for the end of the block, which calls Blender, or for the deadline.
+    """Delay Ctrl-C and SIGTERM until the end of the block, which calls Blender, or until the deadline.
 
-    Blender calls Python in turn, such as Cycles' own and handlers of scenes: raised there, an interruption would be
-    printed as an error of theirs, and lost, and what was half done would be taken for done.
+    Blender calls Python in turn (Cycles' own code, handlers of scenes). An interruption raised there is printed as
+    their error and lost, and unfinished work passes as finished.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -79,10 +79,8 @@ def interrupts_wait() -> Iterator[None]:
 def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
     """Raise `Interrupted` within the block at Ctrl-C and SIGTERM.
 
-    If that has not ended the block DEADLINE_S after it, `end` is called; by default the process ends.
-
-    Leaves a signal alone where another handler in Python listens, or where it is ignored; does nothing
-    outside the main thread.
+    If the block has not ended DEADLINE_S later, `end` is called; by default the process ends. Signals that are ignored
+    or have another Python handler stay unchanged; outside the main thread nothing happens.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -96,7 +94,7 @@ def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
 
 
 def _hear(number: int, _frame: FrameType | None) -> None:
-    """Handle a signal: Python calls this in the main thread."""
+    """Handle a signal in the main thread."""
     if _Waiting.depth:
         _Waiting.heard = number
         return
@@ -105,7 +103,7 @@ def _hear(number: int, _frame: FrameType | None) -> None:
 
 @contextmanager
 def _listening(number: signal.Signals) -> Iterator[bool]:
-    """Return whether we hear a signal within the block, in place of Python or of the program that it is a part of."""
+    """Handle a signal within the block in place of Python or the host program; yields whether that is possible."""
     before = signal.getsignal(number)
     if before not in (None, _DEFAULTS[number]) or (os.name == "nt" and (before is None or number != signal.SIGINT)):
         yield False
@@ -116,7 +114,7 @@ def _listening(number: signal.Signals) -> Iterator[bool]:
         finally:
             signal.signal(number, before)
     else:
-        # Python cannot name a handler that is not its own, nor does it notice one: C's signal() does.
+        # Python does not see handlers of other languages: C's signal() returns them.
         c_signal = ctypes.CDLL(None).signal
         c_signal.restype, c_signal.argtypes = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p)
         host = c_signal(number, None)
@@ -126,13 +124,13 @@ def _listening(number: signal.Signals) -> Iterator[bool]:
         finally:
             ours = c_signal(number, host)
             signal.signal(number, _DEFAULTS[number] if before is None else before)
-            if host != ours:  # Python's own interrupts what waits, which C's signal() would not
+            if host != ours:  # not for Python's own, which C's signal() would install without interrupting system calls
                 c_signal(number, host)
 
 
 @contextmanager
 def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> Iterator[None]:
-    """Watch for the signals within the block, in a thread."""
+    """Watch for the signals in a thread within the block."""
     listener, speaker = socket.socketpair()
     speaker.setblocking(False)
     ended = threading.Event()
@@ -150,7 +148,7 @@ def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> It
 def _watch(
     listener: socket.socket, numbers: set[signal.Signals], ended: threading.Event, end: Callable[[], None] | None
 ) -> None:
-    """Wait for a signal, then for the end of the block, but not for long."""
+    """Wait for a signal, then up to DEADLINE_S for the end of the block."""
     with listener:
         while heard := listener.recv(1):
             if heard[0] in numbers:
@@ -164,11 +162,11 @@ def _watch(
 
 
 def end_process(exit_code: int, said: str) -> None:
-    """End the process at once; what it has not finished is removed, and users or programs are told why."""
+    """Remove unfinished files, print `said` and end the process at once."""
     try:
         remove_unfinished()
         undivert()
-        # Not through the log: the thread that computes may be in the middle of a line.
+        # Without the log: the computing thread may be writing a line.
         line = json_line("error", said, logging.ERROR, exit_code=exit_code) if is_json() else f"\npatchnet: {said}"
         with suppress(OSError, ValueError, AttributeError):  # stderr may be closed
             print(line, file=sys.stderr, flush=True)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compilation of numba kernels, and the one folder in which they are kept.
+"""Compilation of numba kernels, and their cache folder.
 
-numba's cache does not notice an edited callee in another file, so the folder's name holds a hash of all sources of
-kernels and of what they import. All copies of these sources share it, wherever they lie and whatever the package is
-called: Blender has it under another name than Python.
+numba's cache does not notice changes of callees in other files, so the folder's name contains a hash of all sources of
+kernels and their imports. All copies of these sources share it, whatever the package is called: Blender imports it
+under another name than Python.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 _PACKAGE = __package__.removesuffix(".patchnet_addon.runtime")
-_ENGINE, _TRAINING = ("patchnet_addon",), ("patchnet_addon", "training")  # the extension has no training
+_ENGINE, _TRAINING = ("patchnet_addon",), ("patchnet_addon", "training")  # the extension does not contain training
 
 
 def _with_kernels(folders: tuple[str, ...] = _TRAINING) -> list[str]:
-    """Modules that define kernels, or what extends them."""
+    """Modules that define kernels or extend numba."""
     paths = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     texts = {path: path.read_bytes() for path in paths}
     found = [path for path, text in texts.items() if b"kernels import" in text or b"numba.extending import" in text]
@@ -50,7 +50,7 @@ def _with_kernels(folders: tuple[str, ...] = _TRAINING) -> list[str]:
 
 @functools.cache
 def _folder(folders: tuple[str, ...]) -> Path:
-    """Folder for compiled kernels of these sources."""
+    """Cache folder for compiled kernels of these sources."""
     return kernel_folder(user_cache_folder(), source_hash(*_with_kernels(folders)))
 
 
@@ -58,9 +58,9 @@ numba.config.CACHE_DIR = str(_folder(_ENGINE))
 
 
 def compiled_mark(kernels: str, *of: object) -> Path:
-    """Path of a file that says that some kernels of these sources are compiled, for this processor by this numba.
+    """Path of a marker file: some kernels of these sources are compiled, for this processor by this numba.
 
-    kernels: which, a word. of: what else they depend on. Whoever has compiled them makes it, in a folder that is there.
+    kernels: their name. of: further dependencies. The caller creates the file after compiling, if its folder exists.
     """
     versions = (sys.version, numba.__version__, cpu_target.target_context.codegen().magic_tuple(), *of)
     folder = Path(numba.config.CACHE_DIR)
@@ -69,10 +69,10 @@ def compiled_mark(kernels: str, *of: object) -> Path:
 
 
 class _Pickler(NumbaPickler):  # type: ignore[misc]
-    """Pickler of classes and modules of this package, whatever it is called."""
+    """Pickler of classes and modules of this package, independent of the package's name."""
 
     def persistent_id(self, item: Any) -> Any:
-        """Name of a class or a module within the package; None for all else."""
+        """Name of a class or module within the package; None for others."""
         if isinstance(item, str) and item.startswith(f"{_PACKAGE}."):
             return "", item.removeprefix(_PACKAGE)
         if isinstance(item, type) and item.__module__.startswith(f"{_PACKAGE}."):
@@ -82,16 +82,16 @@ class _Pickler(NumbaPickler):  # type: ignore[misc]
 
 class _Unpickler(pickle.Unpickler):
     def persistent_load(self, found: Any) -> Any:
-        """Return the class of ours, or the module's name here."""
+        """Return the class, or the module's name, in this package."""
         name, module = found
         return getattr(importlib.import_module(_PACKAGE + module), name) if name else _PACKAGE + module
 
 
 class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
-    """Files of a function's compiled code, each of a name that no other process gives.
+    """Files of a function's compiled code, with names that no other process uses.
 
-    numba numbers them. Two processes that compile a function for different types at once both take the next number, and
-    whoever calls it later for one of these types has the code of the other.
+    numba numbers them. Two processes that compile a function for different types at the same time both take the next
+    number, and later calls for one of these types would load the code of the other.
     """
 
     def _data_name(self, _number: int) -> str:
@@ -118,13 +118,13 @@ class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """numba's cache of a function's compiled code; files that cannot be read or written cost time and nothing else."""
+    """numba's cache of a function's compiled code; unreadable or unwritable files only cost time."""
 
     def __init__(self, function: Function) -> None:
         super().__init__(function)
         locator = self._impl.locator
         stamp, source = locator.get_source_stamp(), Path(inspect.getfile(function))
-        if source.is_relative_to(ROOT):  # named and told apart by the hash of all sources
+        if source.is_relative_to(ROOT):  # versions are distinguished by the hash of all sources
             folder, *_ = parts = source.relative_to(ROOT).parent.parts
             path = _folder(_ENGINE if folder in _ENGINE else _TRAINING) / ".".join(parts)
             stamp, locator.get_cache_path = "", lambda: str(path)
@@ -140,7 +140,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code."""
+        """Write compiled code."""
         try:
             super().save_overload(sig, data)
         except OSError as cause:
@@ -161,7 +161,7 @@ def _say_uncached(cause: Exception) -> None:
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
-    """Listener to each function that is compiled because the cache does not have it."""
+    """Listener to compilations of functions that are not in the cache."""
 
     def on_start(self, _event: event.Event) -> None:
         compilation_begins()
@@ -174,17 +174,17 @@ event.register("numba:compile", _Compilations())
 
 
 def device(function: Function) -> Function:
-    """Decorate a function that kernels call; inlined by the compiler, never launched by itself.
+    """Decorate a function for calls from kernels only; the compiler inlines it.
 
-    Python cannot call it: unpacking its arguments would take longer to compile than most of these functions.
+    A wrapper for calls from Python would take longer to compile than most of these functions.
     """
     return _for_kernels(_compiled(function, no_cpython_wrapper=True))
 
 
 def lean_device(function: Function) -> Function:
-    """Decorate a `device` function that makes no arrays: it does not count who holds those that it is given.
+    """Decorate a `device` function that creates no arrays; it skips reference counts of its arguments.
 
-    Each count is an atomic instruction, which a short function that takes many arrays spends most of its time on.
+    Each count is an atomic instruction, which dominates the time of a short function with many arrays.
     """
     return _for_kernels(_compiled(function, no_cpython_wrapper=True, _nrt=False))
 
@@ -198,11 +198,11 @@ def kernel(function: Function) -> Function:
 
 
 def _compiled(function: Function, **options: bool) -> Any:
-    options = {"no_cfunc_wrapper": True} | options  # nothing calls it from C
+    options = {"no_cfunc_wrapper": True} | options  # no calls from C
     compiled = numba.njit(function, nogil=True, error_model="numpy", **options)
     compiled.get_call_template = functools.partial(_plain_call, compiled)
-    with contextlib.suppress(RuntimeError):  # no folder at all can be written
-        compiled._cache = _Cache(function)  # what cache=True would do, but for the errors
+    with contextlib.suppress(RuntimeError):  # no folder is writable
+        compiled._cache = _Cache(function)  # as cache=True, but tolerates errors of files
     return compiled
 
 
@@ -222,8 +222,8 @@ def _for_kernels(compiled: Any) -> Any:
 def _plain_call(compiled: Any, arguments: Any, keywords: Any) -> Any:
     """Type a call of a device function by its arguments' types alone.
 
-    numba would compile a function once more for each constant that it is called with. Where constants help, the
-    compiler finds them when it inlines.
+    numba would otherwise compile a function again for each constant argument. The compiler still propagates constants
+    when it inlines.
     """
     plain = {name: unliteral(kind) for name, kind in dict(keywords).items()}
     return type(compiled).get_call_template(compiled, tuple(unliteral(kind) for kind in arguments), plain)

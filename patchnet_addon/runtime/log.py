@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Log on stderr while something runs: lines for users, or one JSON object a line for programs.
+"""Log on stderr: text lines for users, or one JSON object per line for programs.
 
 An object has `time` (UTC), `level`, `event`, `message`, `seconds` since the start, and the fields of its event:
 
-    start      command, and what it was given
+    start      command and its arguments
     stage      a step begins: stage, fraction, frame
     progress   at most once a second: stage, fraction, frame, whole (share of all frames), seconds_left
-    warning    something was assumed or left out
-    result     what was made: file, frame, and figures
-    error      what went wrong: exit_code, and the traceback of what should not have happened
-    note       anything else
+    warning    an assumption or an omission
+    result     a result: file, frame, and figures
+    error      a failure: exit_code, and the traceback of an unexpected error
+    note       any other message
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ TEXT, JSON = "text", "json"
 FORMATS = (TEXT, JSON)
 VARIABLE = "PATCHNET_LOG"
 
-_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # to users: by bars, prints and reports
+_SAID_OTHERWISE = ("start", "progress", "warning", "result", "error")  # shown otherwise: bars, prints, reports
 _began = time.monotonic()
 
 
 def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
-    """Choose what is said: `log_format`, else that of the variable PATCHNET_LOG, else text; in text from `level` on.
+    """Set the log's format: `log_format`, else the variable PATCHNET_LOG, else text; text from `level` on.
 
-    Raises SettingError for a format that there is not.
+    Raises SettingError for an unknown format.
     """
     chosen = log_format or os.environ.get(VARIABLE) or TEXT
     if chosen not in FORMATS:
-        if not _is_told():  # else logging itself would write what is said about it, a second time
+        if not _is_told():  # otherwise Python's last-resort handler would print the error again
             LOG.addHandler(_Lines(as_json=False))
         raise SettingError(
             f"There is no log format {chosen!r}: give {'--log-format' if log_format else VARIABLE} as "
@@ -57,35 +57,35 @@ def set_up(log_format: str | None = None, level: str = "WARNING") -> None:
 
 
 def _is_told() -> bool:
-    """Return whether a handler tells what is logged; one with an attribute `collects` only keeps it."""
+    """Return whether a handler prints records; one with an attribute `collects` only stores them."""
     return any(not getattr(handler, "collects", False) for handler in LOG.handlers)
 
 
 def is_json() -> bool:
-    """Return whether programs read what is said."""
+    """Return whether the log is JSON lines."""
     return any(isinstance(handler, _Lines) and handler.as_json for handler in LOG.handlers)
 
 
 def event(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> None:
-    """Log that something happened; fields that are None are left out."""
+    """Log an event; fields that are None are omitted."""
     LOG.log(level, message, extra={"event": name, "fields": fields})
 
 
 def start(command: str, **fields: Any) -> None:
-    """Log that a command or an operator begins; seconds count from here."""
+    """Log the start of a command or an operator, from which `seconds` count."""
     global _began
     _began = time.monotonic()
     event("start", command, command=command, **fields)
 
 
 def unexpected(error: BaseException, **fields: Any) -> None:
-    """Log what should not have happened, with its traceback."""
+    """Log an unexpected error with its traceback."""
     text = "".join(traceback.format_exception(error))
     event("error", f"{type(error).__name__}: {error}", logging.ERROR, traceback=text, **fields)
 
 
 def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> str:
-    """Format an event as a line of JSON, without the end of the line."""
+    """Format an event as a line of JSON without a newline."""
     values = {
         "time": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "level": logging.getLevelName(level).lower(),
@@ -99,7 +99,7 @@ def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: A
 
 
 class _Lines(logging.StreamHandler):  # type: ignore[type-arg]
-    """Writer of lines to what stderr is at the moment."""
+    """Handler that writes to the present stderr."""
 
     def __init__(self, as_json: bool) -> None:
         super().__init__()

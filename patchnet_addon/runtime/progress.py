@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progress of long steps, which are generators of `Progress` whose return value is the result.
+"""Progress of long steps, which are generators that yield `Progress` and return their result.
 
-The command line and `execute()` drain them, a modal operator pulls them a time slice per timer tick,
-and closing one runs its `finally` blocks: one implementation for all three.
+The command line and `execute()` drain them, a modal operator advances them for a time slice per timer tick, and closing
+a generator runs its `finally` blocks: one implementation for all three.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ _COUNTED = 1000
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of the step called `label`: `done` of `total` units are finished.
+    """Progress of the step `label`: `done` of `total` units are finished.
 
-    waiting: a thread, or a job of Blender's, is at work for the step, on what the step has put there: ask again later.
-    whole: share of all steps that is done, 0 to 1, where a caller counts them. left_s: seconds until all are, then.
-    frame: of the animation that the step belongs to; `step` is then the label without it.
-    note: why it takes longer than usual, or "".
+    waiting: a thread or a Blender job computes; pull again later. whole: finished share of all steps, 0 to 1, where a
+    caller counts them. left_s: seconds until all are finished. frame: frame of the animation; `step` is then the label
+    without it. note: reason for an unusual delay, or "".
     """
 
     done: float
@@ -37,12 +36,12 @@ class Progress:
 
     @property
     def fraction(self) -> float:
-        """Share that is done, 0 to 1."""
+        """Finished share, 0 to 1."""
         return min(max(self.done / self.total, 0.0), 1.0) if self.total > 0 else 1.0
 
     @property
     def count_text(self) -> str:
-        """Finished parts of a step that has a few whole ones, such as pages of a bake: " 3 of 8"; else ""."""
+        """Finished units of a step with few of them, such as pages of a bake: " 3 of 8"; else ""."""
         counts = 1 < self.total <= _COUNTED and self.total == int(self.total)
         return f" {int(self.done)} of {int(self.total)}" if counts else ""
 
@@ -51,7 +50,7 @@ Steps = Generator[Progress, None, Result]
 
 
 def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None = None) -> Result:
-    """Run `steps` to its end and return its result; `on_progress` sees every report."""
+    """Run `steps` to the end and return their result; `on_progress` receives every report."""
     try:
         while True:
             report = next(steps)
@@ -64,7 +63,7 @@ def drain(steps: Steps[Result], on_progress: Callable[[Progress], None] | None =
 
 
 def changed(steps: Steps[Result], change: Callable[[Progress], Progress]) -> Steps[Result]:
-    """Pass on steps, each report as `change` makes it."""
+    """Yield all reports of `steps` after `change`."""
     try:
         while True:
             yield change(next(steps))

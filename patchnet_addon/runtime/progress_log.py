@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progress of steps as events of the log."""
+"""Progress of steps as log events."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _PAUSE_S = 1.0
 
 
 class ProgressLog:
-    """Log of progress: the step that begins, and at most once a second how far it is.
+    """Progress log: an event for each new step, and at most one a second for its progress.
 
-    title: of all steps, for users.
+    title: name of all steps together.
     """
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -26,7 +26,7 @@ class ProgressLog:
         self._eta = Eta(clock)
 
     def see(self, progress: Progress) -> None:
-        """Take a report."""
+        """Log a report."""
         self._eta.see(progress)
         now, begins = self._clock(), progress.label != self._label
         if not begins and now - self._said < _PAUSE_S:

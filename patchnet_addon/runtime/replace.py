@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Atomic replacement of files: they appear complete or not at all, and never in place of something else.
+"""Atomic replacement of files of the same kind.
 
-A file is written beside its destination and renamed when it is complete and on disk, so a half-written file never
-replaces a good one.
+A file is written beside its destination and renamed once it is complete and on disk, so that a partial file never
+replaces a complete one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def check_replaceable(path: Path, kind: FileKind) -> None:
-    """Raise OutputError if something is at `path` that a file of `kind` must not take the place of."""
+    """Raise OutputError if a file of `kind` must not replace `path`."""
     try:
         found = path.stat()
     except FileNotFoundError:
@@ -31,40 +31,30 @@ def check_replaceable(path: Path, kind: FileKind) -> None:
     except OSError as cause:
         raise OutputError(f"{path} cannot be written: {cause.strerror or cause}; choose another output") from cause
     if stat.S_ISDIR(found.st_mode):
-        raise OutputError(f"{path} is a folder where {kind.title} is to be written: choose another output")
+        raise OutputError(f"{path} is a folder, and {kind.title} cannot replace it: choose another output")
     if not stat.S_ISREG(found.st_mode):
-        raise OutputError(f"{path} is no file that can be replaced: choose another output")
+        raise OutputError(f"{path} is not a regular file: choose another output")
     try:
         same = kind.is_at(path)
     except OSError as cause:
-        raise OutputError(
-            f"{path} is there and cannot be looked at ({cause.strerror or cause}), so it stays: choose another output"
-        ) from cause
+        reason = cause.strerror or cause
+        raise OutputError(f"{path} exists, but cannot be read ({reason}): choose another output") from cause
     if not same:
         raise OutputError(f"{path} is not {kind.title}, so it is not replaced: choose another output, or move it away")
-    if not found.st_mode & _WRITABLE or _is_someone_elses(path, found):
+    if not found.st_mode & _WRITABLE:
         raise OutputError(f"{path} is write-protected: choose another output, or lift the protection")
 
 
-def _is_someone_elses(path: Path, found: os.stat_result) -> bool:
-    """Return whether a sticky folder, such as /tmp, keeps us from replacing the file."""
-    if not hasattr(os, "geteuid") or os.geteuid() == 0:
-        return False
-    folder = path.parent.stat()
-    return bool(folder.st_mode & stat.S_ISVTX) and os.geteuid() not in (folder.st_uid, found.st_uid)
-
-
 def temporary_path(path: Path) -> Path:
-    """New name beside `path` for what is not finished yet, in the form that is looked for to tidy up."""
+    """New name beside `path` for an unfinished file, .NAME.0123abcd.tmp, which clean-up recognizes."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
 
 
 @contextlib.contextmanager
 def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
-    """File beside `path` that takes its place, once it is on disk, when the block ends without an error.
+    """Open a new file beside `path` that replaces it when the block ends without an error.
 
-    Raises OutputError if it cannot be written, or if a file of another kind is there, before the block begins; what
-    stood at `path` is then unchanged.
+    Raises OutputError if it cannot be written or a file of another kind exists there, which then stays unchanged.
     """
     with replaced_path(path, kind) as temporary, temporary.open("xb") as file:
         yield file
@@ -72,7 +62,7 @@ def replaced_file(path: Path, kind: FileKind) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def replaced_path(path: Path, kind: FileKind) -> Iterator[Path]:
-    """Replace as `replaced_file`, for writers that open the file on their own: yields the path they are to write."""
+    """Replace as `replaced_file`, for writers that open files themselves: yields the path to write to."""
     check_replaceable(path, kind)
     temporary = temporary_path(path)
     try:
@@ -80,11 +70,11 @@ def replaced_path(path: Path, kind: FileKind) -> Iterator[Path]:
             yield temporary
             with temporary.open("rb+") as file:
                 os.fsync(file.fileno())
-            check_replaceable(path, kind)  # long jobs leave time to put something there
+            check_replaceable(path, kind)  # the path may have changed during a long job
             os.replace(temporary, path)
     except OSError as cause:
         if cause.filename is not None and cause.filename not in (str(path), str(temporary)):
-            raise  # it speaks of another file
+            raise  # error of another file
         raise OutputError(
             f"{path} cannot be written: {cause.strerror or cause}; choose another folder or make room"
         ) from cause

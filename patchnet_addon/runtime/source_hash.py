@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Source hashes, which tell the version of the code that made a result, found by following imports.
+"""Source hashes: version of the code behind a result, by following imports.
 
-What is cached or resumed must not meet results of other code. A list of folders would have to be kept true by hand; the
-modules themselves say what they depend on.
+Cached and resumed results must come from the same code. The imports of a module are its dependencies, so no list of
+folders has to be maintained.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-# Imports of this package are relative. Those within functions count as well.
+# Imports within this package are relative; those within functions count as well.
 _IMPORT = re.compile(r"^[ \t]*from[ \t]+(\.+)([\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
 def source_hash(*modules: str, root: Path = ROOT) -> str:
-    """16 hex digits over the sources of modules, and of all of ours that they import.
+    """Hash (16 hex digits) of the sources of modules and of all modules of this package that they import.
 
-    modules: names such as "operators.cycles.bake.bake".
-
-    root: the folder of the package. Names do not count: a file that moves changes the imports of it.
+    modules: names such as "operators.cycles.bake.bake". root: folder of the package. File names are not part of the
+    hash; a moved file changes the imports of others.
     """
     digest = hashlib.sha256()
     for content in sorted(hashlib.sha256(path.read_bytes()).digest() for path in dependencies(modules, root)):
@@ -31,9 +30,9 @@ def source_hash(*modules: str, root: Path = ROOT) -> str:
 
 
 def dependencies(modules: Iterable[str], root: Path = ROOT) -> set[Path]:
-    """Files of modules and of all modules of this package that they import, directly or through others.
+    """Files of modules and of all modules of this package that they import, directly or indirectly.
 
-    Raises ValueError for a module that there is not.
+    Raises ValueError for an unknown module.
     """
     waiting = []
     for name in modules:
@@ -51,7 +50,7 @@ def dependencies(modules: Iterable[str], root: Path = ROOT) -> set[Path]:
 
 
 def _imported(root: Path, path: Path) -> list[Path]:
-    """Files that a file imports, and the packages that are imported on the way."""
+    """Files that a file imports, and their packages."""
     here = list(path.parent.relative_to(root).parts)
     found = []
     for dots, module, names in _IMPORT.findall(path.read_text(encoding="utf-8")):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stage timer: wall seconds of the stages of a job by name."""
+"""Stage timer: wall seconds of a job by stage."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from contextlib import contextmanager
 
 
 class StageClock:
-    """Measures stages: `with clock.stage(name)`, in the order of their first use; those of one name add up."""
+    """Timer of stages, `with clock.stage(name)`, in the order of their first use; repeated stages add up."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        self.present = ""  # name of the stage that was entered last
+        self.present = ""  # last entered stage
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measure the block; one that ends with an error leaves nothing."""
+        """Time the block; a block that raises does not count."""
         self.present = name
         start = time.perf_counter()
         yield

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parallel loops: a kernel over parts of a range, in as many threads as there are cores.
+"""Parallel loops: a kernel over parts of a range, in one thread per core.
 
-Kernels run without the interpreter's lock, so that plain threads are enough. Threads take the next part when they have
-done one, since parts of a picture differ: rays of the sky end at once. Loops may be started in several threads at once.
-With numba's own parallel loops (`prange`) all kernels compile a third longer; they divide evenly beforehand, and end
-the process when two of them are started at once.
+Kernels run without the interpreter's lock, so that Python threads suffice. A thread takes the next part when it has
+finished one, since parts of a picture differ in cost: rays into the sky end at once. Several threads may start loops at
+the same time. numba's own parallel loops (`prange`) make compilation a third slower, divide the range in advance, and
+crash the process when two of them start at the same time.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-_PARTS = 8  # of each thread: the last ones end nearly together
+_PARTS = 8  # per thread: threads then end at nearly the same time
 _limit: int | None = None
 
 
 def usable_cores() -> int:
-    """Cores that this thread may use."""
+    """Number of cores available to this thread."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def thread_count() -> int:
-    """Threads that `run_parts` uses: one for each usable core, unless `limit_threads` says fewer."""
+    """Number of threads of `run_parts`: one per usable core, unless limited by `limit_threads`."""
     return min(usable_cores(), _limit or usable_cores())
 
 
 @contextmanager
 def limit_threads(count: int | None) -> Iterator[None]:
-    """Use at most `count` threads for the loops within the block, in the whole process; None does not limit them."""
+    """Limit loops of the whole process to `count` threads within the block; None sets no limit."""
     global _limit
     before, _limit = _limit, count
     try:
@@ -45,8 +45,8 @@ def limit_threads(count: int | None) -> Iterator[None]:
 def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
     """Call kernel(first, last, *arguments) for parts that make up range(count), on all cores.
 
-    Parts are disjoint and nothing is said of their order or size: what a part computes must not depend on others.
-    Returns, or raises what a part raised, when no part is running any more.
+    Parts are disjoint, of any order and size: their results must not depend on each other. Returns, or raises a part's
+    error, when no part is running.
     """
     threads = min(thread_count(), count)
     if threads <= 1:
@@ -54,7 +54,7 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
             kernel(0, count, *arguments)
         return
     size = -(-count // (_PARTS * threads))
-    left = iter(range(0, count, size))  # threads share it: `next` is one step under the interpreter's lock
+    left = iter(range(0, count, size))  # shared by threads: `next` is atomic under the interpreter's lock
 
     def work() -> None:
         for first in left:
@@ -64,9 +64,9 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
     try:
         work()
     finally:
-        for _ in left:  # after an error or Ctrl-C, nobody begins another part
+        for _ in left:  # after an error or Ctrl-C no thread begins another part
             pass
-        running = [helper for helper in helpers if not helper.cancel()]  # those that did not begin are not needed
+        running = [helper for helper in helpers if not helper.cancel()]  # cancels those that have not begun
         wait(running)
         for helper in running:
             helper.result()
@@ -82,5 +82,5 @@ def _pool() -> ThreadPoolExecutor:
 
 @cache
 def _shared_pool() -> ThreadPoolExecutor:
-    """Threads beside the one that calls; loops of several callers share them."""
+    """Pool of threads beside the calling one, shared by all callers."""
     return ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")

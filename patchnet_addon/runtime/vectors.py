@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SIMD vectors in kernels: values that hold a number for each of several lanes, and what arithmetic needs of them.
+"""SIMD vectors in kernels: values with a number for each of several lanes, and their arithmetic.
 
-The compiler makes vectors of simple loops by itself, but not of walks through a tree. There a kernel names the vectors:
-operators work lane by lane, comparisons give the lanes that hold as the bits of an integer, lane 0 lowest. Processors
-with shorter registers take several for one vector. Indices are flat, into C-ordered arrays, and are not checked.
+The compiler vectorizes simple loops, but not tree traversal. There a kernel uses explicit vectors: operators work lane
+by lane, and comparisons return a bit mask of lanes, lane 0 lowest. Processors with shorter registers use several for
+one vector. Indices are flat, into C-ordered arrays, and unchecked.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MASK = types.int64
 
 
 class VectorType(types.Type):  # type: ignore[misc]
-    """Numba's type of a vector of floats."""
+    """numba type of a vector of floats."""
 
     def __init__(self, element: types.Float, lanes: int) -> None:
         self.element, self.lanes = element, lanes
@@ -31,7 +31,7 @@ class VectorType(types.Type):  # type: ignore[misc]
 
     @property
     def ir(self) -> ir.VectorType:
-        """Type in the compiler's own code."""
+        """LLVM type."""
         return ir.VectorType(ir.DoubleType() if self.element == types.float64 else ir.FloatType(), self.lanes)
 
 
@@ -68,7 +68,7 @@ _register(operator.truediv, "fdiv")
 
 
 def build_splat(builder: Any, kind: VectorType, value: Any) -> Any:
-    """Build a vector of a number in every lane."""
+    """Build a vector with the same number in every lane."""
     nothing = ir.Constant(kind.ir, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.IntType(32)(0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.lanes), None))
@@ -86,13 +86,13 @@ def _splatting(lanes: int) -> Any:
     return typing
 
 
-splat = intrinsic(_splatting(LANES))  # vector of one number in every lane: splat(number)
-splat_octants = intrinsic(_splatting(OCTANTS))  # the same with a lane for each child of a node
+splat = intrinsic(_splatting(LANES))  # vector with the same number in every lane: splat(number)
+splat_octants = intrinsic(_splatting(OCTANTS))  # with a lane for each child of a node
 
 
 @intrinsic
 def load(_typing: Any, array: Any, _index: Any) -> Any:
-    """Vector of the elements from an index on: load(array, index)."""
+    """Load a vector from an index on: load(array, index)."""
     kind = VectorType(array.dtype, LANES)
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -106,7 +106,7 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
 
 @intrinsic
 def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
-    """Store a vector from an index on: store(array, index, vector); nothing is returned."""
+    """Store a vector from an index on: store(array, index, vector)."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = array_address(context, builder, signature, *arguments[:2])
@@ -119,7 +119,7 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
 
 @intrinsic
 def words_set(_typing: Any, array: Any, _index: Any) -> Any:
-    """Words of eight uint32 from an index on that are not 0, as the bits of an integer: words_set(array, index)."""
+    """Bit mask of the nonzero words of eight uint32 from an index on: words_set(array, index)."""
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind = ir.VectorType(ir.IntType(32), OCTANTS)
@@ -143,13 +143,13 @@ def _choosing(sign: str) -> Any:
     return typing
 
 
-smaller = intrinsic(_choosing("<"))  # vector of the smaller numbers, lane by lane: smaller(left, right)
-larger = intrinsic(_choosing(">"))  # vector of the larger numbers, lane by lane: larger(left, right)
+smaller = intrinsic(_choosing("<"))  # lane-wise minimum: smaller(left, right)
+larger = intrinsic(_choosing(">"))  # lane-wise maximum: larger(left, right)
 
 
 @intrinsic
 def less(_typing: Any, left: Any, right: Any) -> Any:
-    """Lanes where left < right, as the bits of an integer: less(left, right)."""
+    """Bit mask of lanes with left < right: less(left, right)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         bits = builder.bitcast(builder.fcmp_ordered("<", *arguments), ir.IntType(left.lanes))
@@ -160,7 +160,7 @@ def less(_typing: Any, left: Any, right: Any) -> Any:
 
 @intrinsic
 def select(_typing: Any, mask: Any, left: Any, right: Any) -> Any:
-    """Vector of left in the lanes of a mask, of right in the others: select(mask, left, right)."""
+    """Vector of `left` in the lanes of a mask, of `right` in the others: select(mask, left, right)."""
 
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         bits = builder.trunc(arguments[0], ir.IntType(left.lanes))
@@ -191,18 +191,18 @@ def _reducing(name: str) -> Any:
     return typing
 
 
-smallest = intrinsic(_reducing("fmin"))  # smallest number of a vector: smallest(vector)
-largest = intrinsic(_reducing("fmax"))  # largest number of a vector: largest(vector)
+smallest = intrinsic(_reducing("fmin"))  # minimum of a vector's lanes: smallest(vector)
+largest = intrinsic(_reducing("fmax"))  # maximum of a vector's lanes: largest(vector)
 
 
 def _intrinsic(builder: Any, name: str, vector: VectorType, result: Any) -> Any:
-    """Declare one of the compiler's functions of a vector."""
+    """Declare an LLVM intrinsic function of a vector."""
     name = f"llvm.{name}.v{vector.lanes}f{vector.element.bitwidth}"
     known = builder.module.globals.get(name)
     return known or ir.Function(builder.module, ir.FunctionType(result, [vector.ir]), name)
 
 
 def array_address(context: Any, builder: Any, signature: Any, array: Any, index: Any) -> Any:
-    """Build the address of an element of an array, which is the first argument of `signature`."""
+    """Build the address of an array element; the array is the first argument of `signature`."""
     data = context.make_array(signature.args[0])(context, builder, array).data
     return builder.gep(data, [index])

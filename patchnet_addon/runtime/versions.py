@@ -17,7 +17,7 @@ def own_version() -> str:
 
 
 def installed_version(package: str) -> str | None:
-    """Version of an installed package, None for one that is not there."""
+    """Version of a package, None if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -25,5 +25,5 @@ def installed_version(package: str) -> str | None:
 
 
 def installed_versions(packages: Iterable[str]) -> list[str]:
-    """Names and versions of those of the packages that are installed."""
+    """Names and versions of the installed ones of `packages`."""
     return [f"{package} {found}" for package in packages if (found := installed_version(package)) is not None]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Worker thread for engine steps, beside the caller that waits for them and may stop them: a window, or Ctrl-C.
+"""Worker thread for engine steps, so that a waiting caller (a window, or Ctrl-C) stays responsive and can stop them.
 
-A single step can take long: kernels are compiled when they are called for the first time, for up to half a minute in
-all, and one of a large octree computes for seconds. Nothing of Python's acts meanwhile in the thread that it keeps
-busy. So where a caller waits, that is another thread; the caller is told how far it is.
+A single step can take long: kernels compile at their first call, for up to half a minute in total, and a kernel over a
+large octree computes for seconds. Python handles no event in that thread meanwhile. Where a caller waits, the work runs
+in a second thread that reports its progress.
 
-Work that was stopped is let go of: it ends with the step that it is in, and its result is dropped. So only what
-touches neither Blender nor files of its own may be beside.
+Stopped work is abandoned: it ends after its present step, and its result is discarded. So only steps that use neither
+Blender nor files may run in a worker.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from typing import Generic
 from .compiling import NOTE, is_compiling
 from .progress import Progress, Result, Steps
 
-_LOOK_S = 0.01  # between two looks at the thread; a window is drawn between them
-_STACK_BYTES = 16 << 20  # compilers recurse; some platforms give threads but half a mebibyte
-_PATIENCE_S = 2.0  # with a kernel that still runs when the process ends
+_LOOK_S = 0.01  # between two polls of the thread; a window is drawn between them
+_STACK_BYTES = 16 << 20  # compilers recurse; some platforms' default is half a mebibyte
+_PATIENCE_S = 2.0  # longest wait for a running kernel when the process ends
 
 _attended: contextvars.ContextVar[bool] = contextvars.ContextVar("_attended", default=False)
 _let_go: list[threading.Thread] = []
@@ -33,7 +33,7 @@ _let_go: list[threading.Thread] = []
 
 @contextmanager
 def attended() -> Iterator[None]:
-    """Mark that a caller waits for the steps pulled within the block, and wants to be asked often whether to go on."""
+    """Mark that a caller waits for the steps pulled within the block, and needs frequent reports."""
     token = _attended.set(True)
     try:
         yield
@@ -42,9 +42,9 @@ def attended() -> Iterator[None]:
 
 
 def run_in_worker(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Result]:
-    """Run the steps that `make` gives, with the same reports, result and errors; beside a caller, if one waits.
+    """Run the steps of `make()` with the same reports, result and errors, in a thread if a caller waits.
 
-    make: is called where the steps are. at: the first report, when they have not said anything yet.
+    make: is called in that thread. at: report until the steps yield their first.
     """
     if not _attended.get():
         return (yield from make())
@@ -58,7 +58,7 @@ def run_in_worker(make: Callable[[], Steps[Result]], at: Progress) -> Steps[Resu
 
 
 def computed(function: Callable[[], Result], at: Progress) -> Steps[Result]:
-    """Compute `function` and return its result, beside a caller that waits; every report is `at`."""
+    """Return function(), computed in a thread if a caller waits; every report is `at`."""
 
     def steps() -> Steps[Result]:
         yield at
@@ -86,19 +86,19 @@ class _Work(Generic[Result]):
             threading.stack_size(before)
 
     def let_go(self) -> None:
-        """Take no more steps; what the present one still does is dropped."""
+        """Stop after the present step and discard its result."""
         self._stop = True
         if not self.ended.is_set():
             _let_go[:] = [thread for thread in _let_go if thread.is_alive()] + [self._thread]
 
     def result(self) -> Result:
-        """Return what the steps gave, or raise the error that ended them; once, so that no memory is held on."""
+        """Return the result of the steps, or raise their error; once, so that no memory is held."""
         if self._error is not None:
             raise self._error
         return self._results.pop()
 
     def _run(self) -> None:
-        _attended.set(False)  # of this thread's copy: nothing here waits for others
+        _attended.set(False)  # in this thread's copy of the context
         assert self._make is not None
         try:
             steps, self._make = self._make(), None
@@ -117,7 +117,7 @@ class _Work(Generic[Result]):
 
 @atexit.register
 def _wait_for_kernels() -> None:
-    """Wait for running kernels: a process that ends under one may crash."""
+    """Wait for running kernels: a process that ends while one runs may crash."""
     deadline = time.monotonic() + _PATIENCE_S
     for thread in _let_go:
         thread.join(max(0.0, deadline - time.monotonic()))

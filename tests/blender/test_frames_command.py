@@ -75,9 +75,9 @@ def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
         (["--frames", "3-1"], "before the first"),
         (["--frames", ""], "cannot be read"),
         (["--frames", "one"], "cannot be read"),
-        (["--overwrite"], "--overwrite is about --frames"),
-        (["--same-grid"], "--same-grid is about --frames"),
-        (["--frames", "1-2", "--depth", "fit", "--track"], "leave out --track"),
+        (["--overwrite"], "--overwrite requires --frames"),
+        (["--same-grid"], "--same-grid requires --frames"),
+        (["--frames", "1-2", "--depth", "fit", "--track"], "omit --track"),
     ],
 )
 def test_bad_frames_end_with_one_sentence(

@@ -80,7 +80,6 @@ def test_bake_is_interrupted(
 def test_what_a_killed_command_left_goes_with_the_next(
     tmp_path: Path, variables: dict[str, str], weights: Path
 ) -> None:
-    """That of a living one stays: tests/engine/test_owned_folder.py."""
     build()
     process = start("run", tmp_path, variables)
     process.kill()

@@ -52,7 +52,7 @@ def unchanged(files: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 RUN = ["run", "small.blend", *QUICK]
 # Of each command; tests/engine/test_outputs.py has the rules: links, folders, other files in the way.
-READ, FOREIGN, WAY = "what is read here", "is not replaced", "is a file where"
+READ, FOREIGN, WAY = "and would be replaced", "is not replaced", "is a file, and"
 REFUSED: dict[str, tuple[list[str], str]] = {
     "octree over its scene": (["octree", "small.blend", *OCTREE, "--out", "small.blend"], READ),
     "frames beside a report": (["octree", "small.blend", *OCTREE, "--frames", "1", "--out", "report"], FOREIGN),
@@ -91,12 +91,12 @@ def test_the_scenes_own_files_are_not_replaced(
     words = ["run", str(scene), "--weights", str(weights), *QUICK]
     assert commands.main([*words, "--out", str(out)]) == 0
     assert commands.main([*words, "--out", str(out), "--mask", str(out / "Eye" / "heatmap.png")]) == 2
-    assert "heatmap.png is what is read here" in capsys.readouterr().err
+    assert "heatmap.png is an input" in capsys.readouterr().err
     bpy.data.images.load(str(out / "Eye" / "preview.png")).use_fake_user = True
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
     for where in (["--out", str(out)], ["--out", str(out.parent), "--frames", "1"]):
         assert commands.main([*words, *where]) == 2
-        assert "preview.png is what is read here" in capsys.readouterr().err
+        assert "preview.png is an input" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preferences: the cache and what is deleted from it, another Python, diagnostics."""
+"""Preferences: the cache and what is deleted from it, diagnostics."""
 
 import json
 import logging
@@ -12,12 +12,9 @@ import pytest
 
 from patchnet.operators.cache import cache_size, clear_cache
 from patchnet.operators.copy_diagnostics import diagnostics
-from patchnet.operators.pipeline.encoder import chosen_encoder
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
-from patchnet.operators.settings.groups import ComputeSettings
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
-from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.kernels import compiled_mark
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
@@ -82,11 +79,11 @@ def test_operators_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_preferences_draw() -> None:
-    preferences.kept.cache, preferences.kept.python = "", ""
-    texts = drawn(preferences.PatchNetPreferences, torch_python="")
+    preferences.kept.cache = ""
+    texts = drawn(preferences.PatchNetPreferences)
     assert "Size not measured" in texts and "patchnet.clear_cache" in texts and "patchnet.copy_diagnostics" in texts
     preferences.kept.cache = "1.0 MiB"
-    assert {"1.0 MiB", "Not checked"} <= set(drawn(preferences.PatchNetPreferences, torch_python="/bin/python"))
+    assert "1.0 MiB" in drawn(preferences.PatchNetPreferences)
 
 
 def test_diagnostics() -> None:
@@ -100,20 +97,6 @@ def test_diagnostics() -> None:
     assert any("Nobody" in line for line in said["last warnings and errors"])
     assert str(Path.home()) not in text
     assert bpy.ops.patchnet.copy_diagnostics() == {"FINISHED"}
-
-
-def test_python_that_cannot_encode_is_named_and_replaced(tmp_path: Path) -> None:
-    missing = tmp_path / "python"
-    weights = Weights.random(3)
-    with chosen_encoder(weights, ComputeSettings(torch_python=missing)) as chosen:
-        assert chosen.text == "own kernels on the CPU"
-    (warning,) = chosen.warnings
-    assert str(missing) in warning and "own kernels instead" in warning
-
-
-def test_checking_a_python_needs_one() -> None:
-    with pytest.raises(RuntimeError, match="No Python is chosen"):
-        bpy.ops.patchnet.check_python()
 
 
 def test_warnings_are_told_where_the_extension_is_registered(capsys: pytest.CaptureFixture[str]) -> None:

@@ -47,7 +47,7 @@ def test_every_setting_of_the_octree_is_tried() -> None:
 def test_devices_change_no_key() -> None:
     build()
     depsgraph, settings = bpy.context.evaluated_depsgraph_get(), JobSettings()
-    other = settings.changed(device="CPU", network_device="CPU", torch_python=Path("other"))
+    other = settings.changed(device="CPU", network_device="CPU")
     assert other != settings
     assert surface_key(depsgraph, other) == surface_key(depsgraph, settings)
     assert repr(other) == repr(settings)

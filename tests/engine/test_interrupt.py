@@ -69,7 +69,7 @@ def test_the_process_ends_with_a_sentence_and_the_signals_code(
     command = [sys.executable, "-c", close + DEAF, str(tmp_path / "half"), str(int(number))]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 128 + number
-    assert ("interrupted; a bake goes on where it was" in done.stderr) == (stderr == "open")
+    assert ("interrupted; start again to continue the bake" in done.stderr) == (stderr == "open")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -56,7 +56,6 @@ MAKERS = {
     "record": ("frame.json", file_kinds.FRAME_RECORD, text(json.dumps(RECORD))),
     "checkpoint": ("checkpoint.pt", file_kinds.CHECKPOINT, archive("checkpoint/data.pkl")),
     "log": ("log.jsonl", file_kinds.TRAINING_LOG, text('{"step": 50, "coverage": 0.1}\n')),
-    "card": ("model_card.md", file_kinds.MODEL_CARD, text("# Model card of PatchNet weights\n")),
 }
 FOREIGN = {
     "script": text("import os\n"),
@@ -120,9 +119,9 @@ def test_nothing_that_is_read_is_replaced(tmp_path: Path, monkeypatch: pytest.Mo
         tmp_path / "hard.safetensors",
         tmp_path / "way" / "a.safetensors",
     ):
-        with pytest.raises(OutputError, match=r"is what is read here|is the same file as"):
+        with pytest.raises(OutputError, match=r"is an input|is the same file as"):
             check_outputs({spelled: file_kinds.OCTREE}, [source])
-        with pytest.raises(OutputError, match="what is read here"):
+        with pytest.raises(OutputError, match="and would be replaced"):
             check_outputs({source: file_kinds.OCTREE}, [spelled])
 
 
@@ -136,13 +135,12 @@ def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
     file.write_text("mine")
     (tmp_path / "lost").symlink_to(tmp_path / "nowhere")
     (tmp_path / "a.png").mkdir()
-    refused(file / "a.png", f"{file} is a file where the output folder should be", folder=file)
-    refused(file / "Eye" / "a.png", f"{file} is a file where a folder should be")
-    refused(tmp_path / "lost" / "a.png", "lost is a file where a folder should be")
-    refused(tmp_path / "a.png", "a.png is a folder where a .png picture is to be written")
-    refused(tmp_path / ("x" * 250 + ".png"), "name too long")
+    refused(file / "a.png", f"{file} is a file, and the output needs a folder", folder=file)
+    refused(file / "Eye" / "a.png", f"{file} is a file, and a folder is needed")
+    refused(tmp_path / "lost" / "a.png", "lost is a file, and a folder is needed")
+    refused(tmp_path / "a.png", "a.png is a folder, and a .png picture cannot replace it")
     if os.name == "posix":
-        refused(Path("/dev/null"), "/dev/null is no file that can be replaced")
+        refused(Path("/dev/null"), "/dev/null is not a regular file")
     assert sorted(os.listdir(tmp_path)) == ["a.png", "file", "lost"]
 
 

@@ -46,7 +46,7 @@ def test_missing_folder_and_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         scene.name for scene in SCENES.values() if scene.file in OWN_SCENES
     }
     monkeypatch.setenv(FOLDER, str(tmp_path / "none"))
-    with pytest.raises(SceneError, match="no folder"):
+    with pytest.raises(SceneError, match="not a folder"):
         SMALL.path()
     monkeypatch.setenv(FOLDER, str(tmp_path))
     with pytest.raises(SceneError, match=r"needs small\.obj"):

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet lab evaluate` on a small octree: files, skipped work, refusals."""
 
-import csv
 import json
 import re
 
@@ -70,21 +69,10 @@ def test_predicted_picture_beside_uniform_ones(done, results):
     assert picture["mse"] == curve[0] > 0 and curve[100] == pytest.approx(0, abs=1e-12) and len(curve) == 101
     assert curve == sorted(curve, reverse=True) and picture["ms_per_frame"] > 0
     assert f"{1e4 * picture['mse']:.1f} in {picture['ms_per_frame']:.1f} ms" in (done[1] / "tables.md").read_text()
-    rows = [row for row in csv.DictReader((done[1] / "results.csv").open()) if row["group"] == "picture"]
-    assert [row["strategy"] for row in rows] == [*(f"uniform-{side}" for side in (1, 2, 3, 4)), "predicted"]
-    assert float(rows[-1]["mse"]) == picture["mse"] and float(rows[-1]["ms_per_frame"]) == picture["ms_per_frame"]
 
 
-def test_table_and_figures(done):
-    out = done[1]
-    rows = list(csv.DictReader((out / "results.csv").read_text(encoding="utf-8").splitlines()))
-    rows = [row for row in rows if row["group"] != "picture"]
-    assert len(rows) == 101 * len(EVALUATED) and {row["group"] for row in rows} >= {"network", "rays", "oracle"}
-    half = next(row for row in rows if row["strategy"] == "fine-ray" and row["budget"] == "0.5")
-    assert float(half["psnr_db"]) == pytest.approx(-10 * np.log10(float(half["mse"])))
-    assert float(half["ms_with_cycles"]) > float(half["ms_with_rays"]) > float(half["ms_per_frame"]) > 0
-    assert all(row["psnr_db"] == "" for row in rows if row["budget"] == "1.0")
-    names = {path.name for path in (out / "figures").iterdir()}
+def test_figures(done):
+    names = {path.name for path in (done[1] / "figures").iterdir()}
     assert names == {f"shells-{kind}.{ending}" for kind in ("budget", "time") for ending in ("png", "svg")}
 
 
@@ -119,7 +107,7 @@ def test_what_is_done_is_skipped_and_what_is_damaged_is_made_again(done):
     "words, message",
     [
         ([], "There is nothing to evaluate: name --scenes, or octree files"),
-        (["--scenes", "moon"], "There is no scene 'moon': choose one of"),
+        (["--scenes", "moon"], "Unknown scene 'moon': choose one of"),
         (["missing.safetensors"], "missing.safetensors"),
         (["x.safetensors", "--every", "0"], "--every 0 is outside 1 to"),
         (["x.safetensors", "--size", "0", "8"], "--size 0 is outside 1 to"),

@@ -17,7 +17,6 @@ from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings
 
 torch = pytest.importorskip("torch")
-from patchnet.training.run.model_card import write_card  # noqa: E402
 from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
 
 SETTINGS = TrainSettings(passes=2 * 64, batch=64, precision="fp32", augment=True)
@@ -38,8 +37,6 @@ def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset
     assert weights.lookahead == dataset.lookahead == load_weights(tmp_path / "patchnet.safetensors").lookahead
     resumed = drain(train([dataset], SETTINGS, replace(options, resume=True)))
     assert resumed.metadata["steps"] == 2
-    write_card(tmp_path, [dataset], SETTINGS, notes | {"sample_passes": 1, "steps": 1, "minutes": 1.0}, "h")
-    assert f"Encoder {5 * (2 << dataset.lookahead) ** 3}-256" in (tmp_path / "model_card.md").read_text()
 
 
 @pytest.mark.parametrize("words", [[], ["--lookahead", "1"]])

@@ -142,7 +142,7 @@ def test_refuses_what_does_not_fit(datasets: list[Dataset], tmp_path: Path) -> N
     with pytest.raises(FileFormatError, match="without --resume"):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path, resume=True)))
     drain(train(datasets, SETTINGS, RunOptions(tmp_path, stop_after=1)))
-    with pytest.raises(SettingError, match="holds a run already"):
+    with pytest.raises(SettingError, match="already contains a run"):
         drain(train(datasets, SETTINGS, RunOptions(tmp_path)))
     with pytest.raises(SettingError, match="learning_rate"):
         drain(train(datasets, replace(SETTINGS, learning_rate=0.5), RunOptions(tmp_path, resume=True)))
@@ -187,7 +187,7 @@ def test_dataset_file_knows_its_octree(datasets: list[Dataset], tmp_path: Path) 
     assert again.name == "a"
     np.testing.assert_array_equal(again.samples.views, samples.views)
     save_octree(datasets[1].octree, tmp_path / "a.safetensors")
-    with pytest.raises(FileFormatError, match="another state"):
+    with pytest.raises(FileFormatError, match="another version"):
         load_dataset(path)
     (tmp_path / "a.safetensors").unlink()
     with pytest.raises(FileFormatError):
@@ -218,11 +218,11 @@ def test_parts_have_the_width_that_is_asked_for(
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"network": "paper", "decoder_width": 60}, "'paper' is 48 wide: leave --decoder-width out"),
-        ({"decoder_width": 50}, "Decoder width 50 is no multiple of 6"),
+        ({"network": "paper", "decoder_width": 60}, "'paper' is 48 wide: omit --decoder-width"),
+        ({"decoder_width": 50}, "Decoder width 50 is not a multiple of 6"),
         ({"decoder_width": 84}, "Decoder width 84 is outside 6 to 78: choose a multiple of 6 in this range"),
-        ({"encoder": "conv3d", "encoder_width": 64}, "how wide 'conv3d' is: leave --encoder-width out"),
-        ({"encoder_width": 100}, "Encoder width 100 is no multiple of 64"),
+        ({"encoder": "conv3d", "encoder_width": 64}, "the width of 'conv3d': omit --encoder-width"),
+        ({"encoder_width": 100}, "Encoder width 100 is not a multiple of 64"),
         ({"encoder_width": 1088}, "Encoder width 1088 is outside 64 to 1024: choose a multiple of 64 in this range"),
     ],
 )

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measurements against other programs, in the same process and on the same input."""
+"""Measurements of PatchNet and other programs, in the same process on the same input."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree of a wanted size without a scene: bumpy spheres inside each other, voxelized like any other surface."""
+"""Octree of a given size without a scene: nested bumpy spheres, voxelized like any surface."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ...patchnet_addon.surface.mesh import TriangleMesh
 from ...patchnet_addon.surface.shading import two_lights_shade
 
 MIN_SHELL_DEPTH = 7
-_STEP = 0.06  # each shell is smaller by this share of the outermost radius
+_STEP = 0.06  # distance of shells, as a share of the outermost radius
 _ROWS = 96
 
 
 def octree_of_shells(nodes: int) -> Octree:
-    """Octree of `nodes` nodes or a few percent more, below 100,000 up to four times as many; lit by two lights.
+    """Octree of about `nodes` nodes, lit by two lights; below 100,000 nodes up to four times as many.
 
-    The same for the same number. Raises SettingError for numbers of nodes outside their bounds.
+    Deterministic. Raises SettingError for numbers of nodes outside their bounds.
     """
     NODES.check(nodes, "--nodes")
     wanted = 1.03 * nodes
     depth = int(math.log(max(wanted / sphere_nodes(0), 1.0), 4))
-    if depth < MIN_SHELL_DEPTH:  # shells would share voxels
+    if depth < MIN_SHELL_DEPTH:  # shells that would share voxels
         return _voxelized([1.0], max(depth + 1, 1))
     while (octree := _voxelized(shell_radii(wanted / sphere_nodes(depth)), depth)).node_count < nodes:
         wanted *= 1.03
@@ -41,7 +41,7 @@ def sphere_nodes(depth: int) -> float:
 
 
 def shell_radii(area: float) -> list[float]:
-    """Radii of spheres inside each other, the first 1, whose squares add up to `area` where that is above 1."""
+    """Radii of nested spheres, the first 1, whose squares sum to `area` if it is above 1."""
     radii = [1.0]
     left = area - 1.0
     while left > 0 and radii[-1] > 2 * _STEP:

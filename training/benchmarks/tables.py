@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Markdown tables, so that docs are filled from what a bench prints."""
+"""Markdown tables of benches, ready for the docs."""
 
 from __future__ import annotations
 

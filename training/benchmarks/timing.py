@@ -14,10 +14,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of ours with a peer, in `unit`.
+    """Comparison of PatchNet (`ours`) with a peer, in `unit`.
 
-    ratio: above 1 where ours is better. peer and ratio are None where the peer could not run. details: what else was
-    measured, plain JSON values.
+    ratio: above 1 if PatchNet is better. peer and ratio are None if the peer could not run. details: other
+    measurements, as plain JSON values.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Comparison:
 
     @classmethod
     def of_rates(cls, name: str, ours: float, peer: float | None, details: dict[str, Any], unit: str) -> Comparison:
-        """Comparison of rates, of which the higher one is better."""
+        """Comparison of rates: higher is better."""
         return cls(name, ours, peer, ours / peer if peer else None, details, unit)
 
     def as_json(self) -> dict[str, Any]:
@@ -40,7 +40,7 @@ class Comparison:
 
 @contextmanager
 def one_core() -> Iterator[None]:
-    """Bind this thread, and those that it starts, to one core, on systems that can (not macOS, Windows)."""
+    """Bind this thread and its children to one core, where the system can (not macOS, Windows)."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -58,11 +58,11 @@ def take_turns(
     threads: int = 1,
     prepare: Callable[[], Any] = lambda: None,
 ) -> dict[str, list[float]]:
-    """Seconds of `repeats` runs of each function, taking turns.
+    """Seconds of `repeats` runs of each function, in turns.
 
-    One thread is bound to a core and counts processor seconds, which other programs' load changes least; several count
-    wall seconds. All functions must have run before, so that nothing is compiled within the time. `prepare` runs before
-    each run, outside the time.
+    A single thread is bound to a core and measured in processor seconds, which other programs' load affects least;
+    several threads are measured in wall seconds. Run all functions once before, so that compilation is not timed.
+    `prepare` runs before each run, untimed.
     """
     clock = time.perf_counter if threads > 1 else time.process_time
     seconds: dict[str, list[float]] = {who: [] for who in functions}
@@ -82,7 +82,7 @@ def timed(
     threads: int = 1,
     prepare: Callable[[], Any] = lambda: None,
 ) -> tuple[dict[str, float], dict[str, Any]]:
-    """Median seconds of each function, as `take_turns` measures them, and how that was, for the JSON."""
+    """Median seconds of each function by `take_turns`, and the conditions, for the JSON."""
     seconds = take_turns(functions, repeats, threads, prepare)
     runs = {name: [round(value, 4) for value in values] for name, values in seconds.items()}
     clock = "wall" if threads > 1 else "processor"

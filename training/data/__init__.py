@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples and octrees to learn from, and the batches that are gathered of them."""
+"""Training samples, their octrees, and batches."""

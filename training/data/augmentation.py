@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Augmentation of voxels (methods 7.20): another range of luminance, and one of the 48 symmetries of the cube."""
+"""Augmentation of voxels (methods 7.20): a random range of luminance, and the 48 symmetries of the cube."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Augmentation:
 
     @classmethod
     def none(cls, count: int) -> Augmentation:
-        """Leave `count` voxels as they are."""
+        """No augmentation of `count` voxels."""
         return cls(np.zeros(count, np.int32), np.zeros((count, 4), np.float32))
 
     @classmethod
     def random(cls, count: int, random: np.random.Generator, remap_share: float = 0.5) -> Augmentation:
-        """Random symmetry for each voxel, and for a share of them another range of luminance (methods 7.20)."""
+        """Random symmetry for each voxel, and a random range of luminance for a share of them (methods 7.20)."""
         remap = random.random((count, 4), np.float32)
         remap[:, 0] += 0.5
         remap[:, 2] = remap[:, 2] < 0.5
@@ -40,16 +40,16 @@ class Augmentation:
         return cls(random.integers(0, COUNT, count).astype(np.int32), remap)
 
     def part(self, first: int, last: int) -> Augmentation:
-        """Augmentation of the voxels `first` to `last`, the last one excluded."""
+        """Augmentation of the voxels `first` to `last` (exclusive)."""
         return Augmentation(self.symmetry[first:last], self.remap[first:last])
 
 
 class Symmetries(NamedTuple):
     """Tables of the 48 symmetries; number 0 is the identity.
 
-    axis: (48, 3) int32 and sign: (48, 3) float32: component i of a mapped vector is sign[i] * v[axis[i]].
-    block: (48, 27) int32 and cell: (48, 8^n) int32 for a look-ahead of n levels: where a brick's block, and a cell
-    within its block, goes.
+    axis: (48, 3) int32 and sign: (48, 3) float32: component i of a mapped vector is sign[i] * v[axis[i]]. block: (48,
+    27) int32 and cell: (48, 8^n) int32 for a look-ahead of n levels: destination of a brick's block, and of a cell
+    within its block.
     """
 
     axis: np.ndarray

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training batches: the occupied blocks around V voxels, and R views of each, optionally augmented.
 
-A corner's patch is eight blocks, which the voxel's corners share: a batch has each block once, and says which eight
-make a corner's patch. The kernels are serial, since several threads may gather.
+A corner's patch is eight blocks, shared by the corners of a voxel: a batch stores each block once, with the eight
+indices of each corner's patch. The kernels are serial, since several threads gather batches at the same time.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def gather_batch(
 
 @kernel
 def _gather(forest, stored, augmentation, how, tables):
-    """Gather a batch by one call, since each of Python's steps in between would find its own code in no cache."""
+    """Gather a batch in one call: Python between several calls would evict code and data from the caches."""
     nodes, light_of, normal, root = forest
     trees, voxels, views = stored
     _, symmetry, symmetries = augmentation
@@ -125,9 +125,9 @@ def _gather(forest, stored, augmentation, how, tables):
 
 @device
 def _gather_blocks(nodes, cells_of, voxels, augmentation, how, blocks, found):
-    """Write each occupied block as a row of `blocks` behind an empty one; returns how many rows there are.
+    """Write each occupied block as a row of `blocks` after an empty one; returns the number of rows.
 
-    found: per voxel the rows of its blocks, `around` as bricks have it, gain and offset of its luminance.
+    found: per voxel the rows of its blocks, `around` in the order of bricks, gain and offset of its luminance.
     """
     luminance, normal = cells_of
     root, tree, voxel = voxels
@@ -235,9 +235,9 @@ def _read_views(views):
 
 @device
 def _turn_views(vectors, luminance, turned, linear):
-    """Turn entry, direction and up (V, R, 3) of views by the symmetry of their voxel, and change luminance (V, R).
+    """Rotate entry, direction and up (V, R, 3) of views by the symmetry of their voxel, and map luminance (V, R).
 
-    turned: numbers (V,) of symmetries, and these. linear: (V, 2) gain and offset of luminance.
+    turned: numbers (V,) of symmetries, and their tables. linear: (V, 2) gain and offset of luminance.
     """
     entry, direction, up = vectors
     symmetry, symmetries = turned

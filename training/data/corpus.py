@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corpus: the voxels of all data sets to train on, apart from those held out."""
+"""Corpus: the training voxels of all data sets, without the held-out ones."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .forest import Forest, concatenate
 
 @dataclass(frozen=True, eq=False)
 class Corpus:
-    """Voxels of all data sets to train on: tree (G,) int32, voxel (G, 4), views (G, R, 12).
+    """Training voxels of all data sets: tree (G,) int32, voxel (G, 4), views (G, R, 12).
 
-    lookahead: levels that they look ahead. nearby: batches have the luminances that a mixture needs.
+    lookahead: levels of look-ahead. nearby: batches contain the luminances that a mixture needs.
     """
 
     forest: Forest
@@ -42,15 +42,15 @@ class Corpus:
 
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
-    """All voxels to train on, and those held out, by data set; raises PatchNetError if there are none.
+    """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none.
 
-    nearby: as `Corpus` says.
+    nearby: as in `Corpus`.
     """
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}
     if len(views) != 1:
-        raise SettingError(f"The sample files hold {sorted(views)} views per voxel: draw them with the same number")
+        raise SettingError(f"The sample files have {sorted(views)} views per voxel: draw them with the same number")
     lookaheads = {dataset.lookahead for dataset in datasets}
     if len(lookaheads) != 1:
         raise SettingError(
@@ -70,5 +70,5 @@ def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Cor
             held_out[dataset.name] = Corpus(forest, *of_held, lookahead, nearby)
     tree, voxel, view = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if not len(tree):
-        raise PatchNetError("All samples are held out for validation: draw more of them")
+        raise PatchNetError("All samples are held out for validation: draw more samples")
     return Corpus(forest, tree, voxel, view, lookahead, nearby), held_out

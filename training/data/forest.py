@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Forest: several octrees side by side in one set of arrays, so that a batch may mix the voxels of all of them."""
+"""Forest: several octrees in one set of arrays, so that a batch may mix their voxels."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from ...patchnet_addon.runtime.kernels import device
 class ForestNodes(NamedTuple):
     """Nodes of T octrees, and boxes of their finest leaves.
 
-    child_mask, first_child: of all of them. first_boxed: (T,) int64, in each the first node that has a box; above all
-    nodes where none has. boxes: (b, 3) uint8 of all. box_start: (T + 1,) int64, where those of each begin.
+    child_mask, first_child: of all octrees. first_boxed: (T,) int64, first node with a box in each octree; beyond the
+    last node if none has. boxes: (b, 3) uint8 of all octrees. box_start: (T + 1,) int64, start of each octree's boxes.
     """
 
     child_mask: np.ndarray
@@ -32,7 +32,7 @@ class ForestNodes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """Node arrays of all octrees, one after the other; `root` (T,) int64 is where each begins."""
+    """Concatenated node arrays of all octrees; `root` (T,) int64 is the start of each."""
 
     root: np.ndarray
     nodes: ForestNodes
@@ -41,13 +41,13 @@ class Forest:
 
     @property
     def light(self) -> NodeLight:
-        """Luminance as kernels take it: samples are of voxels that show one from all sides."""
+        """Luminance in the form of kernels: training uses one luminance for all sides."""
         return NodeLight(self.luminance, NO_SIDES)
 
 
 @device
 def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
-    """Nodes of one octree of a forest's, as `BoxedNodes`; for functions that are not lean: it returns arrays."""
+    """Nodes of one octree of a forest, as `BoxedNodes`; not lean, since it returns arrays."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
     return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
 
@@ -55,7 +55,7 @@ def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
 def concatenate(octrees: Sequence[Octree]) -> Forest:
     """Copy the node arrays of `octrees` into one forest.
 
-    Raises SettingError beyond 2^31 nodes, since bricks keep nodes in 32 bits.
+    Raises SettingError beyond 2^31 nodes, since bricks store nodes in 32 bits.
     """
     counts = np.array([octree.node_count for octree in octrees], np.int64)
     root = np.concatenate([[0], np.cumsum(counts)[:-1]])
@@ -80,8 +80,8 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
 
 
 def voxel_luminance(forest: Forest, tree: np.ndarray, voxel: np.ndarray) -> np.ndarray:
-    """Luminance (V,) float32 in [0, 1] of voxels (V, 4) level, x, y, z of octrees `tree` (V,): what they show without
-    look-ahead. The voxels must be there.
+    """Luminance (V,) float32 in [0, 1] of existing voxels (V, 4) level, x, y, z of octrees `tree` (V,), without
+    look-ahead.
     """
     node = forest.root[tree]
     level, cell = voxel[:, 0].astype(np.int64), voxel[:, 1:].astype(np.int64)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fresh samples: voxels and views that each training step draws from the octrees anew, instead of sample files.
+"""Fresh samples: each training step draws voxels and views from the octrees anew, instead of sample files.
 
-What a step draws depends on the seed, the step's number and a voxel's place in the step alone, so that a run goes on
-exactly, and threads and processes that share a step draw what one would. Parts of scenes are held out as
-`patchnet lab dataset` holds them out (methods 7.21).
+A draw depends only on the seed, the step's number and the voxel's index in the step, so that a run resumes exactly, and
+threads and processes that share a step draw the same samples as one. Held-out parts of scenes are those of `patchnet
+lab dataset` (methods 7.21).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from .forest import Forest, concatenate, tree_nodes
 from .samples import VIEW_FIELDS, SampleSettings, begin_random, draw_voxel_views, uniform
 from .voxel_choice import held_out_voxels, level_chances, usable_nodes
 
-_VOXELS = 1000  # that are tried for one place of a step before the octree is said to be hidden
-_DRAWS, _HELD_OUT = 4, 5  # what random numbers are for, beside the seed
+_VOXELS = 1000  # tries per place of a step, before the octree counts as hidden
+_DRAWS, _HELD_OUT = 4, 5  # purposes of random numbers, beside the seed
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelLists:
-    """Voxels that may be drawn from T octrees of up to L levels.
+    """Candidate voxels of T octrees of up to L levels.
 
-    voxel: (G, 4) uint16 level, x, y, z, by octree and level. start: (T, L + 1) int64 where each level's begin.
-    below: (T, L) float64 chances of a level and those before it.
+    voxel: (G, 4) uint16 level, x, y, z, by octree and level. start: (T, L + 1) int64, start of each level. below: (T,
+    L) float64, cumulative probabilities of levels.
     """
 
     voxel: np.ndarray
@@ -45,7 +45,7 @@ class VoxelLists:
 
 @dataclass(frozen=True, eq=False)
 class FreshCorpus:
-    """Octrees to draw from, all as often, with the settings of samples; nearby: as `Corpus` says."""
+    """Octrees to draw from with equal probability, and settings of samples; nearby: as in `Corpus`."""
 
     forest: Forest
     lists: VoxelLists
@@ -63,7 +63,7 @@ class FreshCorpus:
         return self.settings.lookahead
 
     def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
-        """Batch of the voxels at some places of a step, augmented; raises PatchNetError if none can be seen."""
+        """Augmented batch of some places of a step; raises PatchNetError if no voxel is visible."""
         drawn = self.draw(seed, step, places)
         return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
 
@@ -77,15 +77,15 @@ class FreshCorpus:
         how = self.settings.first_hit, self.settings.lookahead
         octrees = self.forest.nodes, self.forest.light, self.forest.root
         if not _draw(start, places.start, octrees, where, how, tree, voxel, views):
-            raise PatchNetError("No voxel of an octree can be seen from outside: it is too coarse for training")
+            raise PatchNetError("No voxel of an octree is visible from outside: give a deeper octree")
         return tree, voxel, views
 
 
 def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[FreshCorpus, dict[str, Corpus]]:
     """Octrees of data sets to draw from, and samples of their held-out parts by data set.
 
-    Their own samples are not used. Levels come as often as in sample files of the usual number of samples. nearby: as
-    `Corpus` says. Raises PatchNetError if there is nothing to draw.
+    Their own samples are ignored. Levels are as frequent as in sample files of default size. nearby: as in `Corpus`.
+    Raises PatchNetError if there is nothing to draw.
     """
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one octree")
@@ -103,7 +103,7 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
 
 
 def _candidates(octree: Octree, settings: SampleSettings) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Voxels (n, 4) uint16 with look-ahead, by level, to train on, and those to validate on."""
+    """Voxels (n, 4) uint16 with look-ahead by level, for training and for validation."""
     training, validation = [], []
     for level, nodes in usable_nodes(octree, settings.min_level, settings.lookahead).items():
         cells = morton_decode(octree.keys(level)[nodes])
@@ -112,7 +112,7 @@ def _candidates(octree: Octree, settings: SampleSettings) -> tuple[list[np.ndarr
         training.append(voxel[outside])
         validation.append(voxel[inside])
     if not sum(map(len, training)):
-        raise PatchNetError("All voxels of an octree are held out for validation: hold a smaller share out")
+        raise PatchNetError("All voxels of an octree are held out for validation: lower the held-out share")
     return training, validation
 
 
@@ -132,7 +132,7 @@ def _lists(candidates: Sequence[Sequence[np.ndarray]], count: int) -> VoxelLists
 def _held_out_samples(
     octree: Octree, candidates: Sequence[np.ndarray], settings: SampleSettings, nearby: bool
 ) -> Corpus:
-    """Samples of the voxels that are held out, as many as a validation looks at."""
+    """Samples of held-out voxels, as many as a validation uses."""
     forest = concatenate([octree])
     corpus = FreshCorpus(forest, _lists([candidates], VALIDATION_VOXELS), settings)
     drawn = corpus.draw(settings.seed, _HELD_OUT, slice(0, VALIDATION_VOXELS))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Held-out scenes: which data sets an error may be reported on as that of unseen scenes (methods 7.21).
+"""Held-out scenes: data sets whose error may be reported as that of unseen scenes (methods 7.21).
 
-A scene counts as seen in whatever pose, with whatever light and however much of it training holds: its turned octree
-shows the same shapes. Scenes are told apart by the provenance of their octrees, in doubt as the same.
+A scene counts as seen in any pose and light and with any share in training: its rotated octree shows the same shapes.
+Scenes are compared by the provenance of their octrees; in doubt they count as the same.
 """
 
 from __future__ import annotations
@@ -14,20 +14,15 @@ from .dataset import Dataset
 
 
 def scene_of(dataset: Dataset) -> str:
-    """File of a data set's scene, else the name of the scene; empty if its octree does not say."""
+    """File of a data set's scene, else the name of the scene; empty if its octree has neither."""
     made = dataset.octree.provenance
     return Path(str(made.get("file") or made.get("scene") or "")).name
-
-
-def is_turned(dataset: Dataset) -> bool:
-    """Return whether a data set's scene was turned before it was voxelized."""
-    return bool(dataset.octree.provenance.get("rotation"))
 
 
 def why_not_held_out(dataset: Dataset, training: Sequence[Dataset]) -> str:
     """Reason why the scene of `dataset` is not held out of `training`; empty if it is.
 
-    File names are compared without case and ending, so that a scene that was saved in another format is the same one.
+    File names are compared without case and ending, so that a scene in another file format counts as the same.
     """
     scene = scene_of(dataset)
     if not scene:

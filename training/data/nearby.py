@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells in and around training voxels, as the views of a luminance mixture see them (methods 11.2).
+"""Cells in and around training voxels, as input of a luminance mixture (methods 11.2).
 
-They are given in the frame of each ray, which is the same however voxel and ray are turned: no augmentation changes it.
+They are in the frame of each ray, which is invariant to rotations of voxel and ray, and thus to augmentation.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ Nearby = NearbyOf[np.ndarray]
 
 @device
 def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-untyped-def]
-    """Write cells near V voxels, as R rays see them, none of them turned, into `found`: the arrays of a `Nearby`.
+    """Write cells near V voxels in the frames of R rays, without augmentation, into `found`: the arrays of a `Nearby`.
 
-    nodes, light: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset
-    (V, 2) of luminance. rays: entry, direction, up (V, R, 3) and ratio (V, R). tables: `mask_geometry`, `nearby_order`.
+    nodes, light: of a `Forest`. where: octrees (V,) int64, around (V, 27) int32, see `Brick`, and gain and offset (V,
+    2) of luminance. rays: entry, direction, up (V, R, 3) and ratio (V, R). tables: `mask_geometry`, `nearby_order`.
     """
     count, of_voxel = rays[3].size, rays[3].shape[1]
     entry, direction = rays[0].reshape((count, 3)), rays[1].reshape((count, 3))

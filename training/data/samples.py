@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training samples: random views of random patches and what 4096 rays see there (methods 7.16 to 7.19).
+"""Training samples: random views of random patches, with coverage and luminance by 4096 rays (methods 7.16 to 7.19).
 
-Samples are drawn and kept by voxel: the encoder, which is nearly all of the cost of training, then runs once for the
-eight corners of a voxel and serves all of its views.
+Samples are drawn and stored by voxel: the encoder, nearly all of the cost of training, then runs once for the eight
+corners of a voxel for all of its views.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def draw_samples(
         number += len(voxels)
         barren = 0 if good.any() else barren + 1
         if barren > 20:
-            raise PatchNetError("No voxel of this octree can be seen from outside: it is too coarse for training")
+            raise PatchNetError("No voxel of this octree is visible from outside: give a deeper octree")
         found.append(Samples(voxels[good], is_held_out[good], views[good]))
         done += int(good.sum())
         yield Progress(min(done, groups) * settings.views, count, label)
@@ -119,7 +119,7 @@ def _mix(state):
 
 @device
 def begin_random(state, start, number):
-    """Begin the random numbers of thing `number` of those that `start`, uint64, stands for; state: (1,) uint64."""
+    """Initialize the random state (1,) uint64 of item `number` for the seed `start`, uint64."""
     state[0] = _mix(_mix(start + np.uint64(number)))
 
 
@@ -176,7 +176,7 @@ def _is_first_hit(counts, origin, direction, enter):
 def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, views):
     """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
 
-    state: (1,) uint64, of the random numbers, which is moved on.
+    state: (1,) uint64 of the random numbers, which is advanced.
     """
     brick = empty_brick(lookahead)
     viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
@@ -190,7 +190,7 @@ def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, vie
         enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
         if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
             continue
-        # Round first and render what is stored, so that the sample is exact.
+        # Rounds before rendering, so that the stored view is exact.
         ratio = np.uint16(np.rint((0.5 + 0.5 * uniform(state)) * UNIT))
         for axis in range(3):
             entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)

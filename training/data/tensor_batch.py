@@ -18,7 +18,7 @@ TensorNearby = NearbyOf[Tensor]
 
 
 def tensor_batch(batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
-    """Batch on a device; on the CPU the same memory."""
+    """Batch on a device; on the CPU without a copy."""
     device = torch.device(device)
     near = None if batch.nearby is None else TensorNearby(**_tensors(batch.nearby, device))
     return TensorBatch(**_tensors(batch, device), nearby=near)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choice of the voxels to train on, and of the parts of a scene held out for validation (methods 7.18, 7.21)."""
+"""Choice of training voxels, and of the parts of a scene held out for validation (methods 7.18, 7.21)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
 
 BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
-_REPEATS = 16  # a level is drawn from at most this often per voxel it has, however coarse it is
+_REPEATS = 16  # most draws per voxel of a level
 
 
 def usable_nodes(octree: Octree, min_level: int, lookahead: int = DEFAULT_LOOKAHEAD) -> dict[int, np.ndarray]:
@@ -50,21 +50,21 @@ def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, rand
 
 
 def _even_shares(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Voxels (L,) of `count` that come from each level, of `sizes` voxels (L,), for every level's sake."""
+    """Voxels (L,) of `count` drawn uniformly over levels of `sizes` voxels (L,)."""
     return np.minimum(count // (2 * len(sizes)), _REPEATS * sizes)
 
 
 def level_chances(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Chances (L,) of the levels when voxels are drawn one by one, `count` in all, as `choose_voxels` shares them."""
+    """Probabilities (L,) of the levels when `count` voxels are drawn one by one as by `choose_voxels`."""
     even = _even_shares(sizes, count)
     return np.asarray((even + (count - even.sum()) * sizes / sizes.sum()) / count)
 
 
 def held_out_voxels(octree: Octree, voxels: np.ndarray, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two masks (n,) of voxels (n, 4): those to train on, and those to validate on.
+    """Masks (n,) of voxels (n, 4): training and validation.
 
-    A random `share` of the occupied spatial blocks is held out. Voxels whose patch reaches across the border of a
-    held-out block are in neither, so that no cell is seen both in training and in validation.
+    A random `share` of the occupied spatial blocks is held out. Voxels whose patch crosses the border of a held-out
+    block are in neither, so that no cell occurs in both.
     """
     blocks = octree.cells(BLOCK_LEVEL)
     number = int(np.ceil(share * len(blocks))) if share > 0 else 0
@@ -75,7 +75,7 @@ def held_out_voxels(octree: Octree, voxels: np.ndarray, share: float, seed: int)
     side = 2.0 ** -level[:, None].astype(np.float64)
     low = voxels[:, 1:].astype(np.float64) * side
     touched = np.zeros(len(voxels), np.int64)
-    for corner in range(8):  # the patch spans less than two blocks along an axis, so its corners tell
+    for corner in range(8):  # a patch spans less than two blocks along an axis: testing its corners suffices
         reach = np.array([corner & 1, (corner >> 1) & 1, corner >> 2]) * 3.0 - 1.0
         point = low + reach * side * (1 - 1e-9) + np.where(reach < 0, 1e-9, 0) * side
         cell = np.clip(np.floor(point * (1 << BLOCK_LEVEL)), 0, (1 << BLOCK_LEVEL) - 1).astype(np.int64)

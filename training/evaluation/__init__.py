@@ -8,11 +8,11 @@ from importlib.util import find_spec
 from ...patchnet_addon.runtime.errors import PatchNetError
 
 WITHOUT = "without-"
-"""Networks are named by what they have learned from: `station` from this scene alone, `without-station` from others."""
+"""Names of networks: `station` is trained on this scene alone, `without-station` on the others."""
 
 
 def require_reports() -> None:
-    """Raise PatchNetError where the libraries are missing that tables and figures are made with."""
+    """Raise PatchNetError if libraries for tables and figures are missing."""
     for name in ("pandas", "matplotlib"):
         if find_spec(name) is None:
             raise PatchNetError(f"Tables and figures need {name}: install patchnet-blender[bench]")

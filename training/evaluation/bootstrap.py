@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Block bootstrap over frames: 95 % percentile intervals of pooled errors, paired across strategies (methods 5).
 
-Consecutive frames of a track are alike, so blocks of them are drawn with replacement instead of frames. All
-strategies are measured on the same draws. Forty blocks of 50 frames cover a known mean in 92 % of 800 trials where
-errors are correlated over about five frames, and in 90 % over ten: intervals are a little narrow.
+Consecutive frames of a track are correlated, so blocks of frames are drawn with replacement. All strategies share the
+same draws. Forty blocks of 50 frames cover a known mean in 92 % of 800 trials if errors are correlated over about five
+frames, and in 90 % over ten: the intervals are slightly too narrow.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ class Interval:
 
 
 def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
-    """Length of the blocks of a track: `wanted` frames, or less, so that there are at least ten blocks where the track
-    has ten frames. Raises SettingError for less than two frames, which have no spread."""
+    """Length of the blocks of a track: `wanted` frames, or fewer for at least ten blocks if the track has ten frames.
+    Raises SettingError for less than two frames.
+    """
     if frames < 2:
         raise SettingError(
             f"An interval needs at least two frames, and the track has {frames}: evaluate more (--frames, --every)"
@@ -48,12 +49,11 @@ def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """Resamples of the blocks of one or more tracks, drawn within each track, whose errors are pooled.
+    """Resamples of the blocks of one or more tracks, drawn within each track, with pooled errors.
 
-    block_frames: length of the blocks of each track; its last block may be shorter. draws: (R, K) float64, how often
-    each of the K blocks is in each resample. active: (K,) float64, active pixels of the blocks. left: (K, S, 101)
-    float64, their sums of squared errors. Curves of resamples are made when they are asked for, so memory is that of
-    the blocks.
+    block_frames: length of the blocks of each track; its last block may be shorter. draws: (R, K) float64, multiplicity
+    of each of the K blocks in each resample. active: (K,) float64, active pixels of the blocks. left: (K, S, 101)
+    float64, their sums of squared errors. Curves of resamples are computed on demand, to save memory.
     """
 
     strategies: tuple[str, ...]
@@ -66,7 +66,8 @@ class Bootstrap:
     def of(
         cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0, wanted: int = BLOCK_FRAMES
     ) -> Self:
-        """Draw `resamples` times as many blocks of `wanted` frames as each track has, all of the same strategies.
+        """Draw `resamples` times as many blocks of `wanted` frames as each track has; all tracks have the same
+        strategies.
 
         Raises SettingError as `block_frames`.
         """
@@ -96,12 +97,14 @@ class Bootstrap:
         return _interval(errors / np.where(others > 0, others, np.nan))
 
     def excess_area(self, strategy: str) -> Interval:
-        """Interval of the excess area of a strategy, which needs that `optimal` was measured (see `curves`)."""
+        """Interval of the excess area of a strategy, relative to `optimal` (see `curves`)."""
         return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
 
     def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
-        """Interval of X*, from which a strategy stays below all others; infinite where it never does (see `curves`)."""
-        # One minimum after the other, so that no more than three sets of curves are in memory.
+        """Interval of X*, the budget from which a strategy stays below all others; infinite if it never does (see
+        `curves`).
+        """
+        # One minimum at a time, to keep at most three sets of curves in memory.
         least = self._curves(others[0])
         for other in others[1:]:
             least = np.minimum(least, self._curves(other))
@@ -115,7 +118,7 @@ class Bootstrap:
 
 
 def _draws(rng: np.random.Generator, resamples: int, blocks: int) -> np.ndarray:
-    """(R, K) float64: how often each of K blocks is among K that are drawn with replacement."""
+    """(R, K) float64: multiplicity of each of K blocks among K draws with replacement."""
     drawn = rng.integers(0, blocks, (resamples, blocks)) + blocks * np.arange(resamples)[:, None]
     return np.bincount(drawn.ravel(), minlength=resamples * blocks).reshape(resamples, blocks).astype(np.float64)
 
@@ -126,11 +129,11 @@ def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
 
 
 def _interval(figures: np.ndarray) -> Interval:
-    """Interval of figures (1 + R, ...), the first of which is that of the data.
+    """Interval of figures (1 + R, ...), the first of which belongs to the data.
 
-    Its ends are order statistics, so that infinite figures need no arithmetic.
+    Its ends are order statistics, which work for infinite figures.
     """
-    resamples = np.sort(figures[1:], axis=0)  # NaN comes last
+    resamples = np.sort(figures[1:], axis=0)  # NaN sorts last
     outside = round((1 - LEVEL) / 2 * (len(resamples) - 1))
     undefined = np.isnan(resamples[-1])
     low, high = (np.where(undefined, np.nan, resamples[place]) for place in (outside, -1 - outside))
@@ -138,11 +141,11 @@ def _interval(figures: np.ndarray) -> Interval:
 
 
 def number_with_interval(interval: Interval) -> dict[str, float | None]:
-    """Value and ends of an interval of one figure; None for what is infinite or undefined, which JSON cannot say."""
+    """Value and ends of an interval of one figure; None for infinite or undefined ones, which JSON lacks."""
     ends = {"value": interval.value, "low": interval.low, "high": interval.high}
     return {name: finite(np.ravel(end)[0]) for name, end in ends.items()}
 
 
 def finite(value: float) -> float | None:
-    """Number as JSON can say it; None for what is infinite or undefined."""
+    """Finite number; None for infinite or undefined ones, which JSON lacks."""
     return float(value) if np.isfinite(value) else None

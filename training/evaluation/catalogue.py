@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Catalogue of the scenes of an evaluation: which file, lit how, cut how, whose it is; and their octrees, made once."""
+"""Catalogue of evaluation scenes: file, light, cut, credits, and their octrees, which are created once."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ...patchnet_addon.runtime.file_kinds import OCTREE
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.source_hash import source_hash
 
-FOLDER = "PATCHNET_SCENES"  # environment variable that names the folder of the scenes' files
+FOLDER = "PATCHNET_SCENES"  # environment variable: folder of the scene files
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 TRAIN, TEST = "train", "test"
-OWN_SCENES = ("demo", "room")  # which the project builds itself
-_CODE = "commands.octree"  # makes the octrees, with all that it imports
-# Lamps far above San Miguel, and the street and ground around the house: they would enlarge the cube.
+OWN_SCENES = ("demo", "room")  # built-in scenes
+_CODE = "commands.octree"  # creates the octrees
+# Lamps far above San Miguel, and street and ground around the house, which would enlarge the cube.
 _SURROUNDINGS = ("sun_light", "fill_light", "baked:negro", "baked:banqueta", "calle")
-_ROOF = ("z", 0.76)  # below the ceilings of San Miguel's upper floor; light is still that of the whole house
-# Names of nodes begin with the plant's name in San Miguel.
+_ROOF = ("z", 0.76)  # below the ceilings of San Miguel's upper floor; with the light of the whole house
+# In San Miguel names of nodes begin with the plant's name.
 _PLANTS = (
     "aglaonema", "azalea", "brevipedunculata", "cercis", "chusan_palm", "cinquefoil", "default_stengel",
     "default_wchrype", "dracaena", "dutch_iris", "fern", "ficus", "fragrans", "geranium", "hoja seca", "hybrids_",
@@ -39,16 +39,16 @@ _FURNISHED_LICENCE = "CC BY 3.0 US; GPL-3.0-or-later"
 
 @dataclass(frozen=True)
 class Scene:
-    """Scene and the recipe of its octree, as arguments of `patchnet octree`.
+    """Scene and the settings of its octree, as arguments of `patchnet octree`.
 
     name: in commands and file names. title: in tables. file: in the folder PATCHNET_SCENES, or one of OWN_SCENES.
     light: "cycles" (diffuse light with global illumination; a scene without lamps gets sun and sky) or "two-lights"
-    (methods 7.3). samples: of Cycles per texel. depth: of the octree. without: texts, in lower case; objects below a
-    name with one of them are left out. bisect: axis ("x", "y" or "z") and share of the extent of a plane beyond which
-    all is left out. views: position and target (6 numbers, world units) of cameras that the octree is fitted to, in
-    the place of `depth`; view_px: side of their square pictures. source, licence: of the file, for credits. role:
-    "train" where the shipped weights have seen the scene, "test" where not. composed: arguments of `patchnet` that
-    write the file, but for --out; "" for a file that is to be had elsewhere.
+    (methods 7.3). samples: Cycles samples per texel. depth: of the octree. without: lower-case texts; objects below a
+    name with one of them are left out. bisect: axis ("x", "y" or "z") and position of a cut plane, as a share of the
+    extent. views: position and target (6 numbers, world units) of cameras to fit the octree to, instead of `depth`;
+    view_px: size of their square pictures. source, licence: credits of the file. role: "train" if the shipped weights
+    were trained on the scene, else "test". composed: arguments of `patchnet` that create the file, without --out; ""
+    for a downloaded file.
     """
 
     name: str
@@ -67,9 +67,9 @@ class Scene:
     composed: str = ""
 
     def path(self) -> Path:
-        """Path of the file, or the name of a scene that the project builds.
+        """Path of the file, or the name of a built-in scene.
 
-        Raises SceneError if PATCHNET_SCENES is not set, is no folder, or does not have the file.
+        Raises SceneError if PATCHNET_SCENES is not set or not a folder, or does not contain the file.
         """
         if self.file in OWN_SCENES:
             return Path(self.file)
@@ -80,19 +80,19 @@ class Scene:
         raise SceneError(f"Scene {self.name!r} needs {self.file}, which is not in {path.parent}: {advice}")
 
     def is_there(self) -> bool:
-        """Return whether the file is there; raises SceneError if PATCHNET_SCENES is set to what is no folder."""
+        """Return whether the file exists; raises SceneError if PATCHNET_SCENES is not a folder."""
         return self.file in OWN_SCENES or (bool(os.environ.get(FOLDER)) and (self._folder() / self.file).is_file())
 
     def _folder(self) -> Path:
         folder = os.environ.get(FOLDER, "")
         if not folder:
-            raise SceneError(f"Scene {self.name!r} is a file of its own: set {FOLDER} to the folder of the scenes")
+            raise SceneError(f"Scene {self.name!r} needs its file: set {FOLDER} to the folder of the scene files")
         if not Path(folder).is_dir():
-            raise SceneError(f"{FOLDER} names {folder}, which is no folder: set it to the folder of the scenes")
+            raise SceneError(f"{FOLDER} is {folder}, which is not a folder: set it to the folder of the scene files")
         return Path(folder)
 
     def arguments(self) -> list[str]:
-        """Arguments of `patchnet octree` beside the scene and --out; voxels have one luminance, as in the paper."""
+        """Arguments of `patchnet octree` without scene and --out; voxels have one luminance, as in the paper."""
         words = ["--depth", "fit" if self.views else str(self.depth), "--light", self.light, "--sides", "one"]
         for view in self.views:
             words += ["--view", *map(str, view)]
@@ -108,22 +108,22 @@ class Scene:
 
 
 _TABLE = (
-    # Without most of its plants, in the light of sun and sky.
+    # Without most plants, under sun and sky.
     Scene("san-miguel-bare", "San Miguel, bare", *_SAN_MIGUEL, without=(*_PLANTS, *_SURROUNDINGS), bisect=_ROOF),
-    # A courtyard with tables, chairs and plants, its roof cut off, so that one can look into it.
+    # A courtyard with tables, chairs and plants; its roof is cut off to show the inside.
     Scene("san-miguel", "San Miguel", *_SAN_MIGUEL, without=_SURROUNDINGS, bisect=_ROOF),
-    # Bisected along its length as in the paper, so that one can look into it from outside.
+    # Bisected along its length as in the paper, to show the inside.
     Scene(
         "sponza", "Sponza", "sponza_crytek.glb", TWO_LIGHTS, "Sponza by Frank Meinl, Crytek",
         "geometry CC BY 3.0; licence of the textures not stated", TRAIN, bisect=("y", 0.5),
     ),
-    # Ducts, pipes and wires without the walls, in the place of the paper's power plant.
+    # Ducts, pipes and wires without walls, instead of the paper's power plant.
     Scene(
         "clinic", "Clinic", "bim_clinic.glb", TWO_LIGHTS,
         "Medical-Dental Test Files by buildingSMART International", "CC BY 4.0", TRAIN,
         without=("architectural", "structural"),
     ),
-    # Thousands of exact parts, in the place of the paper's airplane.
+    # Thousands of CAD parts, instead of the paper's airplane.
     Scene("shuttle", "Shuttle", "ldraw_space_shuttle.glb", TWO_LIGHTS, *_LDRAW),
     # Trusses and panels.
     Scene("station", "Space station", "ldraw_iss.glb", TWO_LIGHTS, *_LDRAW),
@@ -131,9 +131,9 @@ _TABLE = (
     Scene(
         "sports-car", "Sports car", "sports_car.glb", TWO_LIGHTS, "Sports car by Yasutoshi Mori", "CC BY 4.0", TEST
     ),
-    # The demo's, which the project builds by script and no weights were trained on.
+    # The built-in demo scene, held out from training.
     Scene("courtyard", "Courtyard", "demo", CYCLES, "built by `patchnet demo`", "GPL-3.0-or-later", TEST),
-    # With people, of a library that nothing is trained on; closed, it would be dark beside its sunlit outside.
+    # With people, from a held-out library; cut open, since inside it is dark beside its sunlit outside.
     Scene(
         "furnished-room", "Furnished room", "furnished_room.glb", CYCLES,
         "people by Reallusion, the room and its furniture built by `patchnet lab furnish`", _FURNISHED_LICENCE, TEST,
@@ -152,15 +152,15 @@ SCENES: dict[str, Scene] = {scene.name: scene for scene in _TABLE}
 def scene_named(name: str) -> Scene:
     """Find a scene; raises SettingError for a name that is not in the catalogue."""
     if name not in SCENES:
-        raise SettingError(f"There is no scene {name!r}: choose one of {', '.join(SCENES)}")
+        raise SettingError(f"Unknown scene {name!r}: choose one of {', '.join(SCENES)}")
     return SCENES[name]
 
 
 def scene_octree(scene: Scene, folder: Path) -> Path:
-    """Octree file of a scene in `folder`, made by `patchnet octree` in a process of its own if it is not there.
+    """Octree file of a scene in `folder`, created by `patchnet octree` in a subprocess if missing.
 
-    Its name has a hash of the recipe, the scene's file and the code, so that a change of any makes another file.
-    Raises SceneError if the file is missing or does not become an octree, OutputError if it cannot be written.
+    Its name contains a hash of settings, scene file and code, so that any change leads to another file. Raises
+    SceneError if the scene file is missing or fails, OutputError if the octree cannot be written.
     """
     path = octree_path(scene, folder)
     if not path.exists():
@@ -171,12 +171,12 @@ def scene_octree(scene: Scene, folder: Path) -> Path:
 
 
 def octree_path(scene: Scene, folder: Path) -> Path:
-    """Path of a scene's octree file in `folder`, there or not; raises SceneError if the scene's file is missing."""
+    """Path of a scene's octree file in `folder`, existing or not; raises SceneError for a missing scene file."""
     return folder / f"{scene.name}-{_key(scene, scene.path())}.safetensors"
 
 
 def _key(scene: Scene, source: Path) -> str:
-    """16 hex digits over all that the octree depends on: arguments, size and time of the file, code, Blender."""
+    """Hash (16 hex digits) of all dependencies of the octree: arguments, size and time of the file, code, Blender."""
     stat = None if scene.file in OWN_SCENES else source.stat()
     file = [scene.file] if stat is None else [scene.file, stat.st_size, stat.st_mtime_ns]
     what = json.dumps([scene.arguments(), file, source_hash(_CODE), _blender()])
@@ -184,7 +184,7 @@ def _key(scene: Scene, source: Path) -> str:
 
 
 def _blender() -> str:
-    """Version of Blender as a module, "" where there is none; training does not import it."""
+    """Version of Blender as a module, "" without it; training does not import it."""
     try:
         return metadata.version("bpy")
     except metadata.PackageNotFoundError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Claims of the paper, decided by numbers, and how networks do on scenes that they were not trained on (methods 5)."""
+"""Claims of the paper, tested by numbers, and errors of networks on held-out scenes (methods 5)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOWEST_FROM = 0.13
 RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5)
 HALF = 0.5
 _ORACLES = ("patchnet-exact", "patchnet-behind-exact")
-"""The network's scores of exact patches, which say whether network or score is at fault."""
+"""The network's scores with exact patches, which separate errors of the network from those of the score."""
 _REFERENCES = frozenset({"screen-space", "world-space"})
 _NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet", "plain-plus-0"})
 BUDGET = 0.3
@@ -57,12 +57,12 @@ def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
 
 
 def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """Strategies that the paper compares with: they look at the screen or at the octree, at no further ray."""
+    """Strategies that the paper compares with: they use the screen or the octree, without further rays."""
     return [name for name in draw.strategies if groups[name] in _REFERENCES and name not in _NOT_IN_THE_PAPER]
 
 
 def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """Strategies of the network, then the exact oracles that were measured beside them."""
+    """Strategies of the network, then the exact oracles measured beside them."""
     networks = [name for name in draw.strategies if groups[name] == "network"]
     return [*networks, *(name for name in _ORACLES if name in draw.strategies)]
 
@@ -87,8 +87,7 @@ def generalisation_of(
     """Errors of networks over that of screen-space variance at BUDGET on every scene, by score, with intervals.
 
     draws: of each scene. octrees: hash of each scene's. `networks` of a score: {network: {scene: {value, low, high,
-    seen}}}, None where the variance leaves no error. `spread`: {scene: {least, greatest, ratio}} over networks that are
-    named after one of the scenes.
+    seen}}}, None where the variance leaves no error.
     """
     found = {}
     for score in SCORES:
@@ -100,26 +99,14 @@ def generalisation_of(
             }
             for network in networks
         }
-        alone = [name for name in cells if name in octrees]
-        found[score] = {
-            "networks": cells,
-            "spread": {scene: _spread([cells[name][scene]["value"] for name in alone]) for scene in octrees},
-        }
+        found[score] = {"networks": cells}
     return found
 
 
 def seen(network: PatchNetwork, scene: str, octree: str) -> bool:
-    """Return whether a scene, whose octree has this hash, was in a network's training, by its name or its weights."""
+    """Return whether a scene, by the hash of its octree, was in a network's training, by its name or its weights."""
     if network.name.startswith(WITHOUT):
         named = scene != network.name.removeprefix(WITHOUT)
     else:
         named = scene == network.name
     return named or octree in network.octrees
-
-
-def _spread(values: Sequence[float | None]) -> dict[str, float | None]:
-    """Least and greatest of the values, and their ratio; None where there are not two."""
-    there = [value for value in values if value is not None]
-    if len(there) < 2:
-        return {"least": None, "greatest": None, "ratio": None}
-    return {"least": min(there), "greatest": max(there), "ratio": max(there) / min(there) if min(there) > 0 else None}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes of a scene by every network of an evaluation: made once, kept in a file, mapped into memory."""
+"""Codes of a scene by every network of an evaluation: created once, stored in a file, mapped into memory."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .strategies import NetworkStrategy, PatchNetwork
 
 
 def codes_path(folder: Path, weights_hash: str) -> Path:
-    """File in a scene's folder of its codes by the weights of a hash."""
+    """File of a scene's codes by weights of a hash."""
     return folder / f"codes-{weights_hash[:16]}.safetensors"
 
 
 def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctree]:
-    """Codes by these weights from their file, which is made if it is missing, damaged or of another octree.
+    """Codes by these weights from their file; encodes if it is missing, damaged or of another octree.
 
-    Raises OutputError if it cannot be written, SettingError for an encoder that needs torch where there is none.
+    Raises OutputError if it cannot be written, SettingError for an encoder that needs a missing torch.
     """
     try:
         return load_codes(path, octree, weights)
@@ -41,7 +41,7 @@ def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctre
 
 
 def coded_octree(path: Path, weights: Weights) -> Steps[CodedOctree]:
-    """Octree of a file with codes that are kept beside it, see `kept_codes`."""
+    """Octree of a file with its codes, see `kept_codes`."""
     octree = load_octree(path)
     return (
         yield from kept_codes(octree, weights, path.with_name(f"{path.stem}-codes-{weights.hash[:16]}.safetensors"))
@@ -66,7 +66,7 @@ class SceneFiles:
         return codes_path(self.codes.parent, network.hash)
 
     def pairs(self) -> Iterator[tuple[Path, Path | None]]:
-        """Files of codes, and of the weights that they are by."""
+        """Files of codes and of their weights."""
         yield self.codes, self.weights
         yield from ((self.codes_of(network), network.weights) for network in self.networks)
 
@@ -84,13 +84,13 @@ class SceneCodes:
 
 
 def make_codes(files: SceneFiles, octree: Octree) -> Steps[None]:
-    """Encode the scene by each network whose codes are not there, or are damaged."""
+    """Encode the scene by each network whose codes are missing or damaged."""
     for codes, path in files.pairs():
         yield from kept_codes(octree, load_weights(path), codes)
 
 
 def load_scene(files: SceneFiles) -> SceneCodes:
-    """Read octree and codes; raises PatchNetError for a file that is missing or does not fit the others."""
+    """Read octree and codes; raises PatchNetError for a missing or inconsistent file."""
     octree = load_octree(files.octree)
     coded = load_codes(files.codes, octree, load_weights(files.weights))
     networks = {

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cost of refinement strategies: rays per pixel, and milliseconds per frame on one thread.
 
-A strategy's frame is all that it takes from camera to order: tracing the preview and the strategy's own rays, decoding,
-scoring, sorting. So strategies that trace or decode more are dearer by what they really take.
+A strategy's time covers everything from camera to order: tracing the preview and the strategy's own rays, decoding,
+scoring, sorting. It includes the cost of additional rays and decoding of expensive strategies.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from .curves import BUDGETS
 from .strategies import PatchNetwork
 
 REFERENCE_SIDE = 32
-_REFERENCE_PIXELS = 512  # of a frame, enough to be timed
+_REFERENCE_PIXELS = 512  # pixels of a frame, enough for timing
 STAGED_BUDGET = 0.3
 _MEASURED = (0.0, 0.05, 0.06, 0.07, 0.1, 0.2, 0.24, 0.25, 0.3, 0.5, 0.7, 0.74, 0.75, 1.0)
-"""Budgets of strategies in stages; between them costs are on a line."""
+"""Measured budgets of staged strategies; costs between them are interpolated."""
 CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
 renders: 0.3 million paths a second."""
@@ -51,9 +51,9 @@ renders: 0.3 million paths a second."""
 class Costs:
     """Costs on one thread, medians over frames of processor milliseconds.
 
-    ms_per_frame: by strategy. ms_by_budget: at each of BUDGETS by those that rank in stages, whose frame of
-    `ms_per_frame` is that of STAGED_BUDGET. uniform_ms: of a picture of side x side rays in each pixel, by side.
-    predicted_ms: of predicted pictures by name. reference_ms_per_pixel: of 32x32 rays in a pixel that is refined.
+    ms_per_frame: by strategy; staged ones at STAGED_BUDGET. ms_by_budget: of staged strategies at each of BUDGETS.
+    uniform_ms: of a picture with side x side rays in each pixel, by side. predicted_ms: of predicted pictures by name.
+    reference_ms_per_pixel: of 32x32 rays in a refined pixel.
     """
 
     ms_per_frame: dict[str, float]
@@ -77,14 +77,14 @@ class Costs:
 def measure_costs(
     codes: SceneCodes, cameras: Sequence[Camera], strategies: Mapping[str, Strategy], repeats: int
 ) -> Costs:
-    """Measure frames by every strategy, in turns; those that read the reference have no price."""
+    """Measure frames by every strategy, in turns; strategies that read the reference have no cost."""
     names = predicted_names(list(codes.networks))
     times: dict[str, list[float]] = {}
     with limit_threads(1):
         for camera in cameras:
             runs = _runs(codes, camera, strategies)
             for run in runs.values():
-                run()  # compiles
+                run()  # also compiles
             for key, seconds in take_turns(runs, repeats).items():
                 times.setdefault(key, []).append(1e3 * median(seconds))
     ms = {key: median(each) for key, each in times.items()}
@@ -110,7 +110,7 @@ def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
 
 
 def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]) -> dict[str, Callable[[], object]]:
-    """What is measured of a frame: strategies, at each budget those in stages; pictures; samples of the reference.
+    """Measured work of a frame: strategies, staged ones at each budget; pictures; samples of the reference.
 
     Names of strategies have no spaces.
     """
@@ -157,9 +157,9 @@ def _spread_pixels(camera: Camera) -> np.ndarray:
 
 
 def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> np.ndarray:
-    """Milliseconds (B,) of a frame at each budget: what a strategy takes, and the samples that the budget asks for.
+    """Milliseconds (B,) of a frame at each budget: the strategy's time and its budget's samples.
 
-    values: of a scene in the results. ms_per_pixel: of the samples of a refined pixel.
+    values: of a scene in the results. ms_per_pixel: cost of the samples of a refined pixel.
     """
     pixels = values["active_pixels"] / max(values["frames"], 1)
     own = values.get("ms_by_budget", {}).get(strategy, values["ms_per_frame"][strategy])
@@ -167,13 +167,13 @@ def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> n
 
 
 def write_costs(costs: Costs, path: Path, key: str) -> None:
-    """Keep costs in a file. key: of everything that they depend on. Raises OutputError if it cannot be written."""
+    """Write costs to a file. key: hash of all dependencies. Raises OutputError if it cannot be written."""
     with replaced_file(path, COSTS) as file:
         file.write(json.dumps({"key": key} | costs.as_json()).encode())
 
 
 def read_costs(path: Path, key: str) -> Costs | None:
-    """Costs of `write_costs`; None if they are not there, damaged, or of something else."""
+    """Costs of `write_costs`; None if they are missing, damaged, or have another key."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         return Costs.of_json(kept) if kept["key"] == key else None

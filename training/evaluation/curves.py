@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves of mean squared error over budgets, what is read off them, and checks that they can be right (methods 5)."""
+"""Curves of mean squared error over budgets, figures derived from them, and consistency checks (methods 5)."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from ..strategies.registry import STAGED
 OPTIMAL, RANDOM = optimal.STRATEGY.name, random.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
 BUDGETS.setflags(write=False)
-# Sums of the same pixels in another order differ by that much of the frame's whole error.
+# Relative rounding error of sums of the same pixels in another order.
 ROUNDING = 1e-9
-# `optimal` ranks by differences in float32, so pixels whose errors agree to 24 bits may stand in any order.
+# `optimal` ranks by differences in float32, so that pixels with equal errors to 24 bits may be in any order.
 RANKING = 1e-6
-# Of the standard errors of the random strategy at half the budget, where they are largest. Chance leaves a band of five
-# of them, over all budgets, once in 10^5 tracks.
+# In standard errors of the random strategy at half the budget, where they are largest. A deviation beyond five of them
+# at any budget occurs once in 10^5 tracks.
 STANDARD_ERRORS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class FrameErrors:
-    """Errors of one frame under S strategies: what is needed to pool it with others.
+    """Errors of one frame under S strategies, for pooling.
 
-    active: A, number of active pixels. left: (S, 101) float64, sum over them of the squared errors that are left
-    after each budget of BUDGETS. variance: of the squared errors of the A pixels before refinement (divisor A - 1).
+    active: A, number of active pixels. left: (S, 101) float64, sum over them of the remaining squared errors after each
+    budget of BUDGETS. variance: of the squared errors of the A pixels before refinement (divisor A - 1).
     """
 
     active: int
@@ -64,14 +64,14 @@ class TrackErrors:
         return cls(scene, tuple(strategies), active, left, np.array([frame.variance for frame in frames], np.float64))
 
     def row(self, strategy: str) -> int:
-        """Index of a strategy that was measured."""
+        """Index of a strategy."""
         return self.strategies.index(strategy)
 
 
 def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the one sort of a frame.
+    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the only sort of a frame.
 
-    Raises SettingError for scores of another shape or that are no numbers.
+    Raises SettingError for scores of another shape or NaN.
     """
     pixels = buffers.height * buffers.width
     for name, score in scores.items():
@@ -80,14 +80,14 @@ def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dic
                 f"Strategy {name!r} has scores of shape {score.shape}: give one for each of {pixels} pixels"
             )
         if np.isnan(score).any():
-            raise SettingError(f"Strategy {name!r} has scores that are no numbers (NaN): see what it divides by")
+            raise SettingError(f"Strategy {name!r} has scores that are NaN: check its divisions")
     return {name: refinement_order(buffers, score) for name, score in scores.items()}
 
 
 def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> FrameErrors:
-    """Errors of a frame under the strategies whose `orders` (A,) are given, in their order.
+    """Errors of a frame under strategies with the given `orders` (A,).
 
-    The view has a reference, and no importance, which would change what a budget means.
+    The view has a reference, and no importance, which would redefine budgets.
     """
     assert buffers.reference is not None and buffers.importance is None
     error = errors.squared_error(buffers)[buffers.active]
@@ -98,9 +98,9 @@ def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> Fra
 
 
 def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
-    """Put the errors of strategies that rank in stages into `measured`, which has those of all by one order each.
+    """Add the errors of staged strategies to `measured`, which has those of all by a single order.
 
-    Each budget has stages of its own. The view must have all that they look at, and they read it from there.
+    Each budget has its own stages. The view must contain all inputs of the strategies.
     """
     for row, strategy in enumerate(strategies.values()):
         if isinstance(strategy, StagedStrategy):
@@ -112,17 +112,10 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
     """(S, 101) float64: mean squared error over all active pixels of all frames of all tracks (methods 5).
 
-    The tracks are measured under the same strategies.
+    All tracks have the same strategies.
     """
     left = np.sum([track.left.sum(axis=0) for track in tracks], axis=0)
     return left / max(sum(int(track.active.sum()) for track in tracks), 1)
-
-
-def mean_frame_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
-    """(S, 101) float64: mean over frames of each frame's own mean squared error; frames without active pixels have
-    none and do not count (methods 5)."""
-    frames = [track.left[track.active > 0] / track.active[track.active > 0, None, None] for track in tracks]
-    return np.sum([frame.sum(axis=0) for frame in frames], axis=0) / max(sum(map(len, frames)), 1)
 
 
 def random_line(mse: np.ndarray) -> np.ndarray:
@@ -149,8 +142,8 @@ def excess_area(mse: np.ndarray, best: np.ndarray) -> np.ndarray:
 def crossing(mse: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(...): X*, the smallest budget from which a curve (..., 101) stays below each of `others` (..., M, 101).
 
-    Where both are without error, as at budget 1, the curve needs not be below. Infinite if it is never below from
-    some budget on (methods 5).
+    Where both errors are 0, as at budget 1, the curve may be equal. Infinite if it is never below from some budget on
+    (methods 5).
     """
     least = others.min(axis=-2)
     below = mse < least
@@ -160,15 +153,15 @@ def crossing(mse: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 class CheckError(PatchNetError):
-    """Measured errors contradict their definition: the message names scene, strategy, frame and budget."""
+    """Measured errors that contradict their definition, with scene, strategy, frame and budget."""
 
 
 def check_track(track: TrackErrors) -> None:
-    """Check the errors of a track; `optimal` and `random` must be among its strategies.
+    """Check the errors of a track, which includes `optimal` and `random`.
 
-    Every error is a number, none is left at budget 1, all strategies begin with the same, no curve rises but of those
-    that rank anew for each budget, none is below `optimal` in any frame, and `random` is near its line. Raises
-    CheckError at the first that does not hold.
+    Every error is finite, 0 at budget 1, and the same for all strategies at budget 0; curves do not increase, except of
+    staged strategies; none is below `optimal` in any frame; `random` is near its expectation. Raises CheckError for the
+    first violation.
     """
     best = track.left[:, track.row(OPTIMAL), None]
     begin = best[..., :1]  # (F, 1, 1)
@@ -194,22 +187,22 @@ def check_random(track: TrackErrors) -> None:
     left = track.left[frames, track.row(RANDOM)]
     share = np.rint(active * BUDGETS) / active  # as `budget_count` rounds
     off = np.abs((left - (1 - share) * left[:, :1]).sum(axis=0))
-    # All frames follow one order of pixels, so their deviations may add up: standard errors are added, not squares.
+    # All frames share one order of pixels, so deviations may be correlated: standard errors are added, not variances.
     error = (np.sqrt(active[:, 0] * track.variance[frames]) / 2).sum()
     allowed = STANDARD_ERRORS * error + ROUNDING * left[:, 0].sum()
     worst = int(off.argmax()) if off.size else 0
     if off.size and not off[worst] <= allowed:
         raise CheckError(
             f"Scene {track.scene!r}, strategy {RANDOM!r}, budget {worst} %: the error left is {off[worst]:.6g} off its "
-            f"expectation, and chance explains {allowed:.6g}: the order of pixels or the sums are wrong"
+            f"expectation, beyond the tolerance {allowed:.6g}: the order of pixels or the sums are wrong"
         )
 
 
 def _require(track: TrackErrors, holds: np.ndarray, what: str, first_budget: int = 0) -> None:
-    """Raise CheckError for the first of (F, S, B) that does not hold; its first budget is `first_budget` %."""
+    """Raise CheckError for the first false entry of (F, S, B); its first budget is `first_budget` %."""
     if not holds.all():
         frame, row, budget = np.argwhere(~holds)[0]
         raise CheckError(
             f"Scene {track.scene!r}, strategy {track.strategies[row]!r}, frame {frame}, budget {budget + first_budget} "
-            f"%: it {what}: its scores or errors were measured wrongly"
+            f"%: it {what}: its scores or errors are wrong"
         )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies measured against Cycles' renders of the scene, not against rays of its octree (truth G2, methods 7.28).
+"""Strategies measured against Cycles' renders of the scene instead of rays of its octree (truth G2, methods 7.28).
 
-Refined pixels are those of the render, unrefined ones the octree's with one ray each. So an error is left that is no
-strategy's: the octree with 32x32 rays a pixel (the first truth, G1) differs from the render by the voxels' bias.
+Refined pixels are the render's, unrefined ones the octree's with one ray each. Some error is then independent of
+strategies: the octree with 32x32 rays per pixel (truth G1) differs from the render by the bias of voxels.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ _TITLES = ("octree, one ray a pixel", "octree, 32 x 32 rays", "Cycles, diffuse l
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Picture that refined pixels are taken from: luminance (P,) float32 in [0, 1], row 0 at the bottom.
+    """Ground truth of refined pixels: luminance (P,) float32 in [0, 1], row 0 at the bottom.
 
-    noise: (P,) float64, expected squared error of each pixel by the render's own noise, from its two halves.
+    noise: (P,) float64, expected squared error of each pixel by the render's noise, from its two halves.
     """
 
     luminance: np.ndarray
@@ -82,7 +82,7 @@ class CameraResult:
 def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
     """Cameras in the middle of `count` equal parts of a track; raises SettingError if it has fewer frames."""
     if count > len(track):
-        raise SettingError(f"{count} cameras cannot be taken from a track of {len(track)}: ask for fewer, or --frames")
+        raise SettingError(f"{count} cameras exceed the {len(track)} frames of a track: give fewer, or more --frames")
     cameras = [track[(2 * number + 1) * len(track) // (2 * count)] for number in range(count)]
     return [replace(camera, name=f"View {number}") for number, camera in enumerate(cameras, 1)]
 
@@ -90,7 +90,7 @@ def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
 def measure_camera(
     coded: CodedOctree, camera: Camera, strategies: Mapping[str, Strategy], truths: Mapping[str, Truth]
 ) -> Steps[CameraResult]:
-    """Measure all strategies through one camera. Scores are the same for all truths, but of those that know the truth.
+    """Measure all strategies through one camera. Scores are the same for all truths, except of oracles.
 
     Raises SettingError for a truth of another size.
     """
@@ -117,8 +117,8 @@ def cycles_results(
 ) -> dict[str, Any]:
     """Results of a scene's cameras as plain JSON values: mean squared errors over all active pixels (methods 5).
 
-    `mse` is against the diffuse light; `truths` has the same of each truth, with its bias and noise. Raises CheckError
-    for errors that cannot be right, as `check_track`.
+    `mse` is against the diffuse light; `truths` has the same of each truth, with bias and noise. Raises CheckError as
+    `check_track`.
     """
     names = list(strategies)
     active = max(sum(result.errors[OCTREE].active for result in results), 1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluation of strategies on scenes: octrees, codes, camera tracks, frames on all cores, results.
 
-Everything that takes long is kept in the folder of the evaluation, under a key of what it depends on. So what is done
-is skipped, also after a kill.
+All long computations are stored in the folder of the evaluation with a hash of their dependencies, so that a later run
+skips finished parts, also after a kill.
 """
 
 from __future__ import annotations
@@ -41,10 +41,9 @@ _LABEL = "Evaluating"
 class EvaluationSettings:
     """Settings of an evaluation.
 
-    frames: of each whole track. every: distance of the frames that are evaluated. size_px: of the pictures.
-    weights: file, None for those that are shipped. processes: None for one a core. lpips: files of its trunk and heads.
-    maps: weights files of map networks, which are evaluated as well, and networks: further networks like the one of
-    `weights`.
+    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
+    the shipped ones. processes: None for one per core. lpips: files of its trunk and heads. maps: weights files of map
+    networks to evaluate as well, networks: further networks of the kind of `weights`.
     """
 
     frames: int = 2000
@@ -60,9 +59,9 @@ class EvaluationSettings:
 
 @dataclass(frozen=True, eq=False)
 class SceneResult:
-    """Results of a scene: frames of its track, and what they cost.
+    """Results of a scene: frames of its track, and costs.
 
-    strategies: those in use by name, in the order of the results. coded: the octree with its codes.
+    strategies: by name, in the order of the results. coded: the octree with its codes.
     """
 
     name: str
@@ -73,9 +72,9 @@ class SceneResult:
 
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
-    """Evaluate all strategies on octree files by name of the scene; what is in `out` already is skipped."""
+    """Evaluate all strategies on octree files by name of the scene; existing parts in `out` are skipped."""
     weights = load_weights(settings.weights)
-    lpips_weights(settings.lpips)  # an error now, not after hours
+    lpips_weights(settings.lpips)  # raises before the long work
     strategies = strategies_in_use(settings.maps, settings.networks)
     scenes = []
     for name, path in octrees.items():
@@ -89,7 +88,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
 
 
 def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[None]:
-    """Make the codes of octrees and lay their tracks, so that several machines may go on from there."""
+    """Encode octrees and create their tracks, so that several machines can continue."""
     weights = load_weights(settings.weights)
     for name, path in octrees.items():
         yield from _prepare(name, path, settings, weights, out)
@@ -98,9 +97,9 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
 def evaluate_part(
     octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path, part: int, parts: int
 ) -> Steps[int]:
-    """Evaluate every `parts`-th block of frames, from the `part`-th on, the first is 1; returns their number.
+    """Evaluate every `parts`-th block of frames from the `part`-th on, counted from 1; returns their number.
 
-    Machines that share `out` may do so at once; `evaluate` then finds what they have made.
+    Machines that share `out` may run this at the same time; `evaluate` then reads their results.
     """
     weights = load_weights(settings.weights)
     blocks: list[FrameBlock] = []
@@ -113,7 +112,7 @@ def evaluate_part(
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """Scene with its files, the cameras of its frames and the blocks of these."""
+    """Scene with its files, cameras and blocks of frames."""
 
     name: str
     files: SceneFiles
@@ -143,12 +142,12 @@ def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weigh
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
-    """Hash of what a frame's errors depend on: settings, files, and the code that measures."""
+    """Hash of the dependencies of a frame's errors: settings, files, and code."""
     code = source_hash("training.evaluation.frames", "training.evaluation.tracks")
     kept = replace(settings, processes=None, weights=None, maps=(), networks=(), lpips=None)
     lpips = [hashlib.sha256(path.read_bytes()).hexdigest() for path in settings.lpips or ()]
     maps = [map_hash(path) for path in settings.maps]
-    networks = [(network.name, network.hash) for network in settings.networks]  # costs are kept by name
+    networks = [(network.name, network.hash) for network in settings.networks]  # costs are stored by name
     return hashlib.sha256(repr((kept, octree, weights, lpips, maps, networks, SIDES, code)).encode()).hexdigest()[:32]
 
 
@@ -159,14 +158,14 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     yield Progress(done, len(blocks), _LABEL)
     if not left:
         return
-    # Not forked: threads and libraries of this process do not survive that.
+    # Not forked: threads and libraries of this process do not survive a fork.
     pool = ProcessPoolExecutor(min(processes, len(left)), multiprocessing.get_context("spawn"))
     try:
         for task in as_completed([pool.submit(evaluate_block, block) for block in left]):
             task.result()
             done += 1
             yield Progress(done, len(blocks), _LABEL)
-    except BaseException:  # an error or a signal: nothing more is begun, and blocks that are not done are made again
+    except BaseException:  # after an error or a signal: unfinished blocks are repeated in a later run
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
             process.terminate()
@@ -182,7 +181,7 @@ def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> 
 
 
 def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strategy], path: Path) -> Costs:
-    """Costs from their file, or measured on frames all over the track, and kept."""
+    """Costs from their file, or measured on frames all over the track and stored."""
     key = scene.blocks[0].key
     kept = read_costs(path, key)
     if kept is not None:

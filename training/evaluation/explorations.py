@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Explorations of details: smooth flights through free space, from pose to pose, each to what was not seen before."""
+"""Explorations of details: smooth flights through free space, from pose to pose, each to unseen surface."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from .poses import Pose, Seen, Surroundings, step_of, turn_of
 
 MAX_STEP = 0.01  # cube sides from frame to frame
 MAX_TURN = float(np.radians(3.0))  # from frame to frame
-_STEP, _TURN = 0.5 * MAX_STEP, 0.5 * MAX_TURN  # means between two poses: curves are faster in places
+_STEP, _TURN = 0.5 * MAX_STEP, 0.5 * MAX_TURN  # means between two poses: the spline is locally faster
 _MIN_LEG, _MAX_LEG = 0.05, 0.45  # cube sides between two poses,
-_MAX_LEG_NEAR = 0.75  # or nearest distances where these are more
-_MAX_ANGLE = float(np.radians(75.0))  # between the sights of two poses
-_MIN_SHARE = 0.96  # of a shot's hits with look-ahead
-_ON_THE_WAY = (0.25, 0.5, 0.75)  # of a leg, where its look-ahead is estimated
+_MAX_LEG_NEAR = 0.75  # or nearest distances, if larger
+_MAX_ANGLE = float(np.radians(75.0))  # between the directions of two poses
+_MIN_SHARE = 0.96  # wanted share of a shot's hits with look-ahead
+_ON_THE_WAY = (0.25, 0.5, 0.75)  # samples of a leg for its look-ahead
 _TRIED_LEGS = 24
 _TRIED_SHOTS = 24
-_SPEEDS = (1.0, 0.5, 0.25)  # tried until a flight is smooth: who looks straight down turns fast
-_EVERY = 8  # frames of a shot, of which look-ahead is measured
+_SPEEDS = (1.0, 0.5, 0.25)  # tries for a smooth flight: steep views turn fast
+_EVERY = 8  # frames of a shot for its look-ahead
 
 
 def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Values (N, C) at times `wanted` (N,) of the spline through points (K, C) at ascending times (K,).
 
-    Tangents are those of finite differences over uneven times; at both ends they are those of the straight piece there.
-    One point stays where it is.
+    Tangents are finite differences over uneven times; at both ends they are those of the straight segment. A single
+    point is constant.
     """
     if len(points) == 1:
         return np.repeat(points, len(wanted), axis=0)
@@ -47,7 +47,7 @@ def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np
 
 
 class Explorations:
-    """Explorations of an octree; they remember what they have shown."""
+    """Explorations of an octree; each remembers the cells that were shown."""
 
     def __init__(self, around: Surroundings, random: np.random.Generator) -> None:
         self._around = around
@@ -57,8 +57,7 @@ class Explorations:
         self._seen = Seen()
 
     def shot(self, number: int, frames: int) -> list[Camera]:
-        """Frames of exploration `number`; where no flight is long enough or has the look-ahead that is wanted,
-        the best that was found.
+        """Frames of exploration `number`, or the best one found if none is long enough or has the wanted look-ahead.
 
         Raises SceneError if there is no room for any.
         """
@@ -75,8 +74,8 @@ class Explorations:
         return cameras
 
     def _best(self, starts: list[Pose], frames: int, name: str, speed: float) -> tuple[list[Camera], list[Pose]] | None:
-        """Flight from one of the poses, and its walk: the first one that lasts and has the look-ahead that is wanted,
-        else that with most. None if none is smooth.
+        """Flight from one of the poses, and its walk: the first that is long enough and has the wanted look-ahead, else
+        the one with most. None if none is smooth.
         """
         best: tuple[bool, float, list[Camera], list[Pose]] | None = None
         for start in starts:
@@ -95,7 +94,7 @@ class Explorations:
         return None if best is None else best[2:]
 
     def _walk(self, start: Pose, frames: int) -> list[Pose]:
-        """Poses one after the other that take at least `frames` frames, fewer if there is no way on."""
+        """Successive poses for at least `frames` frames, fewer without a continuation."""
         walk = [start]
         seen = self._seen.copy()
         seen.add(start)
@@ -108,7 +107,7 @@ class Explorations:
         return walk
 
     def _next(self, walk: list[Pose], seen: Seen) -> Pose | None:
-        """Pose that shows most that is new among those that a straight and free way with look-ahead leads to."""
+        """Pose with most unseen cells among those with a straight and free way with look-ahead."""
         here = walk[-1]
         near = [pose for pose in self._poses if self._is_near(here, pose) and not any(pose is old for old in walk)]
         for pose in sorted(near, key=seen.gain, reverse=True)[:_TRIED_LEGS]:
@@ -121,7 +120,7 @@ class Explorations:
         return _MIN_LEG <= distance <= self._max_leg and _angle(here, pose) <= _MAX_ANGLE
 
     def _is_open(self, here: Pose, pose: Pose) -> bool:
-        """Tell whether the straight way is free, and look-ahead on it about as good as wanted."""
+        """Return whether the straight way is free, with nearly the wanted look-ahead."""
         if not self._around.space.contains_path(np.stack([here.position_world, pose.position_world])):
             return False
         for share in _ON_THE_WAY:
@@ -132,7 +131,7 @@ class Explorations:
         return True
 
     def _times(self, walk: list[Pose]) -> np.ndarray:
-        """Frames (K,) float64 at which the poses of a walk are reached, by the lengths and turns between them."""
+        """Frames (K,) float64 of the poses of a walk, by the distances and angles between them."""
         return np.cumsum([0.0, *(self._frames_between(*pair) for pair in pairwise(walk))])
 
     def _frames_between(self, here: Pose, pose: Pose) -> float:
@@ -140,9 +139,9 @@ class Explorations:
         return max(distance / _STEP, _angle(here, pose) / _TURN)
 
     def _flight(self, walk: list[Pose], frames: int, name: str, speed: float) -> list[Camera]:
-        """Cameras on the spline through the walk's poses; a walk that is too short is flown more slowly.
+        """Cameras on the spline through the walk's poses; a short walk is slowed down.
 
-        speed: times the usual one, at most 1; a slower flight ends before the walk does.
+        speed: factor, at most 1; a slower flight ends before the walk does.
         """
         times = self._times(walk)
         points = np.array([[*pose.position_world, *pose.target_world] for pose in walk])  # (K, 6)
@@ -150,7 +149,7 @@ class Explorations:
         return [self._around.camera(row[:3], row[3:], name) for row in path]
 
     def _is_smooth(self, cameras: list[Camera]) -> bool:
-        """Tell whether the flight is free and its steps and turns are bounded."""
+        """Return whether the flight is free and its steps and turns are bounded."""
         positions = np.stack([camera.position_world for camera in cameras])
         return self._around.space.contains_path(positions) and all(
             step_of(*pair) <= MAX_STEP * self._side and turn_of(*pair) <= MAX_TURN for pair in pairwise(cameras)
@@ -158,5 +157,5 @@ class Explorations:
 
 
 def _angle(one: Pose, other: Pose) -> float:
-    """Angle between the sights of two poses in radians."""
+    """Angle between the directions of two poses in radians."""
     return float(np.arccos(np.clip(one.forward @ other.forward, -1.0, 1.0)))

@@ -28,7 +28,7 @@ _STYLES: dict[str, Style] = {
     "patchnet-plus-1-staged": ("#b2182b", ":"), "witw20": ("#332288", ":"), "kkr18": ("#332288", "--"),
     "ss-unet": ("#332288", "-"),
 }  # fmt: skip
-# For further networks, the first ones that are named; those after them are gray.
+# Of the first further networks; later ones are gray.
 _NETWORK_STYLES = (("black", "-."), ("#e69f00", "-."), ("#882255", "-."), ("#999933", "-."))
 _COLUMNS = 5  # of the overview
 _PANELS = (
@@ -37,8 +37,8 @@ _PANELS = (
     (range(3, 9), "four or five further rays"),
 )
 GENERALISATION = "generalisation"  # name of its files
-_COLORS = "RdBu_r"  # blue is below 1, red above; told apart also without colour vision
-_WIDEST = 10.0  # the scale goes from a tenth to ten
+_COLORS = "RdBu_r"  # blue is below 1, red above; safe for color vision deficiency
+_WIDEST = 10.0  # the scale spans 1/10 to 10
 _LABEL = {"boxstyle": "round", "facecolor": "white", "alpha": 0.6, "linewidth": 0}
 _CELL, _MARGIN = 0.72, 2.2  # inches
 
@@ -46,9 +46,9 @@ _CELL, _MARGIN = 0.72, 2.2  # inches
 def draw_budgets(
     values: dict[str, Any], folder: Path, name: str, title: str, levels: Mapping[str, float] | None = None
 ) -> list[Path]:
-    """Draw error over budget of a scene, a diagram for each number of rays a pixel, with optimal and random.
+    """Draw error over budget of a scene, a diagram for each number of rays per pixel, with optimal and random.
 
-    Of further networks the first four have lines of their own. levels: errors that are no strategy's, drawn as level
+    The first four further networks have their own lines. levels: errors that do not depend on strategies, as horizontal
     lines, by label. Returns the files; raises PatchNetError if one cannot be written.
     """
     from matplotlib.figure import Figure
@@ -69,7 +69,7 @@ def draw_budgets(
 
 
 def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
-    """Draw error over budget of all scenes, a small diagram each, with the strategies that have lines of their own.
+    """Draw error over budget of all scenes, a small diagram each, with the highlighted strategies.
 
     Returns the files; raises PatchNetError if one cannot be written.
     """
@@ -92,10 +92,11 @@ def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Pa
 
 
 def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> list[Path]:
-    """Draw mean squared error over the whole time of a frame: what a strategy takes, and the samples that it asks for.
+    """Draw mean squared error over the total time of a frame: the strategy and its refinement samples.
 
-    Left, samples are 32x32 rays of our own in each refined pixel; right, 64 paths of Cycles at a stated price. Pictures
-    with as many rays in every pixel are points. Returns the files; raises PatchNetError if one cannot be written.
+    Left, samples are 32x32 rays of the octree in each refined pixel; right, 64 paths of Cycles at a stated cost.
+    Pictures with the same number of rays in every pixel are points. Returns the files; raises PatchNetError if one
+    cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -136,20 +137,20 @@ def _draw_scene(axes: Axes, values: Mapping[str, Any], strategies: Iterable[str]
 
 
 def _finish(axes: Axes) -> None:
-    """Grid and frame; the legend is the figure's."""
+    """Set grid and frame; the figure has the legend."""
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def network_styles(strategies: Iterable[str]) -> dict[str, Style]:
-    """Color and line of the strategies of the first four further networks; all strategies of a network have one."""
+    """Color and line of the strategies of the first four further networks, one per network."""
     networks = {strategy: name for strategy in strategies if (name := network_name(strategy)) is not None}
     styles = dict(zip(dict.fromkeys(networks.values()), _NETWORK_STYLES, strict=False))
     return {strategy: styles[name] for strategy, name in networks.items() if name in styles}
 
 
 def _error(curve: list[float]) -> np.ndarray:
-    """Errors in 1e-4; none at budget 1, which a logarithm cannot show."""
+    """Errors in 1e-4; NaN for 0 at budget 1, which a log scale cannot show."""
     error = 1e4 * np.asarray(curve)
     return np.where(error > 0, error, np.nan)
 
@@ -164,14 +165,14 @@ def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, sty
 
 
 def _first_of(axes: Axes, label: str) -> str:
-    """Label for the first of several curves alone."""
+    """Label for the first of several curves only."""
     return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
 
 
 def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw the matrices of `generalisation_of`, networks as they were given; bold where a scene was learned.
+    """Draw the matrices of `generalisation_of`, networks in the given order; bold where a scene was in training.
 
-    Returns the files, none if there are no networks; raises PatchNetError if one cannot be written.
+    Returns the files, none without networks; raises PatchNetError if one cannot be written.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of a camera track, evaluated in blocks of one file each, so that a stopped evaluation goes on where it was."""
+"""Frames of a camera track, evaluated in blocks of one file each, so that a stopped evaluation can continue."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ KIND = "frames"
 
 @dataclass(frozen=True, eq=False)
 class FrameBlock:
-    """Block of F frames of a scene, the unit of work and of what is kept.
+    """Block of F frames of a scene, the unit of work and storage.
 
-    path: file of the results. key: of everything that they depend on; a file with another key is made again.
-    maps: weights files of map networks, whose strategies come before those of the networks of `files` in the results.
-    lpips: files of its trunk and heads.
+    path: file of the results. key: hash of all dependencies; a file with another key is computed again. maps: weights
+    files of map networks, whose strategies precede those of the networks of `files`. lpips: files of its trunk and
+    heads.
     """
 
     files: SceneFiles
@@ -77,12 +77,12 @@ class BlockResult:
         return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in names))
 
     def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
-        """Errors of the track, for what is read off them."""
+        """Errors of the track."""
         return TrackErrors(scene, tuple(strategies), self.active, self.left, self.variance)
 
 
 def evaluate_block(block: FrameBlock) -> None:
-    """Evaluate the frames of a block on one thread and write them, unless they are there already."""
+    """Evaluate the frames of a block on one thread and write them, unless they exist."""
     if load_block(block) is not None:
         return
     codes = _load(block.files)
@@ -93,12 +93,12 @@ def evaluate_block(block: FrameBlock) -> None:
         for number, camera in enumerate(block.cameras):
             wanted = list(strategies.values())
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
-            buffers = replace(traced, unrefined=PREVIEW)  # as the paper has it
+            buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
             views = _views(buffers, codes)
             orders = frame_orders(buffers, _scores(strategies, views, codes))
             errors = frame_errors(buffers, orders)
             rank_staged(errors, buffers, strategies)
-            # FLIP takes twice as long as all the rest of a frame: the first of a block stands for it.
+            # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
             quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
@@ -114,7 +114,7 @@ def evaluate_block(block: FrameBlock) -> None:
 
 
 def load_block(block: FrameBlock) -> BlockResult | None:
-    """Results of a block from its file; None if they are not there, damaged, or of something else."""
+    """Results of a block from its file; None if they are missing, damaged, or have another key."""
     if not block.path.is_file():
         return None
     try:
@@ -125,7 +125,7 @@ def load_block(block: FrameBlock) -> BlockResult | None:
 
 
 def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelBuffers]:
-    """View by the codes that its prediction is decoded from; each further network decodes once, at the same hits."""
+    """View with the codes of each prediction; each further network decodes once, at the same hits."""
     return {codes.coded: buffers} | {
         coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
     }
@@ -140,15 +140,15 @@ def _scores(
 
 @lru_cache(maxsize=1)
 def _load(files: SceneFiles) -> SceneCodes:
-    """Scene of the last block; its codes are mapped, so that processes share the memory."""
+    """Scene of the last block; its codes are mapped, so that processes share memory."""
     return load_scene(files)
 
 
 def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:
     """(N, 101) float64: squared error of N predicted pictures of a frame, summed over active pixels.
 
-    It is what each budget of BUDGETS leaves by the picture's own priority. views: each with a prediction of its own,
-    and the reference.
+    It remains after each budget of BUDGETS by the picture's own priority. views: each with its own prediction, and the
+    reference.
     """
     rows = []
     for view in views:

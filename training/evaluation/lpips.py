@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""LPIPS v0.1 with AlexNet, by weights that the user supplies, since they are not ours to ship (methods 5).
+"""LPIPS v0.1 with AlexNet, by weights that users supply, since PatchNet cannot distribute them (methods 5).
 
 Zhang, Isola, Efros, Shechtman, Wang, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric", CVPR
-2018; Krizhevsky, "One weird trick for parallelizing convolutional neural networks", 2014, is the AlexNet that is meant.
+2018; AlexNet is that of Krizhevsky, "One weird trick for parallelizing convolutional neural networks", 2014.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LAYERS = (
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
 _LEAST_NORM = 1e-10
-LEAST_SIDE_PX = 31  # below, nothing is left after the second maximum
+LEAST_SIDE_PX = 31  # smaller pictures are empty after the second max pooling
 _CHUNK = 16  # pictures at once, for memory
 
 
@@ -47,9 +47,9 @@ class LpipsWeights:
 
     @classmethod
     def load(cls, trunk_path: Path, heads_path: Path) -> Self:
-        """Load torchvision's state dict of AlexNet, and that of the package lpips' v0.1 linear heads for it.
+        """Load torchvision's state dict of AlexNet, and the package lpips' v0.1 linear heads.
 
-        Raises PatchNetError without torch, and WeightsFileError for a file that is missing or another one.
+        Raises PatchNetError without torch, and WeightsFileError for a missing or different file.
         """
         trunk_file, heads_file = _read(trunk_path), _read(heads_path)
         trunk, heads = [], []
@@ -104,7 +104,7 @@ def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
 
 
 def _read(path: Path) -> Any:
-    """Read a state dict; nothing in the file is executed."""
+    """Read a state dict without executing its contents."""
     try:
         import torch
     except ImportError as cause:
@@ -118,7 +118,7 @@ def _read(path: Path) -> Any:
 
 
 def _entry(found: Any, name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
-    """Tensor of a state dict; raises WeightsFileError if it is not there, has another shape, or is not finite."""
+    """Tensor of a state dict; raises WeightsFileError if it is missing, has another shape, or is not finite."""
     value: Any = found.get(name) if isinstance(found, dict) else None
     if getattr(value, "shape", None) != shape or not value.isfinite().all():
         raise WeightsFileError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of camera tracks that map networks learn from, rendered once and kept in a folder (methods 3.9-3.11)."""
+"""Training frames of map networks, rendered once and stored in a folder (methods 3.9-3.11)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...patchnet_addon.runtime.source_hash import source_hash
 from .networks.frames import RenderedFrame, render_frame
 from .tracks import camera_track
 
-_CODE = "training.evaluation.map_frames"  # renders, with all that it imports
+_CODE = "training.evaluation.map_frames"  # renders the frames
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class FrameSettings:
 def rendered_frames(
     octrees: Sequence[Path], settings: FrameSettings, folder: Path
 ) -> Steps[tuple[list[RenderedFrame], str]]:
-    """Frames of all octrees' tracks, and a key of what they depend on; those that are in `folder` are not made again.
+    """Frames of all octrees' tracks, and a hash of their dependencies; existing ones in `folder` are not rendered
+    again.
 
     Raises OctreeFileError, and SettingError or SceneError as `camera_track`.
     """
@@ -62,9 +63,9 @@ def _frames_of(path: Path, settings: FrameSettings, folder: Path, key: str) -> S
         frame = RenderedFrame.load(file, key)
         if frame is None:
             drain(render_frame(octree, camera)).save(file, key)
-            frame = RenderedFrame.load(file, key)  # mapped into memory, as those that were there
+            frame = RenderedFrame.load(file, key)  # mapped into memory, as existing ones
         if frame is None:
-            raise FileFormatError(f"{file} was damaged as soon as it was written: choose another folder for the frames")
+            raise FileFormatError(f"{file} is damaged right after writing: choose another folder for the frames")
         frames.append(frame)
     return frames
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture metrics at budgets, SSIM, MS-SSIM, FLIP and LPIPS, for the strategies that decide (methods 5, 7.1).
+"""Picture metrics at budgets, SSIM, MS-SSIM, FLIP and LPIPS, for the main strategies (methods 5, 7.1).
 
 Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity", IEEE TIP
 13, 2004; Wang, Simoncelli, Bovik, "Multiscale structural similarity for image quality assessment", Asilomar 2003.
@@ -38,15 +38,15 @@ SCALE_WEIGHTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 def quality_of(
     buffers: PixelBuffers, orders: Mapping[str, np.ndarray], weights: LpipsWeights | None, *, flips: bool = True
 ) -> np.ndarray:
-    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for what was not measured or run.
+    """(Q, B, M) float64 of QUALITY_STRATEGIES, QUALITY_BUDGETS, QUALITY_NAMES; NaN for missing metrics.
 
-    flips: whether FLIP is run, which takes longer than all others together.
+    flips: also compute FLIP, which is slower than all others together.
     """
     quality = np.full((len(QUALITY_STRATEGIES), len(QUALITY_BUDGETS), len(QUALITY_NAMES)), np.nan)
     rows = [row for row, name in enumerate(QUALITY_STRATEGIES) if name in orders]
     if min(buffers.width, buffers.height) < SIDE_PX or not rows:
         return quality
-    # Without budget all strategies show the same picture.
+    # At budget 0 all strategies show the same picture.
     pictures = [composed_pictures(buffers, orders[QUALITY_STRATEGIES[rows[0]]], [0.0])]
     pictures += [composed_pictures(buffers, orders[QUALITY_STRATEGIES[row]], QUALITY_BUDGETS[1:]) for row in rows]
     found = picture_metrics(buffers, np.concatenate(pictures), weights, flips=flips)
@@ -56,9 +56,9 @@ def quality_of(
 
 
 def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
-    """(B, H, W) float32: linear luminance of the reference where each budget refines, of the preview elsewhere.
+    """(B, H, W) float32: linear luminance of the reference in each budget's pixels, of the preview elsewhere.
 
-    order: (A,) active pixels, first refined first.
+    order: (A,) active pixels in the order of refinement.
     """
     pictures = []
     for budget in budgets:
@@ -69,10 +69,10 @@ def composed_pictures(buffers: PixelBuffers, order: np.ndarray, budgets: Sequenc
 def picture_metrics(
     buffers: PixelBuffers, pictures: np.ndarray, weights: LpipsWeights | None = None, *, flips: bool = True
 ) -> np.ndarray:
-    """(N, M) float64, QUALITY_NAMES of pictures (N, H, W) of linear luminance, as it is and sRGB-encoded.
+    """(N, M) float64, QUALITY_NAMES of pictures (N, H, W) of linear luminance, linear and sRGB-encoded.
 
-    ssim_active is the mean of SSIM's map over active pixels. NaN: lpips without weights; flip of linear luminance, as
-    it decodes what a screen shows, and where flip-evaluator is not there. Raises SettingError as `lpips`.
+    ssim_active is the mean of SSIM's map over active pixels. NaN: lpips without weights; flip of linear luminance,
+    since it expects encoded values, and without flip-evaluator. Raises SettingError as `lpips`.
     """
     assert buffers.reference is not None
     pictures, reference = clamped(pictures), clamped(buffers.picture(buffers.reference))
@@ -103,9 +103,9 @@ def lpips_weights(files: tuple[Path, Path] | None) -> LpipsWeights | None:
 class Structure(NamedTuple):
     """Structural similarity of N pictures with one reference.
 
-    similarity: (N, H, W) float64, SSIM at each pixel; the pictures are mirrored at their border. ssim: (N,) float64,
-    its mean without the 5 pixels at the border, whose windows are not in the picture. ms_ssim: (N,) float64.
-    scales: that MS-SSIM was measured on, 5 or as many as fit into the picture.
+    similarity: (N, H, W) float64, SSIM at each pixel, with mirrored borders. ssim: (N,) float64, its mean without a
+    border of 5 pixels, whose windows leave the picture. ms_ssim: (N,) float64. scales: scales of MS-SSIM, 5 or as many
+    as fit into the picture.
     """
 
     similarity: np.ndarray
@@ -117,9 +117,9 @@ class Structure(NamedTuple):
 def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
     """SSIM and multi-scale SSIM of pictures (N, H, W) with a reference (H, W), all in [0, 1].
 
-    Each scale halves the one before by means of 2 x 2 pixels. A scale whose shorter side would be below 11 pixels is
-    left out, and the weights of the others are divided by their sum: 130 pixels hold 4 scales, 5 need 176. Negative
-    means of a scale count as 0, since they have no real power. Pictures are as large as the window of 11 x 11 pixels.
+    Each scale halves the one before by means of 2 x 2 pixels. Scales with a side below 11 pixels are omitted, and the
+    weights of the others are normalized: 130 pixels allow 4 scales, 5 need 176. Negative means of a scale count as 0,
+    since they have no real power. Pictures have at least the size of the window, 11 x 11 pixels.
     """
     x, y = pictures.astype(np.float64), reference.astype(np.float64)
     luminance, contrast = _parts(x, y)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poses from which a camera sees surface with look-ahead, and the free space that it may be in (methods 4.1b, 7.6)."""
+"""Camera poses with look-ahead, and the free space for cameras (methods 4.1b, 7.6)."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from ...patchnet_addon.tracing.viewpoints import grown, occupied_cells
 _LEVELS_ABOVE_LEAVES = 2  # a cell is four finest voxels wide
 _MAX_LEVEL = 8  # 17 million cells
 FOV = float(np.radians(60.0))  # vertical
-MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, as the way between poses may have less
-_POSITIONS = 200  # tried in the surface's box, and as many around it
-_AROUND, _AROUND_NEAR = 0.5, 1.5  # around that box: cube sides, or nearest distances where these are more
+MIN_SHARE = 0.97  # of a pose's hits with look-ahead: more than the track needs, since ways between poses may have less
+_POSITIONS = 200  # tries in the surface's box, and as many around it
+_AROUND, _AROUND_NEAR = 0.5, 1.5  # around that box: cube sides, or nearest distances, if larger
 _HEADINGS = 6
 _PITCHES = np.radians([-30.0, -8.0, 12.0])
 _AIMS = 9  # directions from each position around the box, to points in it
 _TRIAL_PX = 20  # height
-_CELLS = 32  # along a side of the cube, to tell what has been seen
-_BRIGHT = 0.1  # luminance from which surface counts as lit
-_BEND = 0.05  # of 1 / z from pixel to pixel, more than the sides of voxels make
-_ENCLOSED = 0.7  # share of hits all around from which a position is inside something
-_ENOUGH = 24  # enclosed poses that are enough to stay inside
+_CELLS = 32  # cells along a side of the cube, to record seen surface
+_BRIGHT = 0.1  # least luminance of lit surface
+_BEND = 0.05  # of 1 / z from pixel to pixel, above steps between voxels
+_ENCLOSED = 0.7  # share of hits in all directions, above which a position counts as enclosed
+_ENOUGH = 24  # enclosed poses, from which on only these are used
 
 
 class FreeSpace:
-    """Cells of a level that are neither occupied nor beside an occupied cell, and all that is outside the cube.
+    """Cells of a level that are neither occupied nor adjacent to occupied cells, and everything outside the cube.
 
-    So a free point is at least `clearance_world` from every occupied voxel: four finest voxels, more below depth 10.
+    A free point is at least `clearance_world` from every occupied voxel: four finest voxels, more below depth 10.
     bounds_world: (2, 3) float64, box of the occupied cells.
     """
 
@@ -49,14 +49,14 @@ class FreeSpace:
         self.bounds_world: np.ndarray = octree.grid.to_world(corners / (1 << self._level))
 
     def contains(self, points_world: np.ndarray) -> np.ndarray:
-        """Tell which points (N, 3) are free: (N,) bool."""
+        """Test which points (N, 3) are free: (N,) bool."""
         cells = np.floor(self._grid.to_unit(points_world) * (1 << self._level)).astype(np.int64) + 1
         inside = ((cells >= 0) & (cells < len(self._blocked))).all(axis=1)
         x, y, z = np.where(inside[:, None], cells, 0).T
         return ~(inside & self._blocked[x, y, z])
 
     def contains_path(self, points_world: np.ndarray) -> bool:
-        """Tell whether all of a path of straight pieces between points (N, 3) is free."""
+        """Test whether the whole polyline through points (N, 3) is free."""
         spacing = 0.5 * self.clearance_world
         for start, end in pairwise(points_world):
             count = int(np.linalg.norm(end - start) / spacing) + 2
@@ -67,10 +67,10 @@ class FreeSpace:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Position and look-at target (3,), world units, and what a small picture from there shows.
+    """Position and look-at target (3,), world units, and statistics of a small picture from there.
 
-    share: of hits that are far enough for look-ahead. hit: share of hits. quality: of the view, 0 to 1: full of lit and
-    near surface that is not flat. cells: (n,) int64, distinct numbers of the cells that are seen.
+    share: of hits that are far enough for look-ahead. hit: share of hits. quality: of the view, 0 to 1: high for a
+    picture full of lit, near surface that is not flat. cells: (n,) int64, distinct indices of the visible cells.
     """
 
     position_world: np.ndarray
@@ -82,37 +82,37 @@ class Pose:
 
     @property
     def forward(self) -> np.ndarray:
-        """(3,) unit vector of sight."""
+        """Unit viewing direction (3,)."""
         along = self.target_world - self.position_world
         return along / np.linalg.norm(along)
 
 
 class Seen:
-    """Counts of how often each cell of the cube was shown, so that views of something else come first."""
+    """Number of times that each cell of the cube was shown, to prefer views of other surface."""
 
     def __init__(self) -> None:
         self._times = np.zeros(_CELLS**3, np.int64)
 
     def add(self, pose: Pose) -> None:
-        """Count what a pose shows."""
+        """Count the cells of a pose."""
         self._times[pose.cells] += 1
 
     def copy(self) -> Seen:
-        """Copy, for a plan that may be dropped."""
+        """Copy for a tentative plan."""
         result = Seen()
         result._times = self._times.copy()
         return result
 
     def gain(self, pose: Pose) -> float:
-        """Cells that a pose shows, each worth 1 / (1 + times it was shown), weighed by the pose's quality."""
+        """Value of a pose's cells, each 1 / (1 + times it was shown), times the pose's quality."""
         return pose.quality * float(np.sum(1.0 / (1.0 + self._times[pose.cells])))
 
 
 class Surroundings:
-    """Octree that cameras of one picture size look at, and the free space around and in it.
+    """Octree for cameras of one picture size, and the free space around and in it.
 
-    near_world: axial distance in world units from which hits have look-ahead: voxels stop rays at or above level
-    depth - lookahead from there on, 2 c z = side of such a voxel (methods 4.1b, 7.6).
+    near_world: axial distance in world units from which hits have look-ahead: from there on rays stop at or above level
+    depth - lookahead, 2 c z = side of such a voxel (methods 4.1b, 7.6).
     """
 
     def __init__(self, octree: Octree, size_px: tuple[int, int], lookahead: int) -> None:
@@ -134,7 +134,7 @@ class Surroundings:
         return float(ahead.mean()) if len(ahead) else 1.0
 
     def look(self, position_world: np.ndarray, forward: np.ndarray) -> Pose:
-        """Pose at a position (3,), along a direction (3,); its target is as far as the middle of what is seen."""
+        """Pose at a position (3,) in a direction (3,); its target is at the median distance of the hits."""
         width, height = self._size_px
         size_px = (max(1, round(_TRIAL_PX * width / height)), _TRIAL_PX)
         camera = Camera.look_at(position_world, position_world + forward, fov=FOV, size_px=size_px)
@@ -160,7 +160,7 @@ class Surroundings:
         )
 
     def find_poses(self, random: np.random.Generator) -> list[Pose]:
-        """Poses with look-ahead at random positions; only inside the scene if there are enough of them."""
+        """Poses with look-ahead at random positions; only enclosed ones if there are enough of them."""
         low, high = self.space.bounds_world
         margin = max(_AROUND * self.side_world, _AROUND_NEAR * self.near_world)
         inside: list[Pose] = []
@@ -182,9 +182,9 @@ class Surroundings:
 
 
 def _relief(z_world: np.ndarray) -> float:
-    """Share of the pixels of a depth picture (H, W) where surface begins, ends or bends: little for bare walls.
+    """Share of the pixels of a depth picture (H, W) at edges or bends of surface: low for bare walls.
 
-    1 / z changes evenly over a plane.
+    1 / z is linear over a plane.
     """
     inverse = 1.0 / z_world.astype(np.float64)  # 0 where nothing is hit
     bend = np.abs(inverse[:, :-2] - 2.0 * inverse[:, 1:-1] + inverse[:, 2:])
@@ -192,7 +192,7 @@ def _relief(z_world: np.ndarray) -> float:
 
 
 def _all_around(random: np.random.Generator) -> list[np.ndarray]:
-    """Unit vectors (3,) in all headings and several pitches."""
+    """Unit vectors (3,) of all headings and several pitches."""
     angles = 2 * np.pi * (np.arange(_HEADINGS) + random.random()) / _HEADINGS
     return [
         np.array([np.cos(pitch) * np.cos(angle), np.cos(pitch) * np.sin(angle), np.sin(pitch)])

@@ -13,13 +13,13 @@ from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.sampling.uniform import SIDES
 from .bootstrap import Bootstrap, finite, number_with_interval
 from .claims import claims_of, generalisation_of
-from .curves import BUDGETS, OPTIMAL, TrackErrors, check_track, excess_area, mean_frame_mse, pooled_mse
+from .curves import BUDGETS, OPTIMAL, TrackErrors, check_track, excess_area, pooled_mse
 from .evaluate import SceneResult
 from .picture_metrics import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
 from .strategies import PatchNetwork
 
 POOLED = "all scenes"
-PREDICTED_RAYS = 2  # a pixel: its own, and the one that goes on behind the patch
+PREDICTED_RAYS = 2  # per pixel: its own, and the one behind the patch
 
 
 def results_of(
@@ -27,9 +27,8 @@ def results_of(
 ) -> dict[str, Any]:
     """Results of scenes, and of all of them pooled; every track is checked first.
 
-    networks: those whose strategies are among the scenes', for how they generalise.
-
-    Raises CheckError for a track whose errors cannot be right, and SettingError for less than two frames.
+    networks: further networks of the scenes' strategies, for generalisation. Raises CheckError for an inconsistent
+    track, and SettingError for less than two frames.
     """
     tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
     for track in tracks:
@@ -52,7 +51,7 @@ def results_of(
 
 
 def _network(network: PatchNetwork) -> dict[str, Any]:
-    """What a network's weights say of it."""
+    """Description of a network by its weights."""
     return {
         "weights_hash": network.hash,
         "sample_passes": network.sample_passes,
@@ -99,7 +98,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
 
 
 def _quality(quality: np.ndarray) -> dict[str, Any]:
-    """Means over frames of each picture metric, by strategy, at QUALITY_BUDGETS; None where it was not run."""
+    """Means over frames of each picture metric, by strategy, at QUALITY_BUDGETS; None if it was not computed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of columns without a number
         means = np.nanmean(quality, axis=0)
@@ -116,13 +115,12 @@ def _quality(quality: np.ndarray) -> dict[str, Any]:
 
 def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
     names = tracks[0].strategies
-    mse, by_frame = pooled_mse(tracks), mean_frame_mse(tracks)
+    mse = pooled_mse(tracks)
     areas = excess_area(mse, mse[names.index(OPTIMAL)])
     intervals = {name: draws.mse(name) for name in names}
     return {
         "budgets": BUDGETS.tolist(),
         "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
-        "mean_frame_mse": {name: by_frame[row].tolist() for row, name in enumerate(names)},
         "intervals": {name: {"low": item.low.tolist(), "high": item.high.tolist()} for name, item in intervals.items()},
         "excess_area": {
             name: number_with_interval(draws.excess_area(name)) | {"value": finite(areas[row])}

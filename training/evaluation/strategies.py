@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies of an evaluation: those of the registry, of map networks, and of networks of `patchnet lab train`."""
+"""Strategies of an evaluation: of the registry, of map networks, and of networks of `patchnet lab train`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from .networks.maps import map_strategy
 PREFIX = "pn-"
 _ENDINGS = {patchnet.STRATEGY.name: "", patchnet_behind.STRATEGY.name: "-behind"}
 SCORES = tuple(_ENDINGS)
-"""Strategies of the shipped network whose scores every other network is measured with."""
+"""Strategies of the shipped network, applied to every other network."""
 
 
 @dataclass(frozen=True)
 class PatchNetwork:
-    """Network under a name. weights: its file. hash: of its weights. sample_passes: of its training, 0 if it does not
-    say. octrees: hashes of those that it learned from, as far as it says them."""
+    """Named network. weights: its file. hash: of its weights. sample_passes: of its training, 0 if unknown. octrees:
+    hashes of its training octrees, if known.
+    """
 
     name: str
     weights: Path
@@ -35,16 +36,16 @@ class PatchNetwork:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkStrategy(Strategy):
-    """Strategy of the shipped network, on what another network predicts; that one's codes decode to it."""
+    """Strategy of the shipped network with another network's prediction, decoded from that network's codes."""
 
     network: PatchNetwork
 
 
 def patch_networks(named: Sequence[tuple[str, Path]], lookahead: int) -> tuple[PatchNetwork, ...]:
-    """Networks of weights files, by names of a-z, 0-9 and hyphens, that all look `lookahead` levels ahead.
+    """Networks of weights files, by names of a-z, 0-9 and hyphens, with the same `lookahead`.
 
-    Raises SettingError for a name that cannot be one, or is there twice, and for a network that looks another number of
-    levels ahead; WeightsFileError for a file that is missing or no weights file.
+    Raises SettingError for an invalid or duplicate name, and for a network with another look-ahead; WeightsFileError
+    for an invalid file.
     """
     names = [name for name, _ in named]
     for name in names:
@@ -54,17 +55,17 @@ def patch_networks(named: Sequence[tuple[str, Path]], lookahead: int) -> tuple[P
                 "at its end, as in --networks station=run/patchnet.safetensors"
             )
         if names.count(name) > 1:
-            raise SettingError(f"Two networks are called {name!r}: give each a name of its own in --networks")
+            raise SettingError(f"Two networks are called {name!r}: give each a different name in --networks")
     return tuple(_network(name, path, lookahead) for name, path in named)
 
 
 def strategy_name(network: str, score: str) -> str:
-    """Name of the strategy that one of SCORES makes with the network of a name."""
+    """Name of one of SCORES with a named network."""
     return f"{PREFIX}{network}{_ENDINGS[score]}"
 
 
 def network_name(strategy: str) -> str | None:
-    """Name of the network that a strategy of this name is by; None if it is by no further network."""
+    """Name of the network of a strategy; None if it is not of a further network."""
     if not strategy.startswith(PREFIX):
         return None
     return strategy.removeprefix(PREFIX).removesuffix(_ENDINGS[patchnet_behind.STRATEGY.name])
@@ -90,8 +91,8 @@ def _network(name: str, path: Path, lookahead: int) -> PatchNetwork:
     weights = load_weights(path)
     if weights.lookahead != lookahead:
         raise SettingError(
-            f"Network {name!r} looks {weights.lookahead} levels ahead, and the evaluation {lookahead}: give --networks "
-            "that look as far, or others with --weights"
+            f"Network {name!r} looks {weights.lookahead} levels ahead, the evaluation {lookahead}: give networks "
+            "of the same look-ahead by --networks or --weights"
         )
     octrees = frozenset(weights.metadata.get("octrees", {}).values())
     return PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees)
@@ -106,12 +107,12 @@ def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = (
     for path in maps:
         strategy = map_strategy(path)
         if strategy.name in found:
-            raise SettingError(f"{path} is a second strategy {strategy.name!r}: give one file of each network")
+            raise SettingError(f"{path} is a second file of strategy {strategy.name!r}: give one file for each network")
         found[strategy.name] = strategy
     return found | {strategy.name: strategy for network in networks for strategy in network_strategies(network)}
 
 
 def map_names(strategies: Iterable[Strategy]) -> list[str]:
-    """Names of strategies in use that are sampling maps."""
+    """Names of the sampling-map strategies."""
     others = [strategy for strategy in strategies if not isinstance(strategy, NetworkStrategy)]
     return [strategy.name for strategy in others if strategy.name not in EVALUATED]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tables of an evaluation's results as pandas frames: all errors, and what documentation and reports show of them."""
+"""Tables of an evaluation's results as pandas frames: all errors, and excerpts for documentation and reports."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -37,46 +37,7 @@ _CYCLES_SHOWN = (
     "fine-ray", "fine-ray-variance", "patchnet-plus", "patchnet-plus-staged", "fine-rays-4", "optimal",
 )  # fmt: skip
 Tables = list[tuple[str, pd.DataFrame]]
-"""Titles, and the tables below them, whose cells are texts."""
-
-
-def errors_of(results: Mapping[str, Any]) -> pd.DataFrame:
-    """All errors of the results of `results_of`: a row for each scene, strategy and budget.
-
-    After a scene's strategies follow its pictures, unrefined, in the group "picture", without intervals.
-    psnr_db: none where no error is left. ms_per_frame: of the strategy alone; ms_with_rays, ms_with_cycles: with the
-    samples that the budget asks for, 32x32 of our own rays a pixel, or CYCLES_MS_PER_PIXEL; none without a price.
-    """
-    parts = [part for scene, values in results["scenes"].items() for part in _errors_of_scene(scene, values)]
-    frame = pd.concat(parts, ignore_index=True)
-    frame.insert(8, "psnr_db", -10 * np.log10(frame["mse"].where(frame["mse"] > 0)))
-    return frame
-
-
-def _errors_of_scene(scene: str, values: Mapping[str, Any]) -> Iterator[pd.DataFrame]:
-    for name, curve in values["mse"].items():
-        interval = values["intervals"][name]
-        about = {"scene": scene, "strategy": name, "group": values["group"][name]}
-        frame = pd.DataFrame(
-            about
-            | {"rays_per_pixel": values["rays_per_pixel"][name], "budget": values["budgets"], "mse": curve}
-            | {"low": interval["low"], "high": interval["high"]}
-        )
-        yield frame.assign(**_times(values, name))
-    uniform = {f"uniform-{side}": picture for side, picture in values["uniform"].items()}
-    for name, picture in (uniform | values["predicted"]).items():
-        about = {"scene": scene, "strategy": name, "group": "picture", "rays_per_pixel": picture["rays_per_pixel"]}
-        ms = dict.fromkeys(("ms_per_frame", "ms_with_rays", "ms_with_cycles"), picture["ms_per_frame"])
-        yield pd.DataFrame([about | {"budget": 0.0, "mse": picture["mse"], "low": np.nan, "high": np.nan} | ms])
-
-
-def _times(values: Mapping[str, Any], strategy: str) -> dict[str, Any]:
-    """Milliseconds at each budget: of the strategy, with own rays, with Cycles; NaN without a price."""
-    if strategy not in values["ms_per_frame"]:
-        return dict.fromkeys(("ms_per_frame", "ms_with_rays", "ms_with_cycles"), np.nan)
-    prices = {"ms_with_rays": values["reference_ms_per_pixel"], "ms_with_cycles": CYCLES_MS_PER_PIXEL}
-    own = values.get("ms_by_budget", {}).get(strategy, values["ms_per_frame"][strategy])
-    return {"ms_per_frame": own} | {name: total_ms(values, strategy, price) for name, price in prices.items()}
+"""Titles and tables of text cells."""
 
 
 def markdown_of(tables: Tables) -> str:
@@ -134,7 +95,7 @@ def tables_of(results: Mapping[str, Any]) -> Tables:
 
 
 def shipped(found: Mapping[str, Any]) -> dict[str, Any]:
-    """What was found of strategies without further networks, which the matrix of generalisation shows."""
+    """Results of strategies without further networks, which are in the matrix of generalisation."""
     return {name: values for name, values in found.items() if network_name(name) is None}
 
 
@@ -159,21 +120,6 @@ def cycles_tables(scenes: Mapping[str, Any]) -> Tables:
     ]  # fmt: skip
 
 
-def cycles_errors(scenes: Mapping[str, Any]) -> pd.DataFrame:
-    """All errors against Cycles: a row for each scene, truth, strategy and budget."""
-    parts = [
-        pd.DataFrame(
-            {"scene": scene, "strategy": name, "group": values["group"][name]}
-            | {"rays_per_pixel": values["rays_per_pixel"][name], "truth": truth}
-            | {"budget": values["budgets"], "mse": curve}
-        )
-        for scene, values in scenes.items()
-        for truth, found in values["truths"].items()
-        for name, curve in found["mse"].items()
-    ]
-    return pd.concat(parts, ignore_index=True)
-
-
 def _mse(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
     """Errors of strategies (rows) in scenes at a budget in percent."""
     curves = {scene: values["mse"].items() for scene, values in scenes.items()}
@@ -187,14 +133,14 @@ def variance_ratios(scenes: Mapping[str, Any], at: int) -> pd.DataFrame:
 
 
 def _by_strategy(frame: pd.DataFrame, form: str = "{:.2f}") -> pd.DataFrame:
-    """Numbers as texts, with the names of the rows, which are strategies, before them."""
+    """Numbers as text, with the strategies as first column."""
     cells = frame.map(lambda value: "" if pd.isna(value) else form.format(value))
     cells.insert(0, "strategy", [f"`{name}`" for name in frame.index])
     return cells
 
 
 def _by_row(first: str, found: Mapping[str, Any], columns: Iterable[str], cell: Callable[[Any], str]) -> pd.DataFrame:
-    """Texts of what was found by row and column, for the columns that all rows have."""
+    """Results by row and column as text, for the columns that all rows have."""
     there = [name for name in columns if all(name in values for values in found.values())]
     rows = {row: [cell(values[name]) for name in there] for row, values in found.items()}
     quoted = [name if first == "trained on" else f"`{name}`" for name in there]
@@ -202,11 +148,10 @@ def _by_row(first: str, found: Mapping[str, Any], columns: Iterable[str], cell: 
 
 
 def error_ratios(scenes: Mapping[str, Any], strategy: str, rival: str, price: str | None) -> np.ndarray:
-    """Error that a strategy leaves over that of a rival, (scenes, budgets) at BUDGETS.
+    """Error of a strategy over that of a rival, (scenes, budgets) at BUDGETS.
 
-    price: of a refined pixel's samples, "own" rays or "cycles"; the rival then refines what it can in the same total
-    time (`total_ms`). None: both refine the same budget. Where neither leaves anything it is 1, and infinite where the
-    rival alone leaves nothing.
+    price: cost of a refined pixel's samples, "own" rays or "cycles"; the rival then has the budget of the same total
+    time (`total_ms`). None: both have the same budget. 1 if both errors are 0, infinite if only the rival's is.
     """
     ratios = []
     for values in scenes.values():
@@ -221,7 +166,7 @@ def error_ratios(scenes: Mapping[str, Any], strategy: str, rival: str, price: st
 
 
 def _ahead(scenes: Mapping[str, Any]) -> pd.DataFrame:
-    """Scenes in which a strategy is ahead of a rival; in equal time too where times are known."""
+    """Scenes in which a strategy is ahead of a rival; also at equal time if times are known."""
     first = next(iter(scenes.values()))
     known = first.get("ms_per_frame", first["mse"]).keys()
     prices = {"budget": None} | ({"time, own rays": "own", "time, Cycles": "cycles"} if "ms_per_frame" in first else {})
@@ -241,9 +186,9 @@ def geometric_means(ratios: pd.DataFrame) -> pd.Series:
 
 
 def over_scenes(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
-    """Strategies over all scenes as texts, those of as many rays together, oracles last.
+    """Strategies over all scenes as text, grouped by rays, oracles last.
 
-    Milliseconds of a strategy that ranks in stages are at BUDGET.
+    Milliseconds of a staged strategy are at BUDGET.
     """
     first, areas = next(iter(scenes.values())), excess_areas(scenes, names)
     means = pd.DataFrame({f"{at}%": geometric_means(variance_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
@@ -259,7 +204,7 @@ def over_scenes(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame
 
 
 def _ms(values: Mapping[str, Any], name: str) -> Any:
-    """Milliseconds of a strategy's frame at BUDGET; None without a price."""
+    """Milliseconds of a strategy's frame at BUDGET; None without a cost."""
     staged = values["ms_by_budget"].get(name)
     return staged[BUDGET] if staged else values["ms_per_frame"].get(name)
 
@@ -281,7 +226,7 @@ def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def excess_areas(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
-    """Excess areas of strategies (rows) in scenes; NaN where nothing was to be gained."""
+    """Excess areas of strategies (rows) in scenes; NaN without error."""
     areas = {scene: values["excess_area"] for scene, values in scenes.items()}
     return pd.DataFrame(
         {scene: {name: each[name]["value"] for name in names} for scene, each in areas.items()}, dtype=float
@@ -314,7 +259,7 @@ def _from(values: Mapping[str, Any]) -> str:
 
 
 def _learned(cell: Mapping[str, Any]) -> str:
-    """Ratio of a network on a scene, bold where it has learned from it."""
+    """Ratio of a network on a scene, bold if the scene was in its training."""
     text = "none" if cell["value"] is None else f"{cell['value']:.2f}"
     return f"**{text}**" if cell["seen"] else text
 
@@ -347,7 +292,7 @@ def _ratio(error: float, other: float) -> str:
 
 
 def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Means over scenes of each metric that was run on all of them."""
+    """Means over scenes of each metric that was computed for all of them."""
     at = found[0]["budgets"].index(BUDGET / 100)
     means = {
         metric: pd.DataFrame(

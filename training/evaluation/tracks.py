@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Camera tracks of an evaluation: half of the frames approach the model from far, half explore its details.
 
-The paper takes 2,000 frames of 130 x 130 pixels for each scene (methods 4.1b, 7.26). A track needs nothing but the
-octree, and is the same for the same octree and seed. It is made of shots of about 200 frames: within one, cameras have
-one name and pictures that follow each other look alike; between two is a cut.
+The paper uses 2,000 frames of 130 x 130 pixels for each scene (methods 4.1b, 7.26). A track depends on the octree and
+the seed only. It consists of shots of about 200 frames: within a shot, cameras have one name and consecutive pictures
+are similar; shots are separated by cuts.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .poses import Pose, Seen, Surroundings
 FAR = 3.0  # cube sides from the target
 _MIN_SHARE = 0.95  # of a frame's hits with look-ahead, at its end
 _ELEVATIONS = np.radians([5.0, 40.0])
-_SWING = 0.25  # radians around the target for each factor of e that the camera comes nearer
+_SWING = 0.25  # radians around the target per factor e of the distance
 _TRIES = 24
-_SCAN, _COARSE_SCAN = 60, 15  # distances that are tried from far to near, of the line that is taken and of all
-_MIN_TURN = 0.25  # radians between the azimuths of approaches, less where they are many
+_SCAN, _COARSE_SCAN = 60, 15  # distances tested from far to near, of the chosen line and of all lines
+_MIN_TURN = 0.25  # radians between the azimuths of approaches, less for many of them
 _SHOT = 200  # frames, about
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """Way to a target (3,) from an azimuth and an elevation (radians), a spiral around the vertical."""
+    """Way to a target (3,) from an azimuth and an elevation (radians): a spiral around the vertical."""
 
     target_world: np.ndarray
     azimuth: float
@@ -49,7 +49,7 @@ class _Line:
 
 
 class Approaches:
-    """Approaches to an octree, each from another side and to what none before has shown."""
+    """Approaches to an octree, each from another side and to unseen surface."""
 
     def __init__(self, around: Surroundings, random: np.random.Generator) -> None:
         self._around = around
@@ -59,14 +59,14 @@ class Approaches:
         self._azimuths: list[float] = []
 
     def shot(self, number: int, total: int, frames: int) -> list[Camera]:
-        """Frames of approach `number` of `total`, counted from 1; the distance shrinks by the same factor at each.
+        """Frames of approach `number` of `total`, counted from 1; the distance shrinks by a constant factor.
 
-        Of several lines, the one whose end shows most that is new. Raises SceneError if nothing is seen from far.
+        Of several lines, the one whose end shows most unseen surface. Raises SceneError if nothing is visible from far.
         """
         name = f"Approach {number}"
         lines = [line for line in (self._line(total) for _ in range(_TRIES)) if line is not None]
         if not lines:
-            raise SceneError("Nothing of the octree is seen from far away: make it of a scene with more surface")
+            raise SceneError("The octree is invisible from far away: give one of a scene with more surface")
         ends = [self._end(line) for line in lines]
         best = max(range(len(lines)), key=lambda index: self._seen.gain(ends[index]))
         self._seen.add(ends[best])
@@ -78,7 +78,7 @@ class Approaches:
         return self._around.camera(line.position(distance_world, self._far_world), line.target_world, name)
 
     def _line(self, total: int) -> _Line | None:
-        """Line from a random direction to a point of the surface that is seen from far; None if nothing is seen."""
+        """Line from a random direction to a point of the surface visible from far; None if nothing is visible."""
         azimuth = self._azimuth(total)
         elevation = self._random.uniform(*_ELEVATIONS)
         swing = _SWING * self._random.choice([-1.0, 1.0])
@@ -93,7 +93,7 @@ class Approaches:
         return _Line(target, azimuth, elevation, swing)
 
     def _azimuth(self, total: int) -> float:
-        """Random azimuth that is not near one of the approaches before, as far as that many leave room."""
+        """Random azimuth far from those of earlier approaches, as far as their number allows."""
         apart = min(_MIN_TURN, np.pi / (2 * total))
         while True:
             azimuth = float(self._random.uniform(0.0, 2 * np.pi))
@@ -117,7 +117,7 @@ class Approaches:
         return self._around.look(position, line.target_world - position)
 
     def _nearest(self, line: _Line, name: str) -> float:
-        """Shortest distance to which all the way is free and has look-ahead."""
+        """Shortest distance with a free way and look-ahead on all of it."""
         reached = self._far_world
         for distance in self._distances(_SCAN):
             way = np.stack([line.position(each, self._far_world) for each in (reached, distance)])
@@ -142,20 +142,20 @@ def camera_track(
     lookahead: int = DEFAULT_LOOKAHEAD,
     seed: int = 0,
 ) -> Steps[list[Camera]]:
-    """Lay a track of `frames` cameras: approaches in the first half, explorations in the second.
+    """Create a track of `frames` cameras: approaches in the first half, explorations in the second.
 
-    No camera is in an occupied voxel or within four finest voxels of one, nor on the way from frame to frame. Cameras
-    keep so far from what they see that at least 95 % of hits have look-ahead where the scene has room for that. An
-    approach starts three cube sides away and comes nearer by the same factor at each frame, 1.3 % in 200 frames; an
-    exploration moves at most 0.01 cube sides and turns at most 3 degrees a frame.
+    Cameras and the ways between them are at least four finest voxels from occupied voxels. At least 95 % of hits have
+    look-ahead if the scene has room for that. An approach starts three cube sides away and comes nearer by a constant
+    factor per frame, 1.3 % in 200 frames; an exploration moves at most 0.01 cube sides and turns at most 3 degrees per
+    frame.
 
     octree: with leaves on one level. seed: of the choice of targets and poses. Raises SettingError for fewer than two
-    frames or less depth than `lookahead`, SceneError if there is no room or nothing to be seen.
+    frames or less depth than `lookahead`, SceneError without free space or visible surface.
     """
     if frames < 2:
-        raise SettingError(f"A camera track of {frames} frames has no two halves: ask for at least 2")
+        raise SettingError(f"A camera track of {frames} frames is too short: give at least 2 frames")
     if octree.depth <= lookahead:
-        raise SettingError(f"An octree of depth {octree.depth} has no look-ahead of {lookahead} levels: use more depth")
+        raise SettingError(f"Depth {octree.depth} has no {lookahead} levels of look-ahead: give a deeper octree")
     yield Progress(0, frames, "Looking for poses")
     around = Surroundings(octree, size_px, lookahead)
     near_random, far_random = np.random.default_rng(seed).spawn(2)
@@ -172,6 +172,6 @@ def camera_track(
 
 
 def _shots(frames: int) -> list[int]:
-    """Frames of each shot, as even as can be."""
+    """Number of frames of each shot, as even as possible."""
     count = max(1, round(frames / _SHOT))
     return [frames * (number + 1) // count - frames * number // count for number in range(count)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet as a torch module: what is trained, on the CPU and on GPUs; the engine runs the same network by kernels."""
+"""PatchNet as a torch module for training, on the CPU and on GPUs; the engine's kernels run the same network."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from ...patchnet_addon.network.weights import MODULATED, Weights
 from ..data.tensor_batch import TensorBatch, TensorNearby
 from ..encoders import MAXIMUM, Branch, ConvolvingKind
 
-_SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # what says how a cell is shaped
+_SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # channels of a cell's shape
 _FIRST = "encoder.0.weight"
 
 
 class PatchNet(nn.Module):
     """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15, 11.1).
 
-    A patch is eight blocks of cells, octants x fastest, as a `TensorBatch` has them: the columns of the first matrix
-    are in that order. A luminance mixture sees shape alone: its blocks and its first matrix are without luminance.
+    A patch is eight blocks of cells, octants x fastest, as in `TensorBatch`: the columns of the first matrix are in
+    that order. A luminance mixture encodes shape only: its blocks and first matrix have no luminance.
     """
 
     def __init__(self, weights: Weights) -> None:
-        """Network with a copy of `weights`, which `to_weights` gives back."""
+        """Network with a copy of `weights`; `to_weights` is the inverse."""
         super().__init__()
         self.lookahead, self.kind, self.encoder_kind = weights.lookahead, weights.kind, weights.encoder_kind
         self.encoder = nn.ModuleList(_encoder_layers(self.encoder_kind, self.lookahead))
@@ -60,13 +60,12 @@ class PatchNet(nn.Module):
 
     @property
     def device(self) -> torch.device:
-        """Where its parameters lie."""
+        """Device of its parameters."""
         return self.decoder[0].weight.device  # type: ignore[return-value,union-attr]
 
     def forward(self, batch: TensorBatch, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Coverage and luminance (V, R, 2), see `decode`; codes and decoder are float32 whatever the encoder's `dtype`.
-
-        The batch lies on the network's device.
+        """Coverage and luminance (V, R, 2), see `decode`; codes and decoder are float32 for any `dtype` of the encoder.
+        The batch is on the network's device.
         """
         patches = batch.blocks.to(dtype)[batch.rows]  # (8 V, 8, B)
         corner_codes = self.encode(patches, dtype).view(len(batch.ratio), 8, -1)
@@ -77,7 +76,7 @@ class PatchNet(nn.Module):
         return self.decode_mixture(codes, apart, batch.nearby, batch.direction, batch.up, batch.ratio)
 
     def seen_channels(self, blocks: Tensor) -> Tensor:
-        """What the encoder sees of blocks (U, B) of all channels."""
+        """Channels of blocks (U, B) that the encoder uses."""
         return _without_luminance(blocks) if self.kind.mixes else blocks
 
     def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
@@ -88,7 +87,7 @@ class PatchNet(nn.Module):
         return codes
 
     def _hidden(self, patches: Tensor) -> Tensor:
-        """Values (C, width) that the encoder's last layer is given."""
+        """Input (C, width) of the encoder's last layer."""
         if not isinstance(self.encoder_kind, ConvolvingKind):
             return torch.relu(_run_layers(self.encoder[:-1], patches.flatten(1)))
         *layers, hidden = self.encoder[:-1]
@@ -132,7 +131,7 @@ def _branch(branch: Branch, convolution: nn.Module, cells: Tensor) -> Tensor:
         return values
     if branch.pool == MAXIMUM:
         return functional.max_pool3d(values, 3, stride=2, padding=1)
-    # On the CPU torch has no such means of bfloat16.
+    # torch does not implement this pooling of bfloat16 on the CPU.
     return functional.avg_pool3d(values.float(), 3, stride=2, padding=1).to(values.dtype)
 
 
@@ -169,7 +168,7 @@ def _with_luminance(blocks: Tensor) -> Tensor:
 
 
 def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
-    """Layers without values; those that convolve put zeros around what they see."""
+    """Layers without values; convolutions have zero padding."""
     shapes = encoder.shapes(lookahead)
     stages = encoder.stages(lookahead) if isinstance(encoder, ConvolvingKind) else ()
     branches = [branch for stage in stages for branch in stage]

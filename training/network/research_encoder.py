@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes of octrees by encoders that the engine does not run, for evaluations."""
+"""Codes of octrees by encoders that the engine does not implement, for evaluations."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..encoders import ConvolvingKind
 
-_CHUNK = 512  # corners at once
+_CHUNK = 512  # corners per batch
 
 
 def research_encoder(weights: Weights) -> Encoder | None:
-    """Encoder on torch of weights whose encoder convolves; None for `mlp`, which the engine runs.
+    """Encoder on torch for weights with a convolutional encoder; None for `mlp`, which the engine implements.
 
-    Raises SettingError where there is no torch.
+    Raises SettingError without torch.
     """
     if not isinstance(weights.encoder_kind, ConvolvingKind):
         return None
@@ -30,7 +30,7 @@ def research_encoder(weights: Weights) -> Encoder | None:
 
 
 class _ModelEncoder:
-    """`Encoder` by the network as it is trained, on the CPU."""
+    """`Encoder` by the torch module, on the CPU."""
 
     chunk = _CHUNK
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plan of which networks are trained, and where each stands in the folder of a run; imports no torch."""
+"""Plan of a run's networks, and their folders; does not import torch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahe
 
 
 def octrees_folder(out: Path) -> Path:
-    """Folder of the scenes' octrees, where `patchnet lab evaluate --out` of the same folder looks for them."""
+    """Folder of the scenes' octrees, which `patchnet lab evaluate --out` of the same folder uses, too."""
     return out / "octrees"
 
 
@@ -40,39 +40,31 @@ def weights_path(out: Path, name: str) -> Path:
 class NetworkPlan:
     """Network to train.
 
-    scenes: names of those that it learns from, in their order. encoder: its name. compared: name of the network of the
-    same scenes that one of another encoder or look-ahead is compared with, "" for none.
+    scenes: names of its training scenes, in order. encoder: its name.
     """
 
     name: str
     scenes: tuple[str, ...]
     encoder: str = MLP.name
     lookahead: int = DEFAULT_LOOKAHEAD
-    compared: str = ""
-
-    @property
-    def is_of_evaluation(self) -> bool:
-        """Whether it goes into the matrix of generalisation, which is of the paper's encoder at one look-ahead."""
-        return self.encoder == MLP.name and self.lookahead == DEFAULT_LOOKAHEAD
 
 
 def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | None = None) -> list[NetworkPlan]:
-    """Networks of these kinds for scenes, in the order in which they are trained, none twice.
+    """Networks of these kinds for scenes, in the order of training, without duplicates.
 
     kinds: "scene": one of each scene alone, named after it. "without": one of all but each scene, without-SCENE.
-    "look-ahead": look-ahead-1 and look-ahead-3, "encoders": one named after each other encoder, all of them of all
-    scenes but `unseen` (the last one); the network that they are compared with is without-UNSEEN, which comes with
-    them. Raises SettingError for an unknown kind or scene, scenes that are there twice, and where there is none to hold
-    out.
+    "look-ahead": look-ahead-1 and look-ahead-3, "encoders": one named after each other encoder; both are trained on all
+    scenes but `unseen` (the last one), and include without-UNSEEN for comparison. Raises SettingError for an unknown
+    kind or scene, duplicate scenes, and without a scene to hold out.
     """
     for kind in kinds:
         if kind not in KINDS:
-            raise SettingError(f"Networks of the kind '{kind}' are not known: choose from {', '.join(KINDS)}")
+            raise SettingError(f"Unknown kind of networks '{kind}': choose from {', '.join(KINDS)}")
     twice = [scene for scene in scenes if list(scenes).count(scene) > 1]
     if twice:
-        raise SettingError(f"Scene {twice[0]!r} is there twice: name each scene once")
+        raise SettingError(f"Scene {twice[0]!r} is named twice: name each scene once")
     if set(kinds) - {SCENE} and len(scenes) < 2:
-        raise SettingError("Only networks of one scene can be trained on one scene: name two scenes at least")
+        raise SettingError("A single scene has no held-out scene: name two scenes at least")
     if unseen is not None and unseen not in scenes:
         raise SettingError(f"Scene {unseen!r} is not among the scenes: hold out one of {', '.join(scenes)}")
     plans = [NetworkPlan(scene, (scene,)) for scene in scenes if SCENE in kinds]
@@ -82,9 +74,9 @@ def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | 
         plans += [] if usual in plans else [usual]
         others = [lookahead for lookahead in LOOKAHEADS if lookahead != usual.lookahead and LOOK_AHEAD in kinds]
         for each in others:
-            plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each, compared=usual.name))
+            plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each))
         for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
-            plans.append(NetworkPlan(name, usual.scenes, name, compared=usual.name))
+            plans.append(NetworkPlan(name, usual.scenes, name))
     _check_names(plans)
     return plans
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run that trains the networks of a plan one after the other, and measures them on scenes that they did not see.
+"""Train the networks of a plan one after the other, and measure them on held-out scenes.
 
-What is done is skipped, and a network whose training was interrupted goes on from its checkpoint.
+A later run skips finished networks, and resumes an interrupted one from its checkpoint.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from ..benchmarks.tables import markdown_table
 from ..data.dataset import DATASET_SEEDS, SUFFIX, Dataset, load_dataset, save_samples
 from ..data.samples import SampleSettings, draw_samples
 from ..encoders import ENCODERS, load_weights
-from ..run.model_card import read_log, write_card
-from ..run.run_files import CHECKPOINT, LOG
+from ..run.run_files import CHECKPOINT, LOG, read_log
 from ..run.trainer import RunOptions, train
 from ..run.validation import weights_errors
 from ..settings import TrainSettings
@@ -41,11 +40,10 @@ _MEANING = (
 
 @dataclass(frozen=True)
 class NetworksRun:
-    """Budget of each network of a run, and how it is carried out.
+    """Budget of each network of a run, and options.
 
-    samples: of each scene. least_level: of the voxels that they are of. settings: of the trainings, their passes are
-    those of each network. voxels: of each scene that errors are measured on, at most. options: of the trainings; its
-    folder is that of all networks, its notes are `command`, `versions` and `machine` for the model cards.
+    samples: of each scene. least_level: coarsest level of their voxels. settings: of training, with the passes of each
+    network. voxels: most voxels of each scene for errors. options: of training; its folder is that of all networks.
     """
 
     samples: int
@@ -65,8 +63,7 @@ def train_networks(
 ) -> Steps[list[dict[str, Any]]]:
     """Train the networks on octree files by name of the scene; returns a row of plain JSON values for each.
 
-    Raises PatchNetError for octrees that samples cannot be drawn of, and for a network that was begun with other
-    settings.
+    Raises PatchNetError for octrees without samples, and for a network that was started with other settings.
     """
     data: dict[int, dict[str, Dataset]] = {}
     for lookahead in dict.fromkeys(plan.lookahead for plan in plans):
@@ -90,7 +87,7 @@ def _samples(octrees: Mapping[str, Path], lookahead: int, run: NetworksRun) -> S
 
 
 def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, title: str) -> Steps[dict[str, Any]]:
-    """Row of a network, which is trained if there is no record of it with these settings."""
+    """Row of a network; trains it unless there is a record with these settings."""
     folder = network_folder(run.out, plan.name)
     settings = settings_of(plan, run.settings)
     key = _key(plan, data, run, settings)
@@ -101,7 +98,6 @@ def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, t
     options = replace(run.options, out=folder, resume=(folder / CHECKPOINT).exists(), notes=notes)
     weights = yield from labelled(train(learned, settings, options), f"Training {title}")
     save_weights(weights, weights_path(run.out, plan.name))
-    write_card(folder, learned, settings, weights.metadata, weights.hash)
     yield Progress(0, 1, f"Measuring {title}")
     row = _row(plan, data, weights, run, seconds=read_log(folder / LOG)[0][-1]["seconds"])
     with replaced_file(folder / RECORD, NETWORK_RECORD) as file:
@@ -110,19 +106,19 @@ def _network(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, t
 
 
 def settings_of(plan: NetworkPlan, settings: TrainSettings) -> TrainSettings:
-    """Settings of a network's training: those of the run, with its encoder."""
+    """Settings of a network: those of the run, with its encoder."""
     return replace(settings, encoder=plan.encoder, encoder_width=0)
 
 
 def _key(plan: NetworkPlan, data: Mapping[str, Dataset], run: NetworksRun, settings: TrainSettings) -> str:
-    """Hash of all that a network's row depends on but the code."""
+    """Hash of all dependencies of a network's row except code."""
     drawn = {scene: [dataset.metadata["octree_hash"], dataset.metadata["settings"]] for scene, dataset in data.items()}
     what = [asdict(plan), drawn, run.samples, run.voxels, asdict(settings)]
     return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:32]
 
 
 def _kept_row(record: Path, key: str, weights: Path) -> dict[str, Any] | None:
-    """Row of a network that is done: its record has this key, and is of the weights that are there."""
+    """Row of a finished network: its record has this key, and belongs to the existing weights."""
     try:
         kept = json.loads(record.read_text(encoding="utf-8"))
         row: dict[str, Any] = kept["row"]
@@ -156,10 +152,10 @@ def samples_path(out: Path, scene: str, lookahead: int) -> Path:
 
 
 def scene_samples(octree: Path, path: Path, count: int, settings: SampleSettings) -> Steps[Dataset]:
-    """Samples of an octree file from `path`, or drawn and written there; at least `count` of them.
+    """Samples of an octree file, at least `count`, from `path`, or drawn and written there.
 
-    Raises PatchNetError for an octree that cannot be read or has no voxels with look-ahead, and OutputError if the
-    samples cannot be written.
+    Raises PatchNetError for an unreadable octree or one without look-ahead, and OutputError if the samples cannot be
+    written.
     """
     if (kept := _kept(octree, path, count, settings)) is not None:
         return kept
@@ -172,7 +168,7 @@ def scene_samples(octree: Path, path: Path, count: int, settings: SampleSettings
 
 
 def _kept(octree: Path, path: Path, count: int, settings: SampleSettings) -> Dataset | None:
-    """Samples that are there, if they are of this octree and these settings."""
+    """Existing samples, if they are of this octree and these settings."""
     if not path.exists():
         return None
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames of camera tracks that the error estimator learns from; their references are rendered once and kept."""
+"""Training frames of the error estimator on camera tracks; references are rendered once and stored."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class TrackSettings(FrameSettings):
 
 
 def views_of(path: Path, weights: Weights, settings: TrackSettings, folder: Path) -> Steps[Iterator[PixelBuffers]]:
-    """Views of an octree's track with all that estimators see, and their references.
+    """Views of an octree's track with all inputs of estimators, and their references.
 
-    References that are in `folder` are not rendered again. Views are traced one by one, as they are asked for. Raises
-    OctreeFileError, and SettingError or SceneError as `camera_track`.
+    References in `folder` are not rendered again. Views are traced on demand. Raises OctreeFileError, and SettingError
+    or SceneError as `camera_track`.
     """
     octree = load_octree(path)
     cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
@@ -69,7 +69,7 @@ def views_of(path: Path, weights: Weights, settings: TrackSettings, folder: Path
 
 
 def _references(octree: Octree, cameras: Sequence[Camera], settings: TrackSettings, folder: Path) -> Steps[np.ndarray]:
-    """References (F, P) float32 of the cameras, from `folder` if they are there."""
+    """References (F, P) float32 of the cameras, from `folder` if they exist."""
     parts = octree_hash(octree), settings, source_hash(*_CODE)
     key = hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
     path = folder / f"{key[:16]}.safetensors"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Learner of one form of the error estimator: network, loss and moving mean of its weights (methods 12.2, 12.3)."""
+"""Training of one form of the error estimator: network, loss and moving mean of its weights (methods 12.2, 12.3)."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_o
 from ...patchnet_addon.sampling.plus.forms import Form, Plane
 from ...patchnet_addon.sampling.plus.weights import Network, layer_sizes
 
-_MOVING = 0.002  # of the present weights in the moving mean, at each step
-_POWER = 1.25  # 1 is Poisson's distribution, 2 the gamma distribution: more counts the small errors more
-_FIRST_MEAN = 0.3  # of the error over the scale, before anything is learnt
+_MOVING = 0.002  # share of the present weights in the moving mean, per step
+_POWER = 1.25  # 1 is Poisson's distribution, 2 the gamma distribution: higher values weigh small errors more
+_FIRST_MEAN = 0.3  # initial ratio of error and scale
 
 
 class FormLearner:
-    """Network of a form, which learns from windows of pixels and their squared errors.
+    """Network of a form, trained on windows of pixels and their squared errors.
 
-    mean, deviation: (F,) float32 of the features, by which they are made comparable. unit: mean squared error of all
-    pixels, the unit of the loss.
+    mean, deviation: (F,) float32 of the features, for normalization. unit: mean squared error of all pixels, the unit
+    of the loss.
     """
 
     def __init__(self, form: Form, windows: np.ndarray, unit: float, rate: float, seed: int) -> None:
-        """Make a network for a form; windows: (C, 9, N) of all planes of some pixels, to scale the features by."""
+        """Create the network of a form; windows: (C, 9, N) of all planes of some pixels, to normalize features."""
         self.form, self.unit, self.losses = form, max(unit, 1e-12), list[float]()
         features, _ = features_of(windows, form, tuple(Plane))
         self.mean, self.deviation = features.mean(axis=1), features.std(axis=1) + np.float32(1e-3)
@@ -43,12 +43,12 @@ class FormLearner:
         self.steps = 0
 
     def step(self, windows: np.ndarray, errors: np.ndarray, rate: float) -> None:
-        """Take one step with pixels' windows (C, 9, B) and squared errors (B,), at a learning rate."""
+        """Take one step with windows (C, 9, B) of pixels and squared errors (B,), at a learning rate."""
         features, scale = features_of(windows, self.form, tuple(Plane))
         inputs = ((features - self.mean[:, None]) / self.deviation[:, None]).T
         expected = torch.from_numpy(scale) * self._outputs(torch.from_numpy(np.ascontiguousarray(inputs)))
-        # Deviance of Tweedie's distribution but for constants: its minimum is the mean, whatever the distribution is.
-        # A mean that is the same for all pixels has 1.
+        # Deviance of Tweedie's distribution up to constants: its minimum is the mean for any distribution.
+        # A constant mean of all pixels has a deviance of 1.
         ratio, true = expected / self.unit, torch.from_numpy(errors / np.float32(self.unit))
         loss = ((_POWER - 1) * ratio ** (2 - _POWER) + (2 - _POWER) * true * ratio ** (1 - _POWER)).mean()
         for group in self.optimizer.param_groups:
@@ -64,7 +64,7 @@ class FormLearner:
                 moving.lerp_(parameter, share)
 
     def network(self) -> Network:
-        """Network of the moving mean, for features as they are."""
+        """Network of the moving mean, for raw features."""
         *arrays, skip = (moving.numpy().astype(np.float64) for moving in self.moving)
         (first, bias), *others = zip(arrays[::2], arrays[1::2], strict=True)
         first, skip = first / self.deviation, skip / self.deviation

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Table of pixels with all that estimators see of them, and their errors; batches of it, turned and mirrored."""
+"""Table of pixels with all inputs of estimators, and their errors; augmented batches of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...patchnet_addon.sampling.plus.features import windows_of
 from ...patchnet_addon.sampling.plus.forms import Plane
 from ...patchnet_addon.sampling.plus_planes import view_planes
 
-SYMMETRIES = 8  # of a square
+SYMMETRIES = 8  # symmetries of a square
 _RAYS = slice(Plane.RAY_0, Plane.RAY_3 + 1)
 
 
@@ -22,8 +22,8 @@ _RAYS = slice(Plane.RAY_0, Plane.RAY_3 + 1)
 class PixelTable:
     """Table of N pixels.
 
-    windows: (N, C, 9) float32 of all planes, in the order of `Plane`. errors: by the plane of the picture that is
-    shown, (N,) float32, its squared error.
+    windows: (N, C, 9) float32 of all planes, in the order of `Plane`. errors: squared errors (N,) float32 by the plane
+    of the shown picture.
     """
 
     windows: np.ndarray
@@ -31,7 +31,7 @@ class PixelTable:
 
     @classmethod
     def of(cls, views: Iterable[PixelBuffers], pixels: int, seed: int) -> PixelTable:
-        """Table of up to `pixels` active pixels of each view, which must have its reference; chosen by the seed."""
+        """Table of up to `pixels` active pixels of each view with its reference; chosen by the seed."""
         parts = [_pixels_of(view, pixels, np.random.default_rng([seed, number])) for number, view in enumerate(views)]
         return cls.joined(parts)
 
@@ -48,7 +48,7 @@ class PixelTable:
         return len(self.windows)
 
     def batch(self, rows: np.ndarray, symmetry: int) -> np.ndarray:
-        """Windows (C, 9, B) of rows (B,), turned and mirrored by one of the eight symmetries of a square."""
+        """Windows (C, 9, B) of rows (B,), under one of the eight symmetries of a square."""
         places, rays = symmetries()[symmetry]
         windows = self.windows[rows][:, :, places]
         windows[:, _RAYS] = windows[:, _RAYS][:, rays]
@@ -57,7 +57,7 @@ class PixelTable:
 
 @cache
 def symmetries() -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-    """Orders of a window's 9 places and of a pixel's 4 rays under each symmetry; the first is the identity."""
+    """Permutations of a window's 9 pixels and of a pixel's 4 rays by symmetry; the first is the identity."""
     grids = np.arange(9).reshape(3, 3), np.arange(4).reshape(2, 2)
     return tuple(
         tuple(np.rot90(grid.T if number >= 4 else grid, number % 4).ravel() for grid in grids)  # type: ignore[misc]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of a training run of the error estimator, and whether they can be written; imports no torch."""
+"""Files of a training run of the error estimator, and checks of them; does not import torch."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..run.run_files import WEIGHTS
 
 ESTIMATORS = "plus.safetensors"
 LOG = "log.jsonl"
-REFERENCES = "references"  # folder of kept references
+REFERENCES = "references"  # folder of references
 RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
-"""The weights are those that it learned from, with it."""
+"""The weights file contains PatchNet's weights and the estimator."""
 
 
 def check_plus_run(out: Path, inputs: Iterable[Path] = ()) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training run of the error estimator: all forms at once, of the same pixels (methods 12.3).
+"""Training run of the error estimator: all forms at once, on the same pixels (methods 12.3).
 
-Everything random follows from the seed, so that a run gives the same weights again on the same processor.
+All random numbers follow from the seed, so that a run gives the same weights again on the same processor.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _SCALED_BY = 20_000  # pixels
 
 @dataclass(frozen=True)
 class PlusSettings:
-    """Settings that decide the result of a run.
+    """Settings that determine the result of a run.
 
-    steps: of Adam. batch: pixels a step. pixels: of each frame in the table. rate: highest learning rate.
+    steps: of Adam. batch: pixels per step. pixels: of each frame in the table. rate: highest learning rate.
     """
 
     steps: int = 20_000
@@ -66,13 +66,13 @@ def pixels_of(
 
 
 def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -> Steps[Path]:
-    """Train the networks of all forms on a table, and return the file of their weights.
+    """Train the networks of all forms on a table, and return the path of their weights.
 
-    Keeps `log.jsonl` in `options.out` up to date and writes `plus.safetensors` at the end. Raises PatchNetError without
-    pixels or if the loss is no number any more, OutputError for files that cannot be written.
+    Updates `log.jsonl` in `options.out` and writes `plus.safetensors` at the end. Raises PatchNetError without pixels
+    or if the loss is NaN, OutputError for files that cannot be written.
     """
     if len(table) == 0:
-        raise PatchNetError("There is nothing to learn from: the octrees' tracks show no surface")
+        raise PatchNetError("There is nothing to train on: the octrees' tracks show no surface")
     check_plus_run(options.out)
     options.out.mkdir(parents=True, exist_ok=True)
     log, began = Log(options.out / LOG, 0), time.monotonic()
@@ -97,18 +97,18 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
 
 
 def rate_at(step: int, settings: PlusSettings) -> float:
-    """Learning rate of a step: a short rise, then half a cosine."""
+    """Learning rate of a step: linear warm-up, then half a cosine."""
     fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
     rise = min(1.0, (step + 1) / _WARM_UP)
     return settings.rate * rise * (_LAST_RATE + (1 - _LAST_RATE) * fall)
 
 
 def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
-    """Write the mean losses since the last time; raises PatchNetError if one is no number."""
+    """Write the mean losses since the last time; raises PatchNetError if one is NaN."""
     means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
     for learner in learners:
         learner.losses.clear()
     if not all(map(math.isfinite, means.values())):
-        raise PatchNetError(f"The loss is no number after {step} steps: train anew with a lower --rate")
+        raise PatchNetError(f"The loss is NaN after {step} steps: train again with a lower --rate")
     rounded = {name: round(mean, 6) for name, mean in means.items()}
     log.write({"step": step, "loss": rounded, "seconds": round(seconds, 1)})

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training step of one network: forward pass, loss, optimiser, moving mean of the weights; and the learning rates.
+"""Training step of one network: forward pass, loss, optimizer, moving mean of the weights; and the learning rates.
 
-The loss (methods 7.21, 11.3) is, squared, the mean squared error of coverage, and `luminance_weight` times that of
-luminance where something is seen; absolute, as the paper's, the same of absolute errors.
+The squared loss (methods 7.21, 11.3) is the mean squared error of coverage plus `luminance_weight` times that of
+luminance in views with coverage; the absolute loss, the paper's, has absolute errors instead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..settings import SQUARED, TF32, TrainSettings
 
 
 class Resumable:
-    """What is trained, with the steps that it has taken, and the seconds that they took over all interruptions."""
+    """Training state with the number of steps, and their seconds over all interruptions."""
 
     def __init__(self, **parts: Any) -> None:
         """Parts of a state by name: modules and optimisers of torch's."""
@@ -31,12 +31,12 @@ class Resumable:
         self.steps, self.seconds = 0, 0.0
 
     def state(self) -> dict[str, Any]:
-        """All that `load` needs to go on exactly, on whatever device."""
+        """State from which `load` continues exactly, on any device."""
         parts = {name: part.state_dict() for name, part in self._parts.items()}
         return parts | {"steps": self.steps, "seconds": self.seconds}
 
     def load(self, state: dict[str, Any]) -> None:
-        """Inverse of `state`; raises RuntimeError, KeyError or ValueError for one that is not whole."""
+        """Inverse of `state`; raises RuntimeError, KeyError or ValueError for an incomplete one."""
         for name, part in self._parts.items():
             part.load_state_dict(state[name])
         self.steps, self.seconds = int(state["steps"]), float(state["seconds"])
@@ -55,8 +55,8 @@ class Learner(Resumable):
     def differentiate(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
         """Gradients of the loss of a batch by all parameters, and its sums (3,) for `mean_errors`.
 
-        share: of the step that the batch is; both are multiplied by it, so that those of all parts add up. The
-        encoder's products run in `dtype`.
+        share: of the batch in the step; both are scaled by it, so that those of all parts sum up. The encoder's
+        products run in `dtype`.
         """
         settings = self.settings
         with float32_products(self.device, tf32=settings.precision == TF32):
@@ -77,7 +77,7 @@ class Learner(Resumable):
             torch.nn.utils.clip_grad_norm_(parameters, self.settings.clip)
         self.optimizer.step()
         self.steps += 1
-        # Early on the mean would remember the random start, so its memory grows with the run.
+        # The window of the mean grows with the run, so that it forgets the random start.
         decay = min(self.settings.average, (1 + self.steps) / (10 + self.steps)) if self.settings.average else 0.0
         with torch.no_grad():
             for mean, parameter in zip(self.mean.parameters(), parameters, strict=True):
@@ -89,8 +89,8 @@ def batch_loss(
 ) -> tuple[Tensor, Tensor]:
     """Loss of coverage and luminance (V, R, 2), and sums (3,) for `mean_errors`.
 
-    Sums are the mean absolute errors of coverage and of luminance, the latter 0 where nothing is seen, and the share of
-    views that see something.
+    Sums are the mean absolute errors of coverage and of luminance, 0 in views without coverage, and the share of views
+    with coverage.
     """
     seen = (batch.coverage > 0).float()
     coverage, luminance = predicted[..., 0] - batch.coverage, (predicted[..., 1] - batch.luminance) * seen
@@ -101,7 +101,7 @@ def batch_loss(
 
 
 def mean_errors(sums: Tensor) -> Tensor:
-    """Errors (2,) of a step, of coverage and of luminance where something is seen, from the sums (3,) of its parts."""
+    """Errors (2,) of a step, of coverage and of luminance in views with coverage, from the sums (3,) of its parts."""
     return torch.stack([sums[0], sums[1] / sums[2].clamp(min=1e-9)])
 
 

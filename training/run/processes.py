@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Processes that train together, on one machine or several: each computes a share of every step (data parallel).
 
-`torchrun` starts them and says by its variables who is who. Gradients of all shares are summed before each step, so a
-run has the same result with any number of processes, but for rounding. Files are read by all and written by the first.
+`torchrun` starts them and sets variables with their ranks. Gradients of all shares are summed before each step, so that
+the result is the same for any number of processes up to rounding. All processes read files, the first one writes.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from ...patchnet_addon.runtime.errors import SettingError
 
 @dataclass(frozen=True)
 class Processes:
-    """Processes of a run. rank: this one's number. count: of all."""
+    """Processes of a run. rank: number of this one. count: of all."""
 
     rank: int = 0
     count: int = 1
 
     @classmethod
     def joined(cls) -> Processes:
-        """Join the processes that torchrun started with this one, which is alone without it.
+        """Join the processes that torchrun started; without it a single process.
 
-        Raises SettingError where the variables of torchrun say nothing that makes sense.
+        Raises SettingError for invalid variables of torchrun.
         """
         try:
             rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
             if not 0 <= rank < count:
-                raise ValueError(f"RANK {rank} is none of WORLD_SIZE {count}")
+                raise ValueError(f"RANK {rank} is outside WORLD_SIZE {count}")
             if count > 1 and not distributed.is_initialized():
                 distributed.init_process_group("gloo")
-        except (ValueError, RuntimeError) as cause:  # RuntimeError: of processes that do not find each other
+        except (ValueError, RuntimeError) as cause:  # RuntimeError: no connection between processes
             reason = str(cause).splitlines()[0]
             raise SettingError(
                 f"Processes cannot train together ({reason}): start them with torchrun, or unset RANK and WORLD_SIZE"
@@ -45,11 +45,11 @@ class Processes:
 
     @property
     def is_first(self) -> bool:
-        """Whether this one writes the files."""
+        """Whether this process writes the files."""
         return self.rank == 0
 
     def part(self, length: int) -> slice:
-        """Share of `length` things that is this one's."""
+        """This process's share of `length` items."""
         return slice(self.rank * length // self.count, (self.rank + 1) * length // self.count)
 
     def sums(self, tensors: Sequence[Tensor]) -> list[Tensor]:
@@ -62,7 +62,7 @@ class Processes:
         return [part.view_as(tensor).to(tensor.device) for part, tensor in zip(parts, tensors, strict=True)]
 
     def leave(self) -> None:
-        """End what was joined, after all have come here."""
+        """Leave the group, after all processes have arrived here."""
         if self.count > 1 and distributed.is_initialized():
             distributed.barrier()
             distributed.destroy_process_group()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Provenance of a run: command, code, octrees, versions, processor; paths are cut to their last part."""
+"""Provenance of a run: command, code, octrees, versions, processor; paths are reduced to their last part."""
 
 from __future__ import annotations
 
@@ -21,12 +21,10 @@ _PACKAGES = ("patchnet-blender", "numpy", "numba", "torch")
 
 
 def describe_data(datasets: Sequence[Dataset], validation: Sequence[Dataset] = ()) -> dict[str, Any]:
-    """Names of data sets and hashes of their octrees, and the code that learns from them, for the weights' metadata.
+    """Names of data sets, hashes of their octrees, and the training code, for the weights' metadata.
 
-    octrees, validation_octrees: hash by name of a data set, of those to learn from and of those to validate on.
-
-    code: hash of the sources of samples and training. commit: that of a checkout, see `describe_commit`. Of a run that
-    was resumed, both are those of its end.
+    octrees, validation_octrees: hashes by name of a data set, for training and validation. code: hash of the sources of
+    samples and training. commit: of a checkout, see `describe_commit`. For a resumed run both are those of its end.
     """
     return {
         "data": [dataset.name for dataset in datasets],
@@ -42,7 +40,7 @@ def _octree_hashes(datasets: Sequence[Dataset]) -> dict[str, str]:
 
 
 def describe_commit(root: Path = ROOT) -> str:
-    """Commit of the checkout at `root`, and "with changes" if tracked files differ; empty if it is none."""
+    """Commit of the checkout at `root`, and "with changes" if tracked files differ; empty without one."""
     try:
         top, commit, changes = (
             subprocess.run(["git", "-C", root, *words], capture_output=True, text=True, check=True).stdout.strip()
@@ -52,36 +50,36 @@ def describe_commit(root: Path = ROOT) -> str:
         )  # fmt: skip
     except (OSError, subprocess.CalledProcessError):  # no git, or an installed package
         return ""
-    if Path(top).resolve() != root.resolve():  # the package lies in somebody else's repository
+    if Path(top).resolve() != root.resolve():  # the package is inside another repository
         return ""
     return f"{commit}, with changes" if changes else commit
 
 
 def run_notes(device: str = CPU) -> dict[str, Any]:
-    """Command line, versions and machine of this process, for the metadata of what it makes."""
+    """Command line, versions and machine of this process, for metadata."""
     return {
         "command": describe_command(sys.argv), "versions": describe_versions(), "machine": describe_machine(device)
     }  # fmt: skip
 
 
 def describe_command(arguments: Sequence[str]) -> str:
-    """Command line with paths cut to their last part."""
+    """Command line with paths reduced to their last part."""
     words = []
     for word in arguments:
         name, equals, path = word.partition("=")  # --out=/home/me/run, and NAME=PATH
-        if not equals or os.sep in name:  # a path, which may have such a sign in it
+        if not equals or os.sep in name:  # a path, which may contain an equals sign
             name, equals, path = "", "", word
         words.append(name + equals + (Path(path).name if os.sep in path else path))
     return " ".join(["patchnet", *words[1:]])
 
 
 def describe_versions() -> str:
-    """Versions of Python and of the packages that a result depends on."""
+    """Versions of Python and of numerical packages."""
     return ", ".join([f"Python {platform.python_version()}", *installed_versions(_PACKAGES)])
 
 
 def describe_machine(device: str = CPU) -> str:
-    """Processor and number of its threads, and the GPU if `device` is one."""
+    """Processor and its number of threads, and the GPU if `device` is one."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.is_file():

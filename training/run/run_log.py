@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Log of a training run: curves and validations as JSON lines, and for TensorBoard if they are wanted there."""
+"""Log of a training run: curves and validations as JSON lines, and optionally for TensorBoard."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Log:
     """Curves as JSON lines."""
 
     def __init__(self, path: Path, steps: int, *, board: bool = False) -> None:
-        """Continue the log of a run that has done `steps`; what an interrupted run wrote after them is dropped.
+        """Continue the log of a run after `steps`; later lines of an interrupted run are dropped.
 
-        board: whether TensorBoard's files are written beside it; raises SettingError where it is not installed, and
-        as `log_lines` and `replaced_file`.
+        board: also write TensorBoard's files beside it. Raises SettingError without TensorBoard, and as `log_lines` and
+        `replaced_file`.
         """
         lines = log_lines(path) if steps and path.is_file() else []
         kept = [json.dumps(line) + "\n" for line in lines if line["step"] <= steps]
@@ -35,11 +35,11 @@ class Log:
         self._losses: list[torch.Tensor] = []
 
     def add(self, losses: torch.Tensor) -> None:
-        """Remember the loss or errors of one step; they are not looked at before, so that no step waits for a GPU."""
+        """Store the loss or errors of one step without synchronization with a GPU."""
         self._losses.append(losses)
 
     def means(self) -> list[float]:
-        """Means of what was remembered since the last time."""
+        """Means of the stored values since the last time."""
         found: list[float] = torch.stack(self._losses).double().mean(0).flatten().tolist()
         self._losses.clear()
         return found
@@ -69,7 +69,7 @@ def _open_board(folder: Path, steps: int) -> Any:
 
 
 def _scalars(entry: dict[str, Any]) -> dict[str, float]:
-    """Numbers of a line by their names on the board: training/coverage, validation/courtyard/coverage."""
+    """Numbers of a line by TensorBoard tag: training/coverage, validation/courtyard/coverage."""
     found = {f"training/{name}": entry[name] for name in ("coverage", "luminance", "loss", "rate") if name in entry}
     for scene, errors in entry.get("validation", {}).items() if isinstance(entry.get("validation"), dict) else ():
         if isinstance(errors, dict):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steps of a run: what each learns from, and threads that gather batches ahead.
+"""Steps of a run: samples of each step, and threads that prefetch batches.
 
-What a step learns from depends on the seed and its number alone, whatever device, threads and processes there are.
+The samples of a step depend on the seed and its number only, for any device, threads and processes.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ..settings import TrainSettings
 from .processes import Processes
 
 AnyCorpus = Corpus | FreshCorpus
-_MOST_AHEAD = 16  # batches that wait for a GPU
-BATCHES = "batches of this size (--batch)"  # what a GPU may have too little memory for
+_MOST_AHEAD = 16  # prefetched batches for a GPU
+BATCHES = "batches of this size (--batch)"  # errors of a GPU with too little memory
 ALONE = Processes()
 
 
 @dataclass(frozen=True, eq=False)
 class StepPlan:
-    """Plan of what each step of a run learns from: `voxels` a step, of which this process takes its share."""
+    """Samples of each step of a run: `voxels` per step, of which this process has its share."""
 
     corpus: AnyCorpus
     settings: TrainSettings
@@ -41,7 +41,7 @@ class StepPlan:
 
     @property
     def share(self) -> float:
-        """Share of a step that is this process's."""
+        """This process's share of a step."""
         own = self.processes.part(self.voxels)
         return (own.stop - own.start) / self.voxels
 
@@ -57,9 +57,9 @@ class StepPlan:
 def batches_ahead(
     plan: StepPlan, first: int, end: int, device: torch.device, threads: int
 ) -> Generator[TensorBatch, None, None]:
-    """Batches of steps `first` to `end`, excluded, on a device; the next ones are gathered meanwhile.
+    """Batches of steps `first` to `end` (exclusive) on a device, prefetched by threads.
 
-    By one thread beside a CPU that learns, by `threads` for a GPU.
+    One thread for training on the CPU, `threads` for a GPU.
     """
     ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
 
@@ -80,14 +80,14 @@ def batches_ahead(
 
 
 def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
-    """Augmentation of the voxels of a step, by seed and step alone."""
+    """Augmentation of the voxels of a step, by seed and step."""
     if not settings.augment:
         return Augmentation.none(voxels)
     return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
-    """Voxels (voxels,) of a step; each epoch runs through all of them in a new order."""
+    """Voxels (voxels,) of a step; each epoch shuffles all voxels."""
     count = len(corpus.tree)
     first = step * voxels
     parts = []

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def torch_threads(count: int) -> Iterator[None]:
-    """Let torch use so many threads inside the operations that this thread asks for; as many as before afterwards."""
+    """Limit torch's threads within operations to a number inside the block."""
     import torch
 
     before = torch.get_num_threads()

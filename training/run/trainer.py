@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training run: batches from all data sets, checkpoints, a log of curves, validation by data set (methods 7.21).
 
-Everything random follows from the seed and the number of the step, so a run that was interrupted continues as if it
-had not been.
+All random numbers follow from the seed and the number of the step, so that a resumed run continues exactly.
 """
 
 from __future__ import annotations
@@ -42,12 +41,11 @@ from .validation import ValidationSet, validate, validation_sets
 
 @dataclass
 class RunOptions:
-    """Options of carrying out a run, which change its result by rounding at most.
+    """Options of a run that change its result by rounding at most.
 
-    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, which torch computes
-    with, or which gather for a GPU; None for one a core. validation: data sets that are not learned from, whose samples
-    are all for validation. notes: entries of the weights' metadata beside data, code and extent. tensorboard: whether
-    curves are written for it, too.
+    device: cpu, cuda, cuda:N, or auto (`patchnet_addon/network/devices.py`). threads: of the CPU, for torch or for
+    gathering batches for a GPU; None for one per core. validation: data sets for validation only. notes: further
+    metadata of the weights. tensorboard: also write curves for TensorBoard.
     """
 
     out: Path
@@ -55,7 +53,7 @@ class RunOptions:
     checkpoint_minutes: float = 5.0
     log_steps: int = 50
     validate_steps: int = 2000
-    stop_after: int | None = None  # end early after this many steps, leaving a checkpoint
+    stop_after: int | None = None  # stop after this many steps with a checkpoint
     notes: dict[str, Any] = field(default_factory=dict)
     device: str = CPU
     threads: int | None = None
@@ -66,9 +64,9 @@ class RunOptions:
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
     """Train on `datasets` and return the weights, the moving mean if there is one.
 
-    Keeps `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out` up to date. A run that is resumed on
-    the same device with as many threads goes on exactly, else within rounding. Of processes that train together
-    (`processes.py`) the first one writes. Raises PatchNetError if the data or the device cannot be used.
+    Updates `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out`. A run that is resumed on the same
+    device with as many threads continues exactly, else within rounding. The first of several processes (`processes.py`)
+    writes. Raises PatchNetError if the data or the device cannot be used.
     """
     device = found_device(options.device)
     threads = usable_cores() if options.threads is None else options.threads
@@ -85,7 +83,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     check_run(options.out, resume=options.resume)
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
-    # Which samples of these octrees: not by their hash, which would take as long to find as they take to read.
+    # Identity of the samples without a hash, which would take as long as reading them.
     run["samples"] = [] if settings.fresh else [_draw_of(dataset) for dataset in datasets]
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
@@ -103,7 +101,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
             with enough_memory(BATCHES), torch_threads(threads):
                 gradients, sums = learner.differentiate(batch, dtype, plan.share)
                 *gradients, sums = processes.sums([*gradients, sums])
-                with interrupts_wait():  # lest a checkpoint be of half a step
+                with interrupts_wait():  # so that checkpoints contain whole steps
                     learner.step(gradients, rate)
             learner.seconds = time.monotonic() - before
             if keeper is not None:
@@ -117,7 +115,7 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
 
 
 def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
-    """What a run learns from, and the held-out parts of it by data set."""
+    """Training data of a run, and its held-out parts by data set."""
     nearby = settings.kind.mixes
     if not settings.fresh:
         return corpus_of(datasets, nearby=nearby)
@@ -125,12 +123,12 @@ def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyC
 
 
 def _draw_of(dataset: Dataset) -> list[Any]:
-    """Numbers that tell one draw of an octree's samples from another."""
+    """Identity of a draw of an octree's samples."""
     return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
 
 
 class _Keeper:
-    """What is kept of a run while it goes on: its log, validations, checkpoints."""
+    """Files of a run in progress: log, validations, checkpoints."""
 
     def __init__(
         self,
@@ -148,7 +146,7 @@ class _Keeper:
         self._saved = time.monotonic()
 
     def keep_step(self, sums: torch.Tensor, rate: float) -> None:
-        """Log a step's errors, from their sums (3,); validate and save where it is time."""
+        """Log a step's errors, from their sums (3,); validate and save at their intervals."""
         learner, options = self._learner, self._options
         self._log.add(mean_errors(sums))
         passes, ends = learner.steps * self._per_step, learner.steps == self._end
@@ -162,20 +160,20 @@ class _Keeper:
             self.save()
 
     def save(self) -> None:
-        """Write the checkpoint, and the weights that the run would end with now."""
+        """Write the checkpoint and the present weights."""
         notes = self._notes | _extent(self._learner, self._per_step)
         save_checkpoint(self._options.out, self._learner, self._run, notes)
         self._saved = time.monotonic()
 
 
 def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
-    """Extent of a run so far, for the metadata of its weights."""
+    """Extent of a run so far, for metadata of weights."""
     minutes = round(learner.seconds / 60, 1)
     return {"steps": learner.steps, "sample_passes": learner.steps * per_step, "minutes": minutes}
 
 
 def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:
-    """Number type of the encoder's products on a device when `share` of the run is done."""
+    """Number type of the encoder's products on a device after `share` of the run."""
     if settings.precision == AUTO:
         return torch.bfloat16 if device == CPU and has_fast_bf16() and share < 0.98 else torch.float32
     return torch.bfloat16 if settings.precision == BF16 else torch.float32
@@ -188,27 +186,27 @@ def has_fast_bf16() -> bool:
 
 
 def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
-    """Write the state of a run and the weights it would end with now, each atomically."""
+    """Write the state of a run and its present weights, each atomically."""
     write_checkpoint(out, run, learner.state())
     save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
 
 
 def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
-    """Write the settings and the learner's state of a run atomically; raises OutputError if that cannot be done."""
+    """Write the settings and the learner's state of a run atomically; raises OutputError."""
     path = out / CHECKPOINT
     try:
         with replaced_path(path, CHECKPOINT_KIND) as beside:
             torch.save({"run": run, "learner": state}, beside)
-    except RuntimeError as cause:  # torch's, of a disk that is full
+    except RuntimeError as cause:  # by torch, for a full disk
         reason = str(cause).splitlines()[0]
         raise OutputError(f"{path} cannot be written ({reason}): choose another folder or make room") from cause
 
 
 def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None:
-    """Go on from a checkpoint; raises PatchNetError if it is damaged, or of another version, other settings or data.
+    """Resume from a checkpoint; raises PatchNetError if it is damaged, or of another version, other settings or data.
 
-    A run may have more passes than before, and the learning rate and warm-up of a longer run: `run` then states the
-    passes that it had, in `extended_from`.
+    A run may have more passes than before, with the learning rate and warm-up of the longer run: `run` then states the
+    earlier passes in `extended_from`.
     """
     try:
         state = torch.load(path, map_location=CPU, weights_only=True)
@@ -222,7 +220,7 @@ def load_checkpoint(path: Path, learner: Resumable, run: dict[str, Any]) -> None
             run |= {"extended_from": earlier} if earlier else {}
     except (RuntimeError, KeyError, ValueError, TypeError, EOFError, pickle.UnpicklingError) as cause:
         raise FileFormatError(
-            f"{path} is damaged, or of another version ({type(cause).__name__}): start the run anew"
+            f"{path} is damaged, or of another version ({type(cause).__name__}): start the run again"
         ) from cause
     if changed:
         raise SettingError(f"{path} was written with other values of {', '.join(changed)}: resume with the same ones")

@@ -33,9 +33,9 @@ _RATIOS = 0.5, 0.625, 0.75, 0.875, 1.0
 def validate(model: PatchNet, sets: Mapping[str, Corpus]) -> dict[str, dict[str, float]]:
     """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
 
-    `constant_coverage` and `constant_luminance` are those of the best constant guess, `voxel_luminance` that of
-    luminance as the voxel shows it, which is what a pixel has without a network. Errors of luminance are over views
-    that see something. Only the first VALIDATION_VOXELS of each count; samples are drawn in random order.
+    `constant_coverage` and `constant_luminance` are those of the best constant guess, `voxel_luminance` that of the
+    voxel's own luminance, which a pixel shows without a network. Errors of luminance are over views with coverage. Only
+    the first VALIDATION_VOXELS of each are used; samples are in random order.
     """
     result = {}
     for name, corpus in sets.items():
@@ -73,7 +73,7 @@ def _mean(values: np.ndarray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ValidationSet:
-    """Voxels to validate on; not_held_out: why errors on them are not those of an unseen scene, empty if they are."""
+    """Voxels for validation; not_held_out: reason why their scene is not held out, or empty."""
 
     corpus: Corpus
     not_held_out: str
@@ -89,15 +89,14 @@ def validation_sets(
 ) -> dict[str, ValidationSet]:
     """Validation sets by name: all of `validation`, then the held-out `parts` of `training` by data set.
 
-    nearby: as `Corpus` says. Raises SettingError for names that are there twice, and for another look-ahead than that
-    of training.
+    nearby: as in `Corpus`. Raises SettingError for duplicate names, and for another look-ahead than that of training.
     """
     check_names(dataset.name for dataset in (*training, *validation))
     sets = {}
     for dataset in validation:
         if dataset.lookahead != lookahead:
             raise SettingError(
-                f"{dataset.name} looks {dataset.lookahead} levels ahead, training {lookahead}: draw it with the same"
+                f"{dataset.name} looks {dataset.lookahead} levels ahead, training {lookahead}: draw it with those"
             )
         sets[dataset.name] = ValidationSet(all_of(dataset, nearby=nearby), why_not_held_out(dataset, training))
     reasons = {dataset.name: why_not_held_out(dataset, training) for dataset in training}
@@ -105,7 +104,7 @@ def validation_sets(
 
 
 def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
-    """All samples of a data set, held out or not; nearby: as `Corpus` says."""
+    """All samples of a data set, held out or not; nearby: as in `Corpus`."""
     samples = dataset.samples
     tree = np.zeros(len(samples.voxel), np.int32)
     return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)
@@ -138,9 +137,9 @@ def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str,
 
 
 def _errors(found: np.ndarray) -> dict[str, float | None]:
-    """Errors of views (5, N), N > 0; luminance counts where something is seen, and is 0 where nothing is.
+    """Errors of views (5, N), N > 0; luminance counts in views with coverage, and is 0 without any.
 
-    The ratios to the voxel's own errors are None where those are 0.
+    Ratios to the voxel's own errors are None if those are 0.
     """
     coverage, luminance, guess, target, own = found.astype(np.float64)
     seen = coverage > 0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Projected area of the union of a voxel's child cubes, for all 256 child masks (methods 3.8).
 
-Seen along a direction, every child cube has the same hexagonal outline, the intersection of three slabs whose edges are
-parallel to the projected axes. So outlines of several children intersect in three slabs again, a polygon whose area has
-a closed form, and the area of the union follows by inclusion and exclusion. Nothing is rasterised: errors are those of
+In parallel projection every child cube has the same hexagonal outline, the intersection of three slabs with edges
+parallel to the projected axes. Outlines of several children intersect in three slabs again, a polygon whose area has a
+closed form, and the area of the union follows by inclusion and exclusion. Without rasterization the errors are those of
 rounding, below 1e-9 of the voxel's side squared while products of a direction's components are above 1e-6.
 """
 

@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
 
-EPSILON = 1e-6  # a window whose luminances sum to less is black
+EPSILON = 1e-6  # windows with a smaller sum of luminance are black
 
 
 def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -27,14 +27,14 @@ def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class WindowDistribution:
-    """Distribution p_i = w_i / sum w of weights over the N pixels of each window that lie in the picture.
+    """Distribution p_i = w_i / sum w of weights over the N pixels of each window inside the picture.
 
-    inside: (H, W, 9) bool, these pixels. count: (H, W), N, their number. mean: (H, W) float64, mean weight.
-    ratio: (H, W, 9) float64, N p_i, the weights over their mean; 1 in windows without weight, which count as uniform,
-    and 0 outside of the picture.
+    inside: (H, W, 9) bool, these pixels. count: (H, W), N, their number. mean: (H, W) float64, mean weight. ratio: (H,
+    W, 9) float64, N p_i, the weights over their mean; 1 in windows without weight, which count as uniform, and 0
+    outside of the picture.
 
-    Contrasts are sums over these ratios and not over p_i: in uniform windows they are exactly 1, so that all of these
-    score exactly 0 and tie, whatever N is.
+    Contrasts are sums over these ratios instead of p_i: in uniform windows they are exactly 1, so that all uniform
+    windows score exactly 0 and tie for any N.
     """
 
     inside: np.ndarray

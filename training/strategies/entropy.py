@@ -16,9 +16,8 @@ _NEAREST = float(np.finfo(np.float32).tiny)  # for a camera in a leaf, whose dis
 
 
 def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
-    """Entropy contrast C = 1 - H / ln N of each window (H, W), H = -sum p ln p; 0 for one pixel, which has no contrast.
-
-    It is 0 in uniform windows and 1 where one pixel has all the weight (equation 7 of methods 3.5).
+    """Entropy contrast C = 1 - H / ln N of each window (H, W), H = -sum p ln p; 0 for a single pixel. It is 0 in
+    uniform windows and 1 where one pixel has all the weight (equation 7 of methods 3.5).
     """
     most = np.log(distribution.count)
     return kullback_leibler(distribution) / np.where(most > 0, most, 1.0)  # (ln N - H) / ln N
@@ -26,14 +25,13 @@ def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
 
 def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
     """Entropy contrast of cos / d^2 of each window, (H, W); d: distance of the hit, cos: |N_V . w| (equations 9, 10).
-
-    Misses are infinitely far and without normal, so their p is 0; a window without hits has no contrast.
+    Misses have p = 0; a window without hits has no contrast.
     """
-    assert buffers.normal is not None  # `needs` says so
+    assert buffers.normal is not None  # required by `needs`
     hits = buffers.hits
     cosine = np.abs(np.einsum("pc,pc->p", buffers.normal.astype(np.float64), hits.direction))
     distance = np.maximum(hits.t_world.astype(np.float64), _NEAREST)
-    # Distances are in units of the scene, so no weight is too small to count.
+    # Distances are in scene units: any small weight counts.
     return entropy_contrast(WindowDistribution.of(buffers.picture(cosine / distance**2), _TINY))
 
 

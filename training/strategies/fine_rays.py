@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finer rays instead of a network: what a pixel's centre, or a 2x2 grid in it, shows with a finer footprint.
+"""Finer rays instead of a network: a pixel's centre ray, or a 2x2 grid of rays, with a finer footprint.
 
-The plainest rivals of a look-ahead at the same number of rays (methods 10): if the network does not beat them, the ray
-that it saves is worth more than it.
+The simplest rivals of a look-ahead with the same number of rays (methods 10): a network has to beat them to be worth
+its cost.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Seen = Callable[[PixelBuffers], np.ndarray]
 
 
 def _strategy(name: str, title: str, words: str, need: str, seen: Seen, rays: int) -> Strategy:
-    """Strategy of the difference to what so many finer rays have `seen`, of the part `need` of a view."""
+    """Strategy by the difference to the luminance `seen` of so many finer rays, of the part `need` of a view."""
     return Strategy(
         name=name,
         title=title,
@@ -33,13 +33,13 @@ def _strategy(name: str, title: str, words: str, need: str, seen: Seen, rays: in
 
 
 def _one(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.fine is not None  # `needs` says so
+    assert buffers.fine is not None  # required by `needs`
     return buffers.fine
 
 
 def _mean_of_four(buffers: PixelBuffers) -> np.ndarray:
     assert buffers.fine_rays is not None
-    first, second, third, fourth = buffers.fine_rays.T  # NumPy's mean takes several times as long over so short an axis
+    first, second, third, fourth = buffers.fine_rays.T  # faster than NumPy's mean over a short axis
     mean: np.ndarray = ((first + second) + (third + fourth)) * np.float32(0.25)
     return mean
 

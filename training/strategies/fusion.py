@@ -10,7 +10,7 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.strategy import Strategy
 from . import fine_rays
 
-SHARE = 0.25  # of the variance of 3x3 pixels that stands for the pixel's own
+SHARE = 0.25  # share of the variance of 3x3 pixels that estimates the pixel's own
 
 
 def with_variance(strategy: Strategy, name: str, title: str) -> Strategy:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Error estimators to measure beside others: without what the network says, trained alike, and in stages (methods 12.4,
+"""Ablations of the error estimator: without the network's prediction, with the same training, and staged (methods 12.4,
 12.5).
 """
 

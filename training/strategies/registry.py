@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies for research by name: those of the panel, of the literature, and rivals that trace finer rays."""
+"""Research strategies by name: those of the panel, of the literature, and rivals with finer rays."""
 
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
@@ -10,4 +10,4 @@ _MODULES = fusion, plain_plus, fine_rays, ss_variance_hits, mitchell, entropy, d
 EVALUATED: dict[str, Strategy] = STRATEGIES | {each.name: each for module in _MODULES for each in module.STRATEGIES}
 
 STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
-"""Names of those that rank anew for each budget."""
+"""Names of staged strategies, which rank separately for each budget."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Variance of the 1-sample picture in a 3x3 window, of pixels that met something alone (methods 3.3, 7.24).
+"""Variance of the 1-sample picture in a 3x3 window, for pixels with a hit only (methods 3.3, 7.24).
 
-Network and look-up table know nothing of pixels whose ray met nothing. This is the screen-space variance with the same
-blindness, to tell what such pixels are worth.
+Network and look-up table cannot rank pixels without a hit. This screen-space variance has the same limitation, which
+shows the value of such pixels.
 """
 
 import numpy as np

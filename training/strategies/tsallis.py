@@ -10,7 +10,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from .distribution import WindowDistribution, contrast_strategy
 from .entropy import entropy_contrast
 
-INDICES = (0.5, 1.5, 2.0, 3.0)  # the paper's own index is not known, so these are compared
+INDICES = (0.5, 1.5, 2.0, 3.0)  # the paper does not state its index
 
 
 def tsallis_contrast(distribution: WindowDistribution, q: float) -> np.ndarray:

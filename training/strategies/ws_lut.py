@@ -41,28 +41,28 @@ def child_errors(directions: np.ndarray) -> np.ndarray:
 def child_error_table() -> np.ndarray:
     """Coefficients (256, 9) float64 of `child_errors` in real harmonics up to degree 2, by least squares.
 
-    Fitted over 4096 directions, the first time that it is asked for.
+    Fitted over 4096 directions at the first call.
     """
     directions = fibonacci_directions(DIRECTIONS)
     table = np.linalg.lstsq(real_harmonics(directions, DEGREE), child_errors(directions).T, rcond=None)[0].T
-    table.flags.writeable = False  # all callers share it
+    table.flags.writeable = False  # shared by all callers
     return table
 
 
 def _table_score(buffers: PixelBuffers) -> np.ndarray:
     """e = max(0, c . Y(w)) of the hit voxel's child mask; 0 for leaves and misses, whose mask is 0."""
-    assert buffers.child_mask is not None  # `needs` says so
+    assert buffers.child_mask is not None  # required by `needs`
     harmonics = real_harmonics(buffers.hits.direction.astype(np.float64), DEGREE)
     return np.maximum(np.einsum("pk,pk->p", child_error_table()[buffers.child_mask], harmonics), 0.0)
 
 
 def _coverage_score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.exact_1 is not None  # `needs` says so
+    assert buffers.exact_1 is not None  # required by `needs`
     return np.where(buffers.hit, 1.0 - buffers.exact_1.coverage, 0.0)
 
 
 def _luminance_score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.exact_1 is not None  # `needs` says so
+    assert buffers.exact_1 is not None  # required by `needs`
     return coverage_and_luminance_score(buffers, buffers.exact_1)
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures 2 and 4 of the paper, drawn from our own scenes."""
+"""Figures 2 and 4 of the paper, with other scenes."""

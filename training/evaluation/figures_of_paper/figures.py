@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures 2 and 4 of the paper: which scenes, which views, and the files of each."""
+"""Figures 2 and 4 of the paper: scenes, views, and files."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def figure_files(figure: str) -> dict[str, FileKind]:
 
 
 def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPLIT_PX) -> Steps[list[Path]]:
-    """Make the figure of the shuttle from its octree file; returns its files.
+    """Draw the figure of the shuttle from its octree file; returns its files.
 
-    weights: file of the network, None for that which is shipped.
+    weights: file of the network, None for the shipped one.
     """
     network = load_weights(weights)
     coded = yield from coded_octree(octree, network)
@@ -47,10 +47,10 @@ def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPL
 
 
 def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) -> Steps[list[Path]]:
-    """Make the figure of the table from its octree file; returns its files.
+    """Draw the figure of the table from its octree file; returns its files.
 
     named: names and weights files of networks whose scores are shown beside the exact ones. Raises SettingError if two
-    of them look equally far ahead.
+    of them have the same look-ahead.
     """
     networks = {name: load_weights(path) for name, path in named}
     check_look_aheads(list(networks.values()))
@@ -73,7 +73,7 @@ def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) 
 
 
 def check_look_aheads(networks: Sequence[Weights]) -> None:
-    """Raise SettingError if two networks look equally far ahead: the figure has one column for each look-ahead."""
+    """Raise SettingError if two networks have the same look-ahead: the figure has one column for each."""
     levels = [network.lookahead for network in networks]
     for each in levels:
         if levels.count(each) > 1:
@@ -81,7 +81,7 @@ def check_look_aheads(networks: Sequence[Weights]) -> None:
 
 
 def _title(scene: Scene) -> str:
-    """Title with the credit that the scene's licence asks for."""
+    """Title with credits as the scene's licence requires."""
     return f"{scene.title} ({scene.source}, {scene.licence})"
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One object from several distances, its true error and what each look-ahead expects of it (Fig. 4 of the paper).
+"""One object from several distances: its true error and the prediction of each look-ahead (Fig. 4 of the paper).
 
-The object is a table of San Miguel under its bright cloth. Its dark wood lies one centimetre below the cloth.
+The object is a table of San Miguel. Its dark wood is one centimetre below a bright cloth.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BOX_WORLD = np.array([[11.705, -8.33, 0.488], [13.325, -6.71, 0.699]])
-"""Box of the table's cloth, an object `Tela Mesa A` of the file."""
+"""Bounding box of the cloth, object `Tela Mesa A` of the file."""
 NEAREST_WORLD = 2.0  # from the middle of the cloth: rays then stop in voxels of 2.66 cm, the cube's side / 2^11
 DISTANCES = (1.0, 2.0**0.5, 2.0, 2.0**1.5, 4.0)  # times NEAREST_WORLD
 SHOWN = (1.0, 2.0, 4.0)  # of DISTANCES
-AZIMUTHS = (70.0, 90.0, 110.0)  # degrees; the middle one is shown, errors are of all
+AZIMUTHS = (70.0, 90.0, 110.0)  # degrees; the middle one is shown, errors are pooled over all
 ELEVATION = 40.0
-SIZE_PX = 130  # of the nearest picture; all pictures have pixels of the same angle, and show the table alone
-# What stands on tables, which would hide the cloths.
+SIZE_PX = 130  # of the nearest picture; all pictures have pixels of the same angle, and show only the table
+# Objects on tables, which would hide the cloths.
 _TABLEWARE = (
     "cenicero", "copas", "cromo", "cubiertos", "individual", "pimienta", "plato a", "sal", "vela", "vidriosalero",
 )  # fmt: skip
@@ -48,7 +48,7 @@ _PIXEL = 2.0 * np.tan(_FIT_FOV / 2) / SIZE_PX  # side of a pixel at distance 1
 EXACT = ("patchnet-behind-exact", "patchnet-exact")  # the first is shown: its score is a luminance error
 NETWORK = ("patchnet-behind", "patchnet")
 PLAIN = ("ss-variance", "optimal")
-_QUANTILE = 0.995  # of the errors that are shown: where the colours end
+_QUANTILE = 0.995  # of the shown errors: end of the color scale
 _COLORS = {1: GREEN, 2: BLUE, 3: PURPLE}
 _PANEL = 1.75  # inches
 _PICTURES = 3  # beside the scores: preview, reference, error
@@ -74,7 +74,7 @@ def _position(distance: float, azimuth: float) -> np.ndarray:
 
 
 def _views() -> tuple[tuple[float, ...], ...]:
-    """Positions and targets of the cameras, rounded to a tenth of a millimetre as they are said in a command."""
+    """Positions and targets of the cameras, rounded to 0.1 mm for the command line."""
     target = _middle()
     cameras = [_position(distance, azimuth) for distance in DISTANCES for azimuth in AZIMUTHS]
     return tuple(tuple(float(value) for value in np.round([*position, *target], 4)) for position in cameras)
@@ -97,9 +97,9 @@ SCENE = replace(
 class DistanceView:
     """View from one distance.
 
-    scores: (P,) by strategy, those of EXACT and NETWORK with the number of levels that they look ahead behind a space.
-    region: (P,) bool, pixels whose ray stops in the box that matters, or within a voxel of it. look_ahead: share of
-    hits with real descendants so many levels down. voxel_world: side of the voxels that rays stop in, the median.
+    scores: (P,) by strategy, those of EXACT and NETWORK with their levels of look-ahead after a space. region: (P,)
+    bool, pixels whose ray stops in the box of interest, or within a voxel of it. look_ahead: share of hits with real
+    descendants by levels. voxel_world: median side of the voxels that rays stop in.
     """
 
     camera: Camera
@@ -126,7 +126,7 @@ def distance_view(
 ) -> Steps[DistanceView]:
     """Trace a view with all look-aheads.
 
-    box_world: (2, 3) corners of what matters. coded: octrees with the codes of networks that are shown as well.
+    box_world: (2, 3) corners of the box of interest. coded: octrees with the codes of further networks.
     """
     plain = [EVALUATED[name] for name in PLAIN]
     buffers = yield from trace_view(octree, camera, plain)
@@ -161,7 +161,7 @@ def _add_scores(
     steps: Steps[PixelBuffers],
     lookahead: int,
 ) -> Steps[None]:
-    """Score a view of another look-ahead; what a pixel shows is the same, so its reference is not rendered again."""
+    """Score a view of another look-ahead; its pixels and reference are the same, so they are not rendered again."""
     buffers = replace((yield from steps), reference=seen.reference)
     for name in names:
         scores[named(name, lookahead)] = EVALUATED[name].scores(buffers)
@@ -170,7 +170,7 @@ def _add_scores(
 def pooled_values(views: Sequence[DistanceView]) -> dict[str, Any]:
     """Figures of the views from one distance as plain JSON values, errors pooled over all of them.
 
-    region: of the pixels of the region, whose budget is spent there alone. picture: of all active pixels.
+    region: of the pixels of the region, where the whole budget is spent. picture: of all active pixels.
     """
     hits = [int(np.count_nonzero(view.buffers.hit)) for view in views]
     return {
@@ -186,7 +186,7 @@ def pooled_values(views: Sequence[DistanceView]) -> dict[str, Any]:
 
 
 def _distance(view: DistanceView) -> float:
-    """Middle distance of the region along the line of sight, or else of what is hit, world units."""
+    """Median distance of the region, or else of all hits, along the viewing direction, in world units."""
     seen = view.region if view.region.any() else view.buffers.hit
     return float(np.median(view.buffers.hits.z_world[seen])) if seen.any() else float("nan")
 
@@ -209,7 +209,7 @@ def _errors(views: Sequence[DistanceView], masks: Sequence[np.ndarray]) -> dict[
 
 
 def _left(views: Sequence[DistanceView], masks: Sequence[np.ndarray], name: str, budget: float) -> float:
-    """Sum over views of the squared error that a budget leaves within the masks."""
+    """Sum over views of the remaining squared error after a budget within the masks."""
     total = 0.0
     for view, mask in zip(views, masks, strict=True):
         order = refinement_order(view.buffers, view.scores[name])
@@ -225,11 +225,10 @@ def draw_look_ahead(
     name: str,
     title: str,
 ) -> list[Path]:
-    """Draw a row for each shown view, nearest first, and the share of the error that is found over the distance.
+    """Draw a row for each shown view, nearest first, and the found share of the error over distance.
 
-    Scores of networks stand in a row of their own below the exact ones of the same look-ahead. values: those of
-    `pooled_values` for all distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one
-    cannot be written.
+    Scores of networks form a row below the exact ones of the same look-ahead. values: of `pooled_values` for all
+    distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -275,7 +274,7 @@ def _draw_pictures(row: Sequence[Axes], view: DistanceView, found: Mapping[str, 
 def _draw_scores(
     row: Sequence[Axes], names: Sequence[str], view: DistanceView, found: Mapping[str, Any], largest: float
 ) -> None:
-    """Scores with what they find; nothing for a look-ahead that no network has."""
+    """Scores with their found shares; empty for a look-ahead without a network."""
     for axes, name in zip(row, names, strict=True):
         if name not in view.scores:
             axes.set_axis_off()
@@ -288,7 +287,7 @@ def _draw_scores(
 
 
 def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, title: str) -> None:
-    """Share of the squared error that is found over the distance, a line for each strategy."""
+    """Found share of the squared error over distance, a line per strategy."""
     distances = [each["distance"] for each in values]
 
     def draw(name: str, label: str, style: str, color: str) -> None:

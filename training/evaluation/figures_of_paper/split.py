@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Split rendering of one view and what strategies refine of it first (Fig. 2 of the paper)."""
+"""Split rendering of one view and the first refined pixels of strategies (Fig. 2 of the paper)."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-APPROACHES = 5  # as many as a camera track of an evaluation has
+APPROACHES = 5  # as in a camera track of an evaluation
 _FRAMES = 200  # of each
-_SIDE = 8  # rays of the pictures that tell which is most wrong
+_SIDE = 8  # rays of the pictures that select the view
 _LABEL = "Looking for a viewpoint"
 PATTERNS = ("patchnet", "patchnet-behind", "ss-variance", "ws-lut", "fine-ray", "optimal")
-OURS, OTHER = "patchnet-behind", "ss-variance"  # whose refined pictures are shown beside each other
+OURS, OTHER = "patchnet-behind", "ss-variance"  # strategies of the refined pictures
 PREVIEW, REFERENCE = "preview", "reference"
 _CROPS = 10  # crops in the height of the picture
 _MARGIN_PX = 8  # around what is hit
@@ -49,10 +49,10 @@ _WIDE = 0.5  # of it for the stripes, the rest for crops
 def hardest_end(
     octree: Octree, size_px: tuple[int, int], *, lookahead: int = DEFAULT_LOOKAHEAD, seed: int = 0
 ) -> Steps[Camera]:
-    """Camera at the end of one of five approaches, as near as there is look-ahead on 95 % of hits.
+    """Camera at the end of one of five approaches, as near as 95 % of hits have look-ahead.
 
-    The squared error of the preview, summed over the picture, is the largest there, against 8 x 8 rays a pixel. Raises
-    SceneError if nothing is seen from far.
+    The one with the largest squared error of the preview, against 8 x 8 rays per pixel. Raises SceneError if nothing is
+    visible.
     """
     yield Progress(0, APPROACHES, _LABEL)
     approaches = Approaches(Surroundings(octree, size_px, lookahead), np.random.default_rng(seed))
@@ -80,12 +80,12 @@ class SplitView:
 
     @property
     def bounds(self) -> tuple[slice, slice]:
-        """Rows and columns of what is hit, with a margin; the whole picture without a hit."""
+        """Rows and columns of all hits, with a margin; the whole picture without a hit."""
         hit = self.buffers.picture(self.buffers.hit)
         return _bounds(hit.any(axis=1)), _bounds(hit.any(axis=0))
 
     def stripes(self) -> np.ndarray:
-        """Stripes (h, w, 3) of `pictures` beside each other, within `bounds`; each goes on where the last one ends."""
+        """Adjacent stripes (h, w, 3) of `pictures` within `bounds`; together they show the whole view."""
         rows, columns = self.bounds
         shown = [picture[rows, columns] for picture in self.pictures.values()]
         width = shown[0].shape[1]
@@ -114,7 +114,7 @@ class SplitView:
 
 
 def found_share(before: float, after: float) -> float:
-    """Share of the squared error that a budget removes; 1 where there was none."""
+    """Share of the squared error that a budget removes; 1 without error."""
     return 1.0 - after / before if before > 0 else 1.0
 
 
@@ -202,7 +202,7 @@ def _draw_crops(figure: SubFigure, view: SplitView) -> None:
 
 
 def _draw_patterns(figure: Figure | SubFigure, view: SplitView) -> None:
-    """Refinement patterns, and how much of the squared error each finds."""
+    """Refinement patterns, and their found shares of the squared error."""
     for axes, (name, ranking) in zip(figure.subplots(2, 3).flat, view.rankings.items(), strict=True):
         title = f"{name}: {found_share(*ranking.mse):.0%} of the squared error found"
         show_picture(axes, pattern(ranking)[view.bounds], title, interpolation="antialiased")

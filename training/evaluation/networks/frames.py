@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames that map networks learn from, and what they see of them (methods 3.9-3.11).
+"""Training frames of map networks, and their input planes (methods 3.9-3.11).
 
-Scale of the planes (C, H, W) that a network may see of a pixel's centre ray, the same for all octrees: luminance is
-linear, in [0, 1]; distances are in sides of the octree's cube; levels are shares of the deepest that there may be;
-ratios are as they are, in [1/2, 1]; child counts are eighths. Normals stand in the frame of the pixel's own ray (right,
-up, towards the viewer; methods 7.14), so that nothing depends on where north is, and are turned to the viewer, since
-surfaces here have two sides. A miss has the background's luminance, and 0 in every other plane.
+Units of the planes (C, H, W) of a pixel's centre ray, the same for all octrees: luminance is linear, in [0, 1];
+distances are in sides of the octree's cube; levels are shares of the maximum level; ratios are in [1/2, 1]; child
+counts are eighths. Normals are in the frame of the pixel's ray (right, up, towards the viewer; methods 7.14), so that
+planes are independent of the heading, and face the viewer, since surfaces have two sides. A miss has the background's
+luminance, and 0 in every other plane.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ _INPUTS = Strategy(
 
 
 def gbuffer(buffers: PixelBuffers) -> np.ndarray:
-    """Planes (9, H, W) float32 of a view, in the order of PLANES; the view must have what NEEDS names."""
-    assert buffers.child_mask is not None and buffers.cube_side_world is not None  # NEEDS says so
+    """Planes (9, H, W) float32 of a view, in the order of PLANES; the view must have everything in NEEDS."""
+    assert buffers.child_mask is not None and buffers.cube_side_world is not None  # required by NEEDS
     hits, hit = buffers.hits, buffers.hit
     planes = np.zeros((len(PLANES), len(hit)), np.float32)
     planes[LUMINANCE] = buffers.preview
@@ -58,7 +58,7 @@ def gbuffer(buffers: PixelBuffers) -> np.ndarray:
 
 
 def _normals(buffers: PixelBuffers) -> np.ndarray:
-    """Normals (3, P) in the frames of the rays, turned to the viewer."""
+    """Normals (3, P) in the frames of the rays, facing the viewer."""
     assert buffers.normal is not None
     forward, up = buffers.hits.direction, buffers.hits.up
     axes = np.stack([np.cross(forward, up), up, -forward])  # (3, P, 3)
@@ -80,7 +80,7 @@ class RenderedFrame:
 
     @classmethod
     def load(cls, path: Path, key: str) -> Self | None:
-        """Frame of a file, mapped into memory; None if it is not there, damaged, or has another key."""
+        """Frame of a file, mapped into memory; None if it is missing, damaged, or has another key."""
         try:
             arrays, metadata = read_arrays(path, KIND)
         except FileFormatError:
@@ -88,18 +88,18 @@ class RenderedFrame:
         return cls(**arrays) if metadata.get("key") == key else None
 
     def save(self, path: Path, key: str) -> None:
-        """Write the frame; key: of everything that it depends on."""
+        """Write the frame; key: hash of all dependencies."""
         write_arrays(path, {"planes": self.planes, "pictures": self.pictures, "fine": self.fine}, {"key": key}, KIND)
 
 
 def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:
-    """Render what the networks learn from."""
+    """Render the pictures and planes of a frame."""
     buffers = yield from trace_view(octree, camera, [_INPUTS], reference=False)
     planes = gbuffer(buffers)
     pictures = [planes[LUMINANCE]]
     for side in SIDES[1:]:
         pictures.append(buffers.picture((yield from supersample(octree, camera, side))))
-    # The same rays as those of the reference, kept by parts of the pixels: a part's eighth is a pixel's 32nd.
+    # The rays of the reference, grouped by parts of pixels: 1/8 of a part is 1/32 of a pixel.
     larger = camera.with_size(SUBPIXELS * camera.width_px, SUBPIXELS * camera.height_px)
     fine = (yield from supersample(octree, larger, _PART_SIDE)).reshape(larger.height_px, larger.width_px)
     return RenderedFrame(planes, np.stack(pictures), fine)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """KKR18: sampling-map network of Kuznetsov, Kalantari and Ramamoorthi, retrained without a denoiser (methods 3.10).
 
-"Deep Adaptive Sampling for Low Sample Count Rendering", 2018. Theirs: the U-Net, its inputs and their logarithms, the
-map as an exponential with four samples in the mean, the gradient of a picture by its samples, (I_inf - I_s) / s, the
-two terms of the loss, Adam at 1e-4 in batches of 6. Ours: the loss is that of the sampled picture itself, since no
-denoiser follows; the pictures that the renderer simulator has stored are regular grids of 1, 4, 16 and 64 rays in each
-pixel, complete each, between which it interpolates; colour and albedo are gray luminance, shadow is 1; depth is in
-hundredths of the octree's side, where theirs were units of their scenes; crops.
+"Deep Adaptive Sampling for Low Sample Count Rendering", 2018. As in the paper: the U-Net, its inputs and their
+logarithms, the map as an exponential with four samples in the mean, the gradient of a picture by its samples, (I_inf -
+I_s) / s, the two terms of the loss, Adam at 1e-4 in batches of 6. Different: the loss is that of the sampled picture
+itself, since no denoiser follows; the stored pictures of the renderer simulator are complete regular grids of 1, 4, 16
+and 64 rays in each pixel, between which it interpolates; color and albedo are gray luminance, shadow is 1; depth is in
+hundredths of the octree's side instead of scene units; training uses crops.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def kuznetsov_planes(planes: np.ndarray) -> np.ndarray:
 
 
 def sampling_map(output: Tensor) -> Tensor:
-    """Samples a pixel (B, H, W), continuous, of the network's output (B, H, W).
+    """Samples per pixel (B, H, W), continuous, of the network's output (B, H, W).
 
-    Their exponential, multiplied so that max(1, round(samples)) is 4 in the mean of each picture.
+    The paper's exponential, scaled so that the mean of max(1, round(samples)) is 4 in each picture.
     """
     flat = output.flatten(1)
     samples = (_MEAN * flat.shape[1] * torch.softmax(flat, dim=1)).view_as(output)

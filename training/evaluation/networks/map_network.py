@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Map network: what trainer, weights file and strategy have to know of a network that scores pixels."""
+"""Map network: interface of a network that scores pixels, for trainer, weights file and strategy."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class MapBatch:
 
 @dataclass(frozen=True, eq=False)
 class MapNetwork:
-    """Network that maps the G-buffer of a view to a score per pixel, and how it learns.
+    """Network that maps the G-buffer of a view to a score per pixel, and its training.
 
-    name: as on the command line. strategy, title, description, quantity, maximum: of the strategy that it becomes.
-    planes: G-buffer (9, H, W) to input (C, H, W). build: a new network with random weights.
-    scores: network and input (B, C, H, W) to scores (B, H, W), with gradients where torch records them.
-    loss: network and batch to a number. batch, crop: crops a step, and pixels along a crop's side, by default.
+    name: on the command line. strategy, title, description, quantity, maximum: of its strategy. planes: G-buffer (9, H,
+    W) to input (C, H, W). build: a new network with random weights. scores: network and input (B, C, H, W) to scores
+    (B, H, W), differentiable by torch. loss: network and batch to a number. batch, crop: default crops per step, and
+    side of a crop in pixels.
     """
 
     name: str

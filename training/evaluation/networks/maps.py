@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of map networks, and the strategies that they make (methods 3.9-3.11); torch is imported when one is made."""
+"""Files of map networks, and their strategies (methods 3.9-3.11); imports torch only for a strategy."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ _KINDS = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)
 
 
 def save_map(path: Path, network: str, weights: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
-    """Write the weights of the network called `network`, and how they were made; raises OutputError."""
+    """Write the weights of the network called `network`, and notes on its training; raises OutputError."""
     write_arrays(path, weights, dict(notes) | {"network": network}, KIND)
 
 
 def read_map(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Weights by name, and how they were made; raises WeightsFileError for a file that is missing, foreign, damaged."""
+    """Weights by name, and notes on their training; raises WeightsFileError."""
     return read_arrays(path, KIND, WeightsFileError)
 
 
 def map_hash(path: Path) -> str:
-    """Hash (32 hex digits) of a file's weights, for keys of what depends on them; raises as `read_map`."""
+    """Hash (32 hex digits) of a file's weights; raises as `read_map`."""
     return content_hash(read_map(path)[0])
 
 
@@ -57,15 +57,15 @@ def map_networks() -> dict[str, MapNetwork]:
 
 
 def check_map_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> None:
-    """Check that a run can begin in `out`, or go on there; raises as `check_run`."""
+    """Check that a run can start or resume in `out`; raises as `check_run`."""
     check_run(out, inputs, resume=resume, kinds=_KINDS)
 
 
 def map_strategy(path: Path) -> Strategy:
-    """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file that `patchnet lab train-maps` has written.
+    """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file of `patchnet lab train-maps`.
 
-    Raises PatchNetError without torch, and WeightsFileError for a file that is missing, foreign, damaged, or of other
-    networks than those of this version.
+    Raises PatchNetError without torch, and WeightsFileError for a file that is missing, damaged, or of another network
+    or version.
     """
     try:
         import torch
@@ -97,13 +97,13 @@ def map_strategy(path: Path) -> Strategy:
 
 
 def _fill(model: torch.nn.Module, weights: dict[str, Any], path: Path) -> None:
-    """Give a network its weights; raises WeightsFileError unless they are exactly its own, and finite."""
+    """Load weights into a network; raises WeightsFileError unless they match its layers and are finite."""
     import torch
 
     if not all(np.isfinite(value).all() for value in weights.values()):
-        raise WeightsFileError(f"{path} has weights that are not finite: train it anew, at a lower rate")
+        raise WeightsFileError(f"{path} has weights that are not finite: train it again at a lower --rate")
     try:
         model.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
     except RuntimeError as cause:
-        raise WeightsFileError(f"{path} has weights of other layers than its network: train it anew") from cause
+        raise WeightsFileError(f"{path} does not match the layers of its network: train it again") from cause
     model.eval()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training of map networks on rendered frames: checkpoints, a log of the loss, weights (methods 3.9-3.11).
 
-What is the papers' and what is ours stands with each network. Everything random follows from the seed and the number of
-the step, so a run that was interrupted continues as if it had not been: to the bit with one thread of torch, and up to
-the order in which threads' partial sums are added with several.
+The module of each network lists its differences from its paper. All random numbers follow from the seed and the number
+of the step, so that a resumed run continues exactly with one thread of torch, and up to the order of partial sums with
+several.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _NETWORKS = map_networks()
 def batch_of_crops(
     frames: Sequence[RenderedFrame], network: MapNetwork, *, batch: int, crop: int, seed: int, step: int
 ) -> MapBatch:
-    """Draw `batch` crops of at most crop x crop pixels around active pixels of frames that are drawn evenly.
+    """Draw `batch` crops of at most crop x crop pixels around active pixels of uniformly drawn frames.
 
-    Frames are of one size. Pixels that nothing is near of are not worth learning from: they are never refined.
+    Frames are of one size. Inactive pixels, far from any surface, are never refined and not used as centers.
     """
     rng = np.random.default_rng([seed, step])
     planes, pictures, fine = [], [], []
@@ -53,7 +53,7 @@ def batch_of_crops(
 
 
 def _corner(hit: np.ndarray, crop: int, rng: np.random.Generator) -> tuple[slice, slice]:
-    """Rows and columns of a crop in the middle of which an active pixel is, as far as the borders let it."""
+    """Rows and columns of a crop centered at an active pixel, within the picture."""
     active = np.flatnonzero(active_pixels(hit))
     middle = rng.choice(active) if len(active) else rng.integers(hit.size)
     found = []
@@ -69,10 +69,10 @@ def _parts(pixels: slice) -> slice:
 
 @dataclass(frozen=True)
 class MapSettings:
-    """Settings that decide the result of a training run.
+    """Settings that determine the result of a training run.
 
-    network: its name. steps: of Adam. batch, crop: crops a step, and pixels along a crop's side; 0 for the network's
-    own. rate: learning rate, the papers' by default.
+    network: its name. steps: of Adam. batch, crop: crops per step, and side of a crop in pixels; 0 for the network's
+    defaults. rate: learning rate, by default the papers'.
     """
 
     network: str
@@ -84,7 +84,7 @@ class MapSettings:
 
     def __post_init__(self) -> None:
         if self.network not in _NETWORKS:
-            raise SettingError(f"There is no network {self.network!r}: choose one of {', '.join(_NETWORKS)}")
+            raise SettingError(f"Unknown network {self.network!r}: choose one of {', '.join(_NETWORKS)}")
         bounds.STOP_AFTER.check(self.steps)
         bounds.LEARNING_RATE.check(self.rate)
         bounds.SEED.check(self.seed)
@@ -107,7 +107,7 @@ class MapLearner(Resumable):
         super().__init__(model=self.model, optimizer=self.optimizer)
 
     def step(self, batch: MapBatch) -> torch.Tensor:
-        """Take one step; returns the loss of the batch before it, which is not looked at here."""
+        """Take one step; returns the loss of the batch before it, without synchronization."""
         there = MapBatch(*(values.to(self.device) for values in (batch.planes, batch.pictures, batch.fine)))
         loss = self.network.loss(self.model, there)
         self.optimizer.zero_grad()
@@ -118,11 +118,11 @@ class MapLearner(Resumable):
 
 
 def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings, options: RunOptions) -> Steps[Path]:
-    """Train a map network on frames of one size, and return the file of its weights.
+    """Train a map network on frames of one size, and return the path of its weights.
 
-    key: of the frames, so that a run is not resumed on others. Keeps `checkpoint.pt`, `sampling_map.safetensors` and
-    `log.jsonl` in `options.out` up to date. Raises PatchNetError without frames or if the loss is no number any more,
-    and as `check_map_run` and `load_checkpoint`.
+    key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
+    `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is NaN, and as `check_map_run` and
+    `load_checkpoint`.
     """
     if not frames:
         raise PatchNetError("There is nothing to train on: name at least one octree")
@@ -131,7 +131,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     with enough_memory("training"):
         learner = MapLearner(settings, found_device(options.device))
     run = asdict(settings) | {"frames": key}
-    del run["steps"]  # the rate is constant, so that a run may go on for longer than was planned
+    del run["steps"]  # the rate is constant, so that a run can be extended
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
     log = Log(options.out / LOG, learner.steps)
@@ -143,7 +143,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
             crops = batch_of_crops(
                 frames, learner.network, batch=batch, crop=crop, seed=settings.seed, step=learner.steps
             )
-            # Interrupts wait, lest a checkpoint be of half a step.
+            # Interrupts wait, so that checkpoints contain whole steps.
             with enough_memory("batches of this size (--batch)"), interrupts_wait():
                 log.add(learner.step(crops))
             learner.seconds = time.monotonic() - before
@@ -153,17 +153,17 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
-    except (KeyboardInterrupt, GeneratorExit):  # stopped by the user, to go on another time
+    except (KeyboardInterrupt, GeneratorExit):  # stopped by the user, to be resumed
         _save(learner, run, options, len(frames))
         raise
     return _save(learner, run, options, len(frames))
 
 
 def _log_mean(log: Log, learner: MapLearner) -> None:
-    """Write the mean loss since the last time; raises PatchNetError if it is no number."""
+    """Write the mean loss since the last time; raises PatchNetError if it is NaN."""
     (mean,) = log.means()
     if mean != mean:
-        raise PatchNetError(f"The loss is no number after {learner.steps} steps: train anew with a lower --rate")
+        raise PatchNetError(f"The loss is NaN after {learner.steps} steps: train again with a lower --rate")
     log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
 
 

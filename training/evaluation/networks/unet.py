@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SS-UNet: U-Net that learns the pixel's error itself from all that the screen shows (methods 3.11).
+"""SS-UNet: U-Net that predicts the pixel's error from all screen-space features (methods 3.11).
 
-No paper's: added for fairness, as the strongest rival that has no more rays than ours and may learn. The U-Net is that
-of KKR18 (methods 3.10); the loss is the squared difference to |L1 - L32|.
+Not from a paper: added for fairness, as the strongest trained rival without further rays. The U-Net is that of KKR18
+(methods 3.10); the loss is the squared difference to |L1 - L32|.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class UNet(nn.Module):
         before = (inputs, *_WIDTHS[:-1])
         self.encoder = nn.ModuleList(_Pair(a, b, b) for a, b in zip(before, _WIDTHS, strict=True))
         self.middle = _Pair(_WIDTHS[-1], _WIDTHS[-1], _WIDTHS[-1])
-        # The coarser picture comes with as many features as the one of the encoder that is put beside it.
+        # Both concatenated inputs have the same number of features.
         after = [(width, width) for width in _WIDTHS[-2::-1]] + [_LAST]
         self.decoder = nn.ModuleList(_Pair(2 * width, *pair) for width, pair in zip(_WIDTHS[::-1], after, strict=True))
         self.output = nn.Conv2d(_LAST[-1], 1, 3, padding=1)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """WITW20: importance network of Weiss, Isik, Thies and Westermann, retrained (methods 3.9).
 
-"Learning Adaptive Sampling and Reconstruction for Volume Visualization", 2020. Theirs: the network, its input and
-padding, softplus, normalisation of the map to a mean, smooth sampling against a low-discrepancy pattern, pull-push
-inpainting, the loss on the map's mean, Adam at 1e-4 in batches of 16. Ours: the picture is inpainted luminance alone,
-without their reconstruction network, and the loss its L1 distance; pattern of thresholds by the plastic number; crops.
-The planes of the previous frame are left out: without temporal coherence they are 0, and their 2,880 weights idle.
+"Learning Adaptive Sampling and Reconstruction for Volume Visualization", 2020. As in the paper: the network, its input
+and padding, softplus, normalisation of the map to a mean, smooth sampling against a low-discrepancy pattern, pull-push
+inpainting, the loss on the map's mean, Adam at 1e-4 in batches of 16. Different: the picture is only inpainted
+luminance, without the reconstruction network, and the loss its L1 distance; the pattern of thresholds uses the plastic
+number; training uses crops. The planes of the previous frame are omitted: without temporal coherence they are 0, and
+their 2,880 weights unused.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ def normalised(importance: Tensor) -> Tensor:
 
 
 def pattern(height: int, width: int) -> Tensor:
-    """Thresholds (height, width) in [0, 1) whose every part is even: additive recurrence of the plastic number."""
+    """Evenly distributed thresholds (height, width) in [0, 1): additive recurrence of the plastic number."""
     rows, columns = torch.arange(height, dtype=torch.float64), torch.arange(width, dtype=torch.float64)
     return ((rows[:, None] / _PLASTIC**2 + columns / _PLASTIC) % 1.0).float()
 
