@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet: see where a coarse view of a Blender scene is wrong, and refine there first.
+"""PatchNet: find where a coarse view of a Blender scene is wrong, and refine there first.
 
-This folder is the Python package `patchnet` and, unchanged, the Blender extension. Nothing is imported here, so that
-the package costs nothing until it is used and works where there is no Blender.
+This folder is the Python package `patchnet` and, unchanged, the Blender extension. It imports nothing at the top, so
+that the package costs nothing until it is used, and works without Blender.
 """
 
 

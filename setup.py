@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Package finder of the build; everything else about the build stands in pyproject.toml.
+"""Package discovery of the build; pyproject.toml has all other build settings.
 
 The repository root is the package `patchnet`. setuptools can map that (`package-dir`) but cannot discover the
-sub-packages under the mapped name, and a hand-written list would silently drop new folders from the wheel.
+sub-packages under the mapped name, and a hand-written list silently omits new folders from the wheel.
 """
 
 from setuptools import find_packages, setup
@@ -23,7 +23,7 @@ DATA = [
 
 
 class BuildTree(build_py):
-    """Build step that copies the modules of each package, except this script in the root package's folder."""
+    """Build step that copies the modules of each package, except this script."""
 
     def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
         return [module for module in super().find_package_modules(package, package_dir) if module[1] != "setup"]

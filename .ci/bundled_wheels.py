@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The wheels that the extension's zips bundle: for which platforms and Pythons, and that they are the known files.
+"""Wheels bundled in the extension's zips: platforms, Pythons, and a check of the files' hashes.
 
-    python .ci/bundled_wheels.py    write wheels.txt anew, with the versions of constraints.txt
+    python .ci/bundled_wheels.py    update wheels.txt, with the versions of constraints.txt
 
-wheels.txt names each version with the hashes of its files: a file that is not among them is not bundled.
+wheels.txt lists each version with the hashes of its files; other files are not bundled.
 """
 
 import platform
@@ -15,26 +15,26 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 HASHES = Path(__file__).with_name("wheels.txt")
 BUNDLED = ("llvmlite", "numba")
-PLATFORM_TAGS = {  # as Blender calls the platform, as wheels do
+PLATFORM_TAGS = {  # platform names of Blender and of wheels
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
     "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64"),
 }
-# First Blender with a Python, and the first that has it no longer.
+# First Blender with a Python, and the first Blender after it without.
 BLENDERS = {"3.11": ("4.5.0", "5.1.0"), "3.13": ("5.1.0", None), "3.14": ("5.1.0", None)}
 
 
 def this_platform() -> str:
-    """Blender's name of the platform this runs on."""
+    """Blender's name of this platform."""
     names = {("Linux", "x86_64"): "linux-x64", ("Windows", "AMD64"): "windows-x64", ("Darwin", "arm64"): "macos-arm64"}
     found = names.get((platform.system(), platform.machine()))
     if found is None:
-        sys.exit(f"bundled_wheels: none for {platform.system()} {platform.machine()}; build without --wheels")
+        sys.exit(f"bundled_wheels: no wheels for {platform.system()} {platform.machine()}; build without --wheels")
     return found
 
 
 def download(folder: Path, python: str, target: str, *what: str | Path) -> None:
-    """Fetch wheels for a Python and a platform; `what` tells pip which."""
+    """Download wheels for a Python and a platform; `what`: arguments of pip that name them."""
     tags = [word for tag in PLATFORM_TAGS[target] for word in ("--platform", tag)]
     wanted = ("--no-deps", "--only-binary=:all:", "--implementation", "cp", "--python-version", python, *tags)
     command = (sys.executable, "-m", "pip", "--disable-pip-version-check", "download", "--quiet", *wanted)
@@ -46,12 +46,12 @@ def download(folder: Path, python: str, target: str, *what: str | Path) -> None:
 
 
 def fetch(folder: Path, python: str, target: str) -> None:
-    """Fetch the bundled wheels for a Python and a platform, those that wheels.txt knows."""
+    """Download the wheels of wheels.txt for a Python and a platform."""
     download(folder, python, target, "--require-hashes", "--requirement", HASHES)
 
 
 def pin() -> None:
-    """Write wheels.txt: the versions of constraints.txt, and the hashes of their files on the package index."""
+    """Write wheels.txt: versions of constraints.txt, and hashes of their files on the package index."""
     with tempfile.TemporaryDirectory() as temporary:
         for python in BLENDERS:
             for target in PLATFORM_TAGS:
@@ -64,7 +64,7 @@ def pin() -> None:
 
 
 def _lines(files: list[Path]) -> str:
-    """The requirement of one package, with a line for the hash of each of its files."""
+    """Requirement of one package, with a line per hash of its files."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "hash", *map(str, files)]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     hashes = [line for line in said.splitlines() if line.startswith("--hash=")]

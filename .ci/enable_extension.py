@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Install a built zip into the Blender of this Python as a user would, and see that it works.
+"""Install a built zip into the Blender of this Python as a user does, and check that it works.
 
     python .ci/enable_extension.py dist/patchnet-1.0.0-linux_x64-cp311.zip
 
-Every step is a process of its own on user resources of its own. The steps see Blender, NumPy and what Blender brings
-along, but not the pip-installed numba, safetensors, torch and patchnet: those must come out of the zip, or not be
-needed. Prints one line a check, and `N passed, N failed` at the end.
+Each step is a separate process with separate user resources. It can import Blender, NumPy and Blender's other modules,
+but not the pip-installed numba, safetensors, torch and patchnet: the zip must contain them or not need them. Prints one
+line per step, and `N passed, N failed` at the end.
 """
 
 import os
@@ -23,12 +23,12 @@ from typing import NoReturn
 
 HIDDEN = ("numba", "llvmlite", "safetensors", "torch", "torchgen", "functorch", "tqdm", "PIL", "matplotlib", "scipy")
 MODULE = "bl_ext.user_default.patchnet"
-ENABLING_S = 0.2  # of processor time: the clock would also count what else the machine does
+ENABLING_S = 0.2  # processor time, which other programs' load does not affect
 ENABLED_TIMES = 5
 
 
 def only_what_blender_has(folder: Path) -> Path:
-    """Links in `folder` to all site-packages except the hidden ones: a module path like that of Blender itself."""
+    """Links in `folder` to all site-packages except HIDDEN: a module path like Blender's own."""
     folder.mkdir()
     for entry in Path(sysconfig.get_path("purelib")).iterdir():
         if entry.name.startswith(("_", "patchnet")) or entry.name.partition("-")[0].partition(".")[0] in HIDDEN:
@@ -38,7 +38,7 @@ def only_what_blender_has(folder: Path) -> Path:
 
 
 def patchnet_operators() -> list[str]:
-    """Names of our operators that Blender knows at the moment."""
+    """Names of PatchNet's registered operators."""
     import bpy
 
     return sorted(name for name in dir(bpy.types) if name.startswith("PATCHNET_OT_"))
@@ -51,7 +51,7 @@ def expect(condition: bool, sentence: str) -> None:
 
 
 def expect_enabled() -> None:
-    """The extension is on, has operators, and Blender has nothing to complain about."""
+    """Check that the extension is enabled and has operators, and that Blender has no warnings about it."""
     import addon_utils
     import bpy
 
@@ -62,7 +62,7 @@ def expect_enabled() -> None:
 
 
 def install(archive: str) -> None:
-    """Install from disk and enable, as the preferences do."""
+    """Install from disk and enable, as in the preferences."""
     import bpy
 
     bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
@@ -73,7 +73,7 @@ def install(archive: str) -> None:
 
 
 def start_again(archive: str) -> None:
-    """A later start of Blender has it enabled; the bundled modules come from the extension."""
+    """Check that a new Blender has it enabled, and that the bundled modules come from the extension."""
     import bpy
 
     bpy.ops.wm.read_userpref()
@@ -85,7 +85,7 @@ def start_again(archive: str) -> None:
 
 
 def switch(archive: str) -> None:
-    """Disable and enable leave no trace and lose nothing."""
+    """Check that disabling removes everything and enabling restores it."""
     import addon_utils
     import bpy
     from extension_traces import traces, watch
@@ -102,7 +102,7 @@ def switch(archive: str) -> None:
 
 
 def cost(archive: str) -> None:
-    """Measure what enabling costs at a start of Blender: the import of the add-on and its registration."""
+    """Measure enabling at Blender's start: import of the add-on and its registration."""
     import addon_utils
 
     addon_utils.extensions_refresh()
@@ -113,7 +113,7 @@ def cost(archive: str) -> None:
 
 
 def use(archive: str) -> None:
-    """The whole job on a small scene, with Cycles light and the shipped weights, writes its files."""
+    """Check the files of a whole job on a small scene, with Cycles light and the shipped weights."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -134,11 +134,11 @@ STEPS: tuple[Callable[[str], None], ...] = (install, start_again, switch, cost, 
 
 
 def run_step(step: Callable[[str], None], archive: Path, environment: dict[str, str]) -> tuple[bool, str]:
-    """Run one step in a fresh process; whether it succeeded, and what it said."""
+    """Run one step in a new process; returns whether it succeeded, and its output."""
     command = [sys.executable, "-S", __file__, "--step", step.__name__, str(archive)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
-    # Blender prints what fails in register() and unregister(), and goes on.
+    # Blender only prints errors of register() and unregister().
     good = done.returncode == 0 and "Traceback" not in said
     if not good:
         print(said, flush=True)
@@ -146,25 +146,25 @@ def run_step(step: Callable[[str], None], archive: Path, environment: dict[str, 
 
 
 def run_cost(archive: Path, environment: dict[str, str]) -> tuple[bool, str]:
-    """Enable the extension in several fresh processes: whether the median is within the budget, and a sentence."""
+    """Enable the extension in several new processes; returns whether the median is in the budget, and a sentence."""
     runs = [run_step(cost, archive, environment) for _ in range(ENABLED_TIMES)]
     took = [float(line.removeprefix("cost: ")) for _, said in runs for line in said.splitlines() if "cost: " in line]
     if not all(good for good, _ in runs) or len(took) < ENABLED_TIMES:
-        return False, "not every enabling succeeded"
+        return False, "the extension was not enabled in every process"
     middle = statistics.median(took)
     return middle < ENABLING_S, f"median {middle:.3f} s of processor time, budget {ENABLING_S} s"
 
 
 def main() -> int:
-    """Run all steps on the zip named on the command line; 1 if one of them failed."""
+    """Run all steps on the zip of the command line; returns 1 if a step failed."""
     archive = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as temporary:
         modules = only_what_blender_has(Path(temporary) / "modules")
         resources = Path(temporary) / "resources"
         resources.mkdir()
         environment = {**os.environ, "PYTHONPATH": str(modules), "BLENDER_USER_RESOURCES": str(resources)}
-        # Blender keeps compiled modules beside the sources; without them each start would compile them again, and the
-        # cost of enabling would be that of the compiler.
+        # Blender stores compiled modules beside the sources; without them, each start compiles them again and dominates
+        # the cost of enabling.
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         passed = 0
         for step in STEPS:
@@ -177,7 +177,7 @@ def main() -> int:
 
 
 def be_step(name: str, archive: str) -> NoReturn:
-    """Do a step, and end the process at once: unloading Blender may hang."""
+    """Run a step and end the process at once: unloading Blender may hang."""
     import bpy  # noqa: F401  makes Blender's own modules importable
 
     code = 1
@@ -186,7 +186,7 @@ def be_step(name: str, archive: str) -> NoReturn:
         code = 0
     except SystemExit as stop:
         print(stop)
-    except Exception:  # noqa: BLE001  whatever it is, it is told
+    except Exception:  # noqa: BLE001  any error is printed
         traceback.print_exc()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Traces of an enabled extension in Blender: read before and after, to see that disabling leaves nothing.
+"""Traces of an enabled extension in Blender, to check that disabling removes all of them.
 
 Blender lists classes, properties, handlers, key maps, menus and compatible engines. It has no lists of timers, drawing
-callbacks, message bus subscriptions and command line commands: `watch()` sees those as they come and go.
+callbacks, message bus subscriptions and command line commands: `watch()` records their calls.
 """
 
 from collections.abc import Callable
@@ -12,13 +12,13 @@ import bpy
 
 WORD = "patchnet"
 _timers: list[Any] = []
-_held: list[tuple[str, Any]] = []  # what of ours Blender holds, by what it is called and what it is given back with
-# Not all of Blender's: those that people draw in.
+_held: list[tuple[str, Any]] = []  # kind and handle of each registered item
+# Spaces that add-ons usually draw in.
 _SPACES = ("SpaceView3D", "SpaceImageEditor", "SpaceNodeEditor", "SpaceProperties")
 
 
 def traces() -> dict[str, list[str]]:
-    """All of ours that is known to Blender, by kind, sorted."""
+    """Names of everything that PatchNet has registered in Blender, by kind, sorted."""
     found = {
         "classes": [name for name in dir(bpy.types) if WORD in name.lower()],
         "properties": _properties(),
@@ -33,7 +33,7 @@ def traces() -> dict[str, list[str]]:
 
 
 def watch() -> None:
-    """See from now on what of ours comes and goes."""
+    """Start recording what PatchNet registers and unregisters."""
     _keep(bpy.utils, "register_cli_command", "command", lambda handle, _values, _settings: handle)
     _drop(bpy.utils, "unregister_cli_command")
     _keep(bpy.msgbus, "subscribe_rna", "message bus", lambda _result, _values, settings: settings["owner"])
@@ -49,7 +49,7 @@ def _is_ours(item: Any) -> bool:
 
 
 def _keep(owner: Any, name: str, what: str, key: Callable[[Any, Any, Any], Any]) -> None:
-    """Note what of ours a function of Blender's is given, under what `key` finds in its result and its arguments."""
+    """Wrap a registering function of Blender to record PatchNet's items; `key` returns an item's handle."""
     before = getattr(owner, name)
 
     def noted(*values: Any, **settings: Any) -> Any:
@@ -64,7 +64,7 @@ def _keep(owner: Any, name: str, what: str, key: Callable[[Any, Any, Any], Any])
 
 
 def _drop(owner: Any, name: str) -> None:
-    """Forget what is given back by a function of Blender's."""
+    """Wrap an unregistering function of Blender to remove its item from the record."""
     before = getattr(owner, name)
 
     def noted(item: Any, *values: Any) -> Any:
@@ -94,14 +94,14 @@ def _keys() -> list[str]:
 
 
 def _draw_functions() -> list[str]:
-    """Menus, panels and headers of Blender's that draw something of ours."""
+    """Blender's menus, panels and headers with draw functions of PatchNet."""
     kinds = (kind for base in (bpy.types.Menu, bpy.types.Panel, bpy.types.Header) for kind in base.__subclasses__())
     drawn = ((kind, item) for kind in kinds for item in getattr(getattr(kind, "draw", None), "_draw_funcs", ()))
     return [f"{kind.__name__}: {item.__name__}" for kind, item in drawn if _is_ours(item)]
 
 
 def _panels_of_engines() -> list[str]:
-    """Panels that are shown with an engine of ours."""
+    """Panels that support a render engine of PatchNet."""
     panels = [kind for kind in bpy.types.Panel.__subclasses__() if kind.is_registered]
     engines = ((kind.__name__, getattr(kind, "COMPAT_ENGINES", ())) for kind in panels)
     return [name for name, names in engines if any(WORD in str(item).lower() for item in names)]

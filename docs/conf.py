@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of Sphinx, which makes the site of these pages: `make docs` writes it to out/docs.
+"""Settings of Sphinx, which builds the site of these pages: `make docs` writes it to out/docs.
 
-The pages are Markdown that GitHub shows as well, read by MyST; first-scene.md is run while the site is built (MyST-NB),
-so that each of its pictures comes from the code beside it. `site/repository_links.py` has what links to files outside
-of this folder become.
+MyST reads the pages, which are Markdown for GitHub as well. MyST-NB runs first-scene.md while the site is built, so
+that each of its pictures comes from the code beside it. `site/repository_links.py` converts links to files outside this
+folder.
 """
 
 import os
@@ -23,9 +23,9 @@ source_suffix = {".md": "myst-nb"}
 exclude_patterns = ["site", "openjd", "slurm", "flamenco"]
 myst_enable_extensions = ["html_image"]
 myst_heading_anchors = 4
-smartquotes = False  # two hyphens of an argument stay two hyphens
+smartquotes = False  # keeps the two hyphens of arguments
 
-# The page that runs needs Blender as a module, and pictures and compiled kernels that are as in any other job.
+# first-scene.md needs Blender as a module, and time to compile kernels.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 900

@@ -3,8 +3,7 @@
 
     python docs/make_commands.py
 
-Every sub-command, its arguments and their help are read from the parsers themselves; tests/blender/test_docs.py fails
-when the page is not what this script makes.
+Sub-commands, arguments and helps come from the parsers. tests/blender/test_docs.py fails if the page is outdated.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ With this page you can look up every argument of every command. It is made by `d
 themselves: change them there, then run it.
 
 What the arguments of `run` mean, output files, animations and exit codes: [command-line.md](command-line.md).
-`blender --command patchnet` has the sub-commands that say so: [batch.md](batch.md#the-command-in-blender).
+Sub-commands marked yes also run as `blender --command patchnet`: [batch.md](batch.md#the-command-in-blender).
 """
 
 
 def parsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Parsers of a parser's sub-commands, by name; none where it has none."""
+    """Parsers of a parser's sub-commands, by name."""
     found = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     return dict(found[0].choices) if found else {}
 
@@ -43,7 +42,7 @@ def helps(parser: argparse.ArgumentParser) -> dict[str, str]:
 
 
 def spelled(action: argparse.Action) -> str:
-    """An argument as users type it, with what follows it."""
+    """An argument with its values as users type it."""
     if not action.option_strings:
         name = action.metavar if isinstance(action.metavar, str) else action.dest
         return f"`{name.upper()}`" + (" (may be left out)" if action.nargs in ("?", "*") else "")
@@ -64,7 +63,7 @@ def spelled(action: argparse.Action) -> str:
 
 
 def explained(action: argparse.Action, program: str) -> str:
-    """Help of an argument as --help prints it, as a cell of a table."""
+    """Help of an argument, as in --help, as a cell of a table."""
     formatter = argparse.HelpFormatter(program)
     text = formatter._expand_help(action) if action.help else ""
     if action.required and action.option_strings:
@@ -77,7 +76,7 @@ def _as_cell(text: str) -> str:
 
 
 def arguments(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """Arguments of a parser as a table, without those that all have."""
+    """Arguments of a parser as a table, without those of all parsers."""
     rows = []
     for action in parser._actions:
         common = action.dest in ("help", "log_format") or isinstance(action, argparse._SubParsersAction)
@@ -91,10 +90,7 @@ def arguments(parser: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def description(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """What a parser says of itself; indented lines stay as they are, others are wrapped.
-
-    A description that is a docstring of several lines says in its first paragraph what the command does.
-    """
+    """Description of a parser, wrapped: the first paragraph of its docstring."""
     first = (parser.description or "").strip().split("\n\n", 1)[0]
     text = re.sub(r"^`?patchnet [^:]*:\s*", "", " ".join(first.split()))
     text = text[:1].upper() + text[1:]
@@ -104,7 +100,7 @@ def description(parser: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def section(name: str, parser: argparse.ArgumentParser, depth: int, also: str) -> Iterator[str]:
-    """A sub-command, and those below it."""
+    """Section of a sub-command and its own sub-commands."""
     yield f"{'#' * depth} `{name}`"
     yield ""
     yield from description(parser)
@@ -122,9 +118,10 @@ def page() -> str:
     lines = [HEAD, "| sub-command | what it does | in Blender |", "|---|---|---|"]
     for name, text in helps(parser).items():
         lines.append(f"| [`{name}`](#{name}) | {_as_cell(text)} | {'yes' if name in IN_BLENDER else 'no'} |")
-    lines += ["", "All of them also have `--help`, and `--log-format text` or `json`: one JSON object a line."]
     lines += [
-        "They are in [batch.md](batch.md#json-lines). `patchnet --version` says what a report of a fault needs.",
+        "",
+        "All sub-commands have `--help`, and `--log-format text` or `json`: [JSON lines](batch.md#json-lines).",
+        "`patchnet --version` prints the versions for a bug report.",
         "",
     ]
     for name, child in parsers(parser).items():

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make operators.md from the operators as Blender knows them.
+"""Make operators.md from the operators registered in Blender.
 
     python docs/make_operators.py
 
-Names, descriptions, properties and defaults are read from Blender, and so is what a click says in a scene without
-results. What an operator needs and leaves, and a line to try it with, stand in NOTES: an operator that is not there
-stops this script, and tests/blender/test_docs.py tries the lines.
+Names, descriptions, properties, defaults, and the answers in a scene without results are read from Blender. NOTES has
+the results of each operator and a line to try it; the script fails for an operator without notes, and
+tests/blender/test_docs.py runs the lines.
 """
 
 from __future__ import annotations
@@ -29,21 +29,20 @@ PAGE = Path(__file__).with_name("operators.md")
 
 @dataclass(frozen=True)
 class Note:
-    """Notes on an operator that Blender does not know. line: Python to try it with, "" where a mouse is needed."""
+    """Notes on an operator. leaves: its results. line: Python to try it, "" for operators that need a mouse."""
 
     leaves: str
     line: str = ""
 
 
 _VIEW = (
-    "images that begin with `PatchNet`: preview, predicted, heatmap, overlay, refined, reference and error as "
+    "images whose names begin with `PatchNet`: preview, predicted, heatmap, overlay, refined, reference and error as "
     "pictures, and raw values of the pixels as floats,"
 )
 NOTES = {
     "run_all": Note(
-        f"{_VIEW} of each camera; octree and codes in memory; the files that "
-        "[command-line.md](command-line.md#output-files) lists where an output folder is "
-        "given",
+        f"{_VIEW} of each camera; octree and codes in memory; with an output folder, "
+        "[its files](command-line.md#output-files)",
         "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out')",
     ),
     "estimate": Note("nothing in the scene; the panel shows the estimate", "bpy.ops.patchnet.estimate(depth=6)"),
@@ -70,12 +69,12 @@ NOTES = {
         "bpy.ops.patchnet.run_all(depth=6, samples=1); bpy.ops.patchnet.compare(strategy='ss-variance')",
     ),
     "refine_with_cycles": Note(
-        "images of the first camera: the preview with Cycles' pixels over it, and where they are",
+        "images of the first camera: the preview with Cycles' pixels over it, and a mask of these pixels",
         "bpy.ops.patchnet.run_all(depth=6, samples=1); "
         "bpy.ops.patchnet.refine_with_cycles(cycles_budget=0.1, cycles_samples=4)",
     ),
     "bake_animation": Note(
-        "nothing in the scene, whose frame is as before; a folder per frame and `report.json` in the output folder",
+        "nothing in the scene, which keeps its frame; a folder per frame and `report.json` in the output folder",
         "bpy.ops.patchnet.bake_animation(frame_start=1, frame_end=2, depth=6, samples=1, out='//out')",
     ),
     "show_voxels": Note(
@@ -87,7 +86,7 @@ NOTES = {
         "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.export_octree(filepath='//voxels.ply', level=5)",
     ),
     "load_octree": Note(
-        "nothing in the scene; the octree in memory, and its codes where `codes.safetensors` lies beside it",
+        "nothing in the scene; the octree in memory, and its codes if `codes.safetensors` is beside it",
         "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out'); bpy.ops.patchnet.clear_results(); "
         "bpy.ops.patchnet.load_octree(filepath='//out/octree.safetensors')",
     ),
@@ -109,7 +108,7 @@ NOTES = {
     ),
     "copy_diagnostics": Note("text on the clipboard", "bpy.ops.patchnet.copy_diagnostics()"),
 }
-# Of the panel with the button, at the first operator of each.
+# Screenshot of the panel with the button, at the panel's first operator.
 PICTURES = {
     "run_all": "panel-main.png",
     "voxelize": "panel-octree.png",
@@ -126,7 +125,7 @@ PICTURES = {
 
 
 def operators() -> dict[str, type]:
-    """Public operators by name, those with notes first and in their order."""
+    """Public operators by name, in the order of the notes."""
     found = {
         name.removeprefix("PATCHNET_OT_").lower(): getattr(bpy.types, name)
         for name in dir(bpy.types)
@@ -138,7 +137,7 @@ def operators() -> dict[str, type]:
 
 
 def refusal(name: str) -> str:
-    """Ask the operator's poll in the open scene; its message, "" if it agrees."""
+    """Message of the operator's poll in the open scene, "" if the operator can run."""
     if getattr(bpy.ops.patchnet, name).poll():
         return ""
     try:
@@ -157,7 +156,7 @@ def shown(item: Any) -> str:
 
 
 def limits(item: Any) -> str:
-    """Values that a property takes."""
+    """Allowed values of a property."""
     if item.type == "ENUM":
         return "<br>".join(f"`{each.identifier!r}` {each.name}: {each.description}" for each in item.enum_items)
     if item.type in ("INT", "FLOAT"):
@@ -171,7 +170,7 @@ def _number(value: float) -> str:
 
 
 def table(items: list[Any]) -> Iterator[str]:
-    """Properties, a row each."""
+    """Table of properties."""
     yield "| property | default | values | what it is |"
     yield "|---|---|---|---|"
     for item in items:
@@ -179,13 +178,13 @@ def table(items: list[Any]) -> Iterator[str]:
 
 
 def own_properties(name: str) -> list[Any]:
-    """Settings that a user can give to an operator."""
+    """Properties of an operator that users can set."""
     values = getattr(bpy.ops.patchnet, name).get_rna_type().properties
     return [item for item in values if item.identifier != "rna_type" and not item.is_hidden]
 
 
 def wrapped(text: str, indent: str = "") -> list[str]:
-    """Lines of 120 characters; `indent` of all but the first."""
+    """Lines of up to 120 characters; all but the first have `indent`."""
     return textwrap.wrap(text, 120, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
@@ -195,7 +194,7 @@ def item_of(text: str) -> list[str]:
 
 
 def section(name: str, kind: type) -> Iterator[str]:
-    """An operator."""
+    """Section of an operator."""
     rna, note = getattr(bpy.ops.patchnet, name).get_rna_type(), NOTES[name]
     scene = bpy.types.Scene.bl_rna.properties["patchnet"].fixed_type.properties
     yield f"## {rna.name}: `patchnet.{name}`"
@@ -218,11 +217,11 @@ def section(name: str, kind: type) -> Iterator[str]:
     shared = [item.identifier for item in items if item.identifier in scene]
     if shared:
         yield from item_of(
-            f"Takes from the scene's settings what is not given: {', '.join(f'`{each}`' for each in shared)}."
+            f"Arguments that default to the scene's settings: {', '.join(f'`{each}`' for each in shared)}."
         )
     yield ""
     if note.line:
-        yield "```sh"  # not indented, which would make it part of the list above
+        yield "```sh"  # indentation would make it part of the list above
         yield f'blender -b scene.blend --python-exit-code 1 --python-expr "import bpy; {note.line}"'
         yield "```"
         yield ""
@@ -232,20 +231,20 @@ def section(name: str, kind: type) -> Iterator[str]:
 
 
 def groups(kind: type) -> Iterator[type]:
-    """A class after those it is made of."""
+    """A class after its base classes."""
     for base in kind.__bases__:
         yield from groups(base)
     yield kind
 
 
 def settings() -> Iterator[str]:
-    """The scene's settings, by the group they are declared in."""
+    """The scene's settings by group."""
     scene = bpy.types.Scene.bl_rna.properties["patchnet"].fixed_type.properties
     seen: set[str] = set()
     for group in groups(PatchNetSettings):
         names = [name for name in getattr(group, "__annotations__", {}) if name in scene and name not in seen]
         seen |= set(names)
-        if names and group is not DerivedProperties:  # which are of the panel alone
+        if names and group is not DerivedProperties:  # the panel's only
             yield f"### {(group.__doc__ or '').strip().splitlines()[0].rstrip('.')}"
             yield ""
             yield from table([scene[name] for name in names])
@@ -258,19 +257,19 @@ HEAD = """\
 With this page you can call every operator from a script, and look up every setting. It is made by
 `docs/make_operators.py` from the operators themselves: change them there, then run it.
 
-Every operator is called `bpy.ops.patchnet.NAME(...)`. An argument that is not given is the scene's setting of that
-name, `scene.patchnet.NAME`, which is what the panel shows; the last section lists them all. Giving `depth` or
-`voxel_size` needs no `resolution` beside it. An error is a sentence in Blender's status bar, and a `RuntimeError` for
-a script; then nothing was changed, or what is finished is kept for the next call. Octree and codes stay in memory
-until another file is opened or Free Memory is pressed; they are not saved in the .blend file.
+Call an operator as `bpy.ops.patchnet.NAME(...)`. An omitted argument has the value of the scene's setting
+`scene.patchnet.NAME`, which the panel shows; the last section lists all settings. `depth` or `voxel_size` needs no
+`resolution`. An error is a sentence in Blender's status bar, and a `RuntimeError` in a script; the scene is unchanged,
+and finished parts are kept for the next call. Octree and codes stay in memory until another file is opened or Free
+Memory is pressed; the .blend file does not store them.
 
-The lines are to be tried on a saved scene with a camera; they are small (`depth=6`, one sample) so that they end soon.
-In background `scope` means all visible objects, in a window the selected ones.
+Try the lines on a saved scene with a camera; they are small (`depth=6`, one sample) and finish soon. In background,
+`scope` is all visible objects by default, in a window the selected ones.
 """
 
 
 def page() -> str:
-    """The whole page. Opens an empty file, in which operators are asked whether they would run."""
+    """The whole page. Opens an empty file, in which the operators' polls are called."""
     bpy.ops.wm.read_homefile(use_empty=True)
     lines = [HEAD]
     for name, kind in operators().items():

@@ -4,10 +4,9 @@
     patchnet lab evaluate ... --out out/evaluation
     python docs/make_results.py out/evaluation
 
-A table that is of an evaluation has a comment above it. `<!-- tables.md: TITLE -->` names a table of the evaluation's
-own by how its title begins; `<!-- results.json: SCENE, SCENE -->` has numbers over some scenes. Which rows and columns
-a page shows, in which order and by which names, is the page's to say: they stay, and only numbers change. What
-sentences say of them has to be read again.
+Each such table has a comment above it. `<!-- tables.md: TITLE -->` names a table of the evaluation by the beginning of
+its title; `<!-- results.json: SCENE, SCENE -->` has numbers over some scenes. The page determines rows, columns, their
+order and names; only numbers change. Check the sentences about them afterwards.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ SCENES = {
     "San Miguel, bare": "san-miguel-bare", "San Miguel": "san-miguel", "Sponza": "sponza", "car": "sports-car",
     "room": "furnished-room", "garden": "furnished-garden",
 }  # fmt: skip
-KEYS = {"strategy", "rival", "at equal", "scene"}  # columns that say what a row is of
-OWN = KEYS | {"further rays"}  # columns that are the page's own
+KEYS = {"strategy", "rival", "at equal", "scene"}  # columns that identify a row
+OWN = KEYS | {"further rays"}  # columns without numbers of the evaluation
 _MARK = re.compile(r"<!-- (tables\.md|results\.json): (.+) -->")
-_NOTES = re.compile(r", no network$")  # that a page adds to a strategy's name
+_NOTES = re.compile(r", no network$")  # a page's addition to a strategy's name
 
 
 class MissingError(Exception):
-    """Error of a page that shows what the evaluation does not have."""
+    """A page shows a table, row or column that the evaluation lacks."""
 
 
 class Table(NamedTuple):
-    """Table of a page: the number of its first line, its head and its rows, of cells."""
+    """Table of a page: number of its first line, cells of its head, and cells of its rows."""
 
     line: int
     head: list[str]
@@ -65,17 +64,17 @@ def tables(lines: list[str]) -> Iterator[Table]:
 
 
 def line_above(lines: list[str], number: int) -> str:
-    """The nearest line above that is not empty."""
+    """The last line above `number` that is not empty."""
     return next((line for line in reversed(lines[:number]) if line), "")
 
 
 def plain(cell: str) -> str:
-    """A cell of a key or a head as evaluations write it."""
+    """A key or head as evaluations write it."""
     return _NOTES.sub("", SCENES.get(cell, cell)).replace(" %", "%")
 
 
 def copied(table: Table, source: pd.DataFrame) -> list[list[str]]:
-    """Rows of a table with the numbers of another, of which it shows some rows and columns."""
+    """Rows of a table with the numbers of `source`, which may have more rows and columns."""
     keys = [plain(name) for name in table.head if name in KEYS]
     known = {tuple(plain(row[name]) for name in keys): row for row in source.to_dict("records")}
     found = []
@@ -96,7 +95,7 @@ def _cell(name: str, old: str, numbers: dict[str, str]) -> str:
 
 
 def of_scenes(results: dict[str, Any], names: list[str]) -> pd.DataFrame:
-    """Strategies over named scenes: means as an evaluation has them, and each scene's error ratio and excess area."""
+    """Strategies over named scenes: means as in an evaluation, and each scene's error ratio and excess area."""
     for name in names:
         if name not in results["scenes"]:
             raise MissingError(f"the scene {name}")
@@ -139,7 +138,7 @@ def main() -> int:
     try:
         PAGE.write_text(filled(PAGE.read_text(), results))
     except MissingError as missing:
-        print(f"{PAGE.name} shows what {folder} does not have: {missing}", file=sys.stderr)
+        print(f"{folder} lacks {missing} of {PAGE.name}: evaluate with it, or change the page", file=sys.stderr)
         return 1
     return 0
 

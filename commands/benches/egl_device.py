@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Graphics card by EGL and OpenGL 4.3, without Blender and without a window (https://pypi.org/project/moderngl)."""
+"""Graphics card through EGL and OpenGL 4.3, without Blender or a window (https://pypi.org/project/moderngl)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ...operators.gpu_view.packing import padded
 from ...operators.gpu_view.shaders import WORDS, Shader
 from ...patchnet_addon.runtime.errors import PatchNetError
 
-_VERSION = 430  # of OpenGL, 100 times
+_VERSION = 430  # OpenGL version times 100
 _EGL: dict[str, Any] = {"backend": "egl"}
 _FORMATS = {WORDS: ("r32ui", "uimage2D", 1, "u4"), "RGBA32F": ("rgba32f", "image2D", 4, "f4")}
 
 
 class EglDevice:
-    """`Device` of the shaders that Blender runs, by moderngl; raises PatchNetError where there is none."""
+    """`Device` for Blender's shaders, by moderngl; raises PatchNetError without OpenGL 4.3."""
 
     def __init__(self) -> None:
         try:
@@ -39,7 +39,7 @@ class EglDevice:
         return made
 
     def image(self, width_px: int, height_px: int, kind: str) -> Any:
-        """Image that shaders write."""
+        """Image for shader output."""
         _, _, channels, dtype = _FORMATS[kind]
         made = self._context.texture((width_px, height_px), channels, dtype=dtype)
         made.filter = self._nearest
@@ -75,7 +75,7 @@ class EglDevice:
         return values.reshape(shape)
 
     def finish(self) -> None:
-        """Wait for all that was dispatched."""
+        """Wait for all dispatched work."""
         self._context.finish()
 
     @property
@@ -84,7 +84,7 @@ class EglDevice:
 
 
 def _whole(shader: Shader) -> str:
-    """Source of a shader with the declarations that Blender writes by itself."""
+    """Source of a shader with the declarations that Blender generates."""
     lines = [f"#define {name} {value}" for name, value in shader.all_defines.items()]
     lines.append(f"layout(local_size_x = {shader.group[0]}, local_size_y = {shader.group[1]}) in;")
     lines.append(shader.structs)

@@ -3,8 +3,8 @@
 
     python docs/pictures/make_cycles_refine.py [WIDTH HEIGHT SAMPLES BUDGET [CAMERA]]
 
-The figures are those of the machine it runs on; they are printed too. The picture is of the camera Middle; of another
-one only the figures are made. Needs the extras `blender` and `bench`.
+Prints the figures, too; times depend on the machine. The picture is of the camera Middle; other cameras have figures
+only. Needs the extras `blender` and `bench`.
 """
 
 from __future__ import annotations

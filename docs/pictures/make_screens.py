@@ -3,9 +3,8 @@
 
     python docs/pictures/make_screens.py [--parts PART ...] [NAME ...]
 
-BLENDER=/path/to/blender, or BLENDER_ROOT as for `make test-blender`. Everything lies in out/screens. PARTs are those of
-screens.py, NAMEs the pictures that are taken over from there, without ".png"; by default all. Needs xvfb-run,
-ImageMagick and Pillow.
+BLENDER=/path/to/blender, or BLENDER_ROOT as for `make test-blender`. Writes to out/screens. PARTs: parts of screens.py.
+NAMEs: pictures to copy from there, without ".png". The default is all. Needs xvfb-run, ImageMagick and Pillow.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ HERE = Path(__file__).parent
 MOST_BYTES = 300_000
 MOST_PX = 1200
 SCREEN = (1400, 900)
-PREFERENCES = (278, 786, 972, 1088)  # left, upper, right, lower: without the path of the installed file
+PREFERENCES = (278, 786, 972, 1088)  # left, upper, right, lower: without the path of the installation
 
 
 def blender() -> Blender:
-    """Blender with user resources of its own."""
+    """Blender with separate user resources."""
     environment = {"BLENDER_USER_RESOURCES": str(OUT / "resources")}
     (OUT / "resources").mkdir()
     if named := os.environ.get("BLENDER"):
@@ -41,7 +40,7 @@ def blender() -> Blender:
 
 
 def install(program: Blender) -> None:
-    """Build the zip for this Blender's Python, and let Blender install it."""
+    """Build the zip for this Blender's Python and install it."""
     python = program.value("'%d.%d' % sys.version_info[:2]")
     build = [sys.executable, ROOT / ".ci" / "build_extension.py", "--out", OUT / "zips", "--wheels", python]
     subprocess.run(build, check=True, capture_output=True)
@@ -58,7 +57,7 @@ def without_margin(pixels: np.ndarray) -> np.ndarray:
 
 
 def take_over(path: Path) -> None:
-    """Write a screenshot beside this file: small, as PNG, or as JPEG where that is too large."""
+    """Write a small version of a screenshot beside this file: panels as PNG, others as JPEG."""
     picture = Image.open(path).convert("RGB")
     if path.stem.startswith("panel-"):
         picture = Image.fromarray(without_margin(np.asarray(picture)))
@@ -72,11 +71,11 @@ def take_over(path: Path) -> None:
         made = made.with_suffix(".jpg")
         picture.save(made, quality=85, optimize=True)
     if made.stat().st_size > MOST_BYTES:
-        raise SystemExit(f"{made} takes {made.stat().st_size} bytes, more than {MOST_BYTES}")
+        raise SystemExit(f"{made} has {made.stat().st_size} bytes, more than {MOST_BYTES}: lower MOST_PX")
 
 
 def main() -> None:
-    """Everything, from an empty folder."""
+    """Make all pictures in an empty folder."""
     parser = argparse.ArgumentParser(description="Make the screenshots of the documentation.")
     parser.add_argument("names", nargs="*")
     parser.add_argument("--parts", nargs="+", default=[])

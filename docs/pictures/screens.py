@@ -3,8 +3,8 @@
 
     blender --enable-event-simulate -p 0 0 1400 900 -P screens.py -- OUT [PART ...]
 
-Adds the demo scene, previews it, and writes OUT/*.png; OUT/screens.txt holds the traceback of what went wrong, or "".
-PARTs are functions of this file, by default all of `PARTS`.
+Adds the demo scene, previews it, and writes OUT/*.png; OUT/screens.txt has the traceback of an error, or "". PARTs are
+functions of this file, by default all of `PARTS`.
 """
 
 import sys
@@ -19,10 +19,10 @@ import clicks  # noqa: E402
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 PACKAGE = "bl_ext.user_default.patchnet"
 SETTINGS = {"samples": 4, "texel_voxels": 4.0, "size": (192, 192)}
-JOB_S = 900.0  # at most, on a busy machine
+JOB_S = 900.0  # limit, for a busy machine
 CAMERA = "Middle"
 SIDE_PX = 320
-# Of the viewport's overlays, all but PatchNet's own.
+# All overlays of the viewport except PatchNet's.
 HELPERS = (
     "show_floor", "show_ortho_grid", "show_axis_x", "show_axis_y", "show_cursor", "show_text", "show_stats",
     "show_extras", "show_relationship_lines", "show_outline_selected", "show_bones", "show_motion_paths",
@@ -43,12 +43,12 @@ def in_area(kind: str, operator, *arguments: object, **settings: object):
 
 
 def box(item) -> tuple[int, int, int, int]:
-    """An area or region, as a box for screenshots."""
+    """Box of an area or region, for screenshots."""
     return item.x, item.y, item.width, item.height
 
 
 def widen_sidebar():
-    """Drag the sidebar's edge, as a user does, until its lines fit."""
+    """Drag the sidebar's edge, as a user does, until its labels fit."""
     side = clicks.region("UI")
     x, y = side.x, side.y + side.height // 3
     target = side.x + side.width - SIDE_PX
@@ -63,7 +63,7 @@ def widen_sidebar():
 
 
 def open_scene():
-    """The demo scene, its camera, the tab."""
+    """Open the demo scene, its camera and the sidebar's tab."""
     in_area("VIEW_3D", bpy.ops.patchnet.add_demo_scene)
     yield 0.5
     scene = clicks.window().scene
@@ -74,7 +74,7 @@ def open_scene():
     space.shading.type, space.shading.color_type = "SOLID", "TEXTURE"
     for name in HELPERS:
         setattr(space.overlay, name, False)
-    if space.region_3d.view_perspective != "CAMERA":  # the demo scene's view is one already
+    if space.region_3d.view_perspective != "CAMERA":  # the demo scene may open in it
         in_area("VIEW_3D", bpy.ops.view3d.view_camera)
     space.show_region_ui = True
     yield 0.5
@@ -86,7 +86,7 @@ def open_scene():
 
 
 def preview():
-    """The estimate, then everything, with a picture on the way."""
+    """Estimate, run all stages and compare, with a screenshot during the bake."""
     preferences = bpy.context.preferences.addons[PACKAGE].preferences
     if hasattr(preferences, "open_pictures"):
         preferences.open_pictures = "NEVER"
@@ -105,7 +105,7 @@ def preview():
 
 
 def panels():
-    """Each panel of the tab with its children, alone."""
+    """Each panel of the tab with its sub-panels, without the others."""
     found = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("PATCHNET_PT_")]
     ours = [
         each for each in found if getattr(each, "bl_category", "") == "PatchNet" and each.bl_space_type == "VIEW_3D"
@@ -149,13 +149,13 @@ def overlay():
 
 
 def heatmap():
-    """The first thing that comes up."""
+    """The heatmap in an Image Editor."""
     name = next(item.name for item in bpy.data.images if item.name.lower().endswith("heatmap"))
     yield from image_editor(name, "image-editor")
 
 
 def image_editor(image: str, name: str):
-    """An image in an Image Editor in the viewport's place."""
+    """An image in an Image Editor that replaces the viewport."""
     area = clicks.area("VIEW_3D")
     area.type = "IMAGE_EDITOR"
     yield 0.3
@@ -170,7 +170,7 @@ def engine():
     """A final render, and the viewport in the engine's shading mode."""
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
-    clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"  # which asks for a map of the world
+    clicks.area("VIEW_3D").spaces.active.shading.type = "RENDERED"  # starts the world's map
     session = module("session.scene_session").session_of(scene)
     yield from clicks.wait_for(lambda: session.world is not None, "the world's map", JOB_S)
     clicks.area("VIEW_3D").spaces.active.shading.type = "SOLID"
@@ -204,7 +204,7 @@ PARTS = (preview, overlay, heatmap, engine, panels, preferences)
 
 
 def session():
-    """The whole visit, or some of its parts."""
+    """Run all parts, or those of the command line."""
     yield from open_scene()
     names = sys.argv[sys.argv.index("--") + 2 :]
     for part in PARTS:
@@ -213,12 +213,12 @@ def session():
 
 
 def finish(problem: str) -> None:
-    """Say what went wrong and leave."""
+    """Write the error and quit."""
     (OUT / "screens.txt").write_text(problem)
     bpy.ops.wm.quit_blender()
 
 
 bpy.context.preferences.view.show_splash = False
 bpy.context.preferences.view.ui_scale = 1.0
-bpy.context.preferences.system.use_region_overlap = False  # so that the sidebar hides nothing of the view
+bpy.context.preferences.system.use_region_overlap = False  # so that the sidebar does not cover the view
 clicks.play(session(), finish)

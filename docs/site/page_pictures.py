@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures on a page that runs: images of Blender beside each other, as a notebook shows them.
+"""Pictures for notebook pages: Blender images side by side.
 
 show("PatchNet Preview", "PatchNet Heatmap")
 """
@@ -20,7 +20,7 @@ GAP_PX = 8
 
 @dataclass(frozen=True)
 class Picture:
-    """Picture as the bytes of a PNG file, which notebooks draw."""
+    """Picture as the bytes of a PNG file, which notebooks display."""
 
     png: bytes = field(repr=False)
     width: int
@@ -31,7 +31,7 @@ class Picture:
 
 
 def pixels_of(name: str) -> np.ndarray:
-    """Pixels of an image of Blender's, (H, W, 3) float32, row 0 at the bottom; KeyError if there is none."""
+    """Pixels (H, W, 3) float32 of a Blender image, row 0 at the bottom; raises KeyError if there is none."""
     image = bpy.data.images[name]
     flat = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(flat)
@@ -39,7 +39,7 @@ def pixels_of(name: str) -> np.ndarray:
 
 
 def beside(pictures: list[np.ndarray], rows: int = 580) -> np.ndarray:
-    """Pictures beside each other on white, each magnified by a whole number to about `rows` rows: (H, W, 3)."""
+    """Pictures side by side on white, (H, W, 3), each magnified by an integer to about `rows` rows."""
     large = []
     for picture in pictures:
         times = max(1, rows // len(picture))
@@ -54,7 +54,7 @@ def beside(pictures: list[np.ndarray], rows: int = 580) -> np.ndarray:
 
 
 def show(*names: str) -> Picture:
-    """Show images of Blender's beside each other, or the files of pictures, by their names."""
+    """Show Blender images or picture files side by side, by name."""
     loaded = [bpy.data.images.load(name) for name in names if Path(name).is_file()]
     try:
         files = iter(loaded)

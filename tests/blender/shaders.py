@@ -5,7 +5,7 @@ import bpy
 
 
 def material(name: str = "Grey") -> tuple[bpy.types.Material, bpy.types.NodeTree]:
-    """A material without nodes but its output, and its nodes."""
+    """A material with an output node only, and its node tree."""
     result = bpy.data.materials.new(name)
     if result.node_tree is None:
         result.use_nodes = True
@@ -15,7 +15,7 @@ def material(name: str = "Grey") -> tuple[bpy.types.Material, bpy.types.NodeTree
 
 
 def shader(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.NodeSocket:
-    """The output of a new shader node, e.g. "BsdfDiffuse"; inputs are values by name, spaces written as _."""
+    """The output of a new shader node, e.g. "BsdfDiffuse"; inputs: values by name, with _ for spaces."""
     node = tree.nodes.new(f"ShaderNode{kind}")
     for name, value in inputs.items():
         node.inputs[name.replace("_", " ")].default_value = value
@@ -23,7 +23,7 @@ def shader(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.N
 
 
 def shown(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket) -> None:
-    """Lead a shader to the material's output."""
+    """Connect a shader to the material's output."""
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
     tree.links.new(socket, output.inputs["Surface"])
 
@@ -52,7 +52,7 @@ def grey(value: float = 0.5) -> bpy.types.Material:
 
 
 def world() -> bpy.types.NodeTree:
-    """A new world's nodes: a background that leads to the output."""
+    """The node tree of a new world: a background connected to the output."""
     result = bpy.data.worlds.new("World")
     if result.node_tree is None:
         result.use_nodes = True
@@ -60,6 +60,6 @@ def world() -> bpy.types.NodeTree:
     tree.nodes.clear()
     background = tree.nodes.new("ShaderNodeBackground")
     tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])
-    result.cycles.sampling_method, result.cycles.sample_map_resolution = "MANUAL", 256  # the usual map takes a second
+    result.cycles.sampling_method, result.cycles.sample_map_resolution = "MANUAL", 256  # the default map takes a second
     bpy.context.scene.world = result
     return tree

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Yard of fences, a cloth over a table and turned boxes, made by code: a scene that no training saw, with structure as
-fine as the voxels that rays stop in."""
+"""Held-out scene made by code: a yard of fences, a cloth over a table and rotated boxes, with structure as fine as the
+voxels in which rays stop.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +22,11 @@ _SIDES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2
 _FACES = np.concatenate([_SIDES[:, [0, 1, 2]], _SIDES[:, [0, 2, 3]]])
 
 Box = tuple[np.ndarray, int]
-"""Triangles (12, 3, 3) in world units, and the index of their gray."""
+"""Triangles (12, 3, 3) in world units, and the index of their gray in `_GRAYS`."""
 
 
 def yard_octree() -> Octree:
-    """Octree of the yard in about a unit cube, lit by two lights; always the same."""
+    """Octree of the yard in about a unit cube, lit by two lights; deterministic."""
     boxes = [_box((0.5, 0.5, 0.005), (1.0, 1.0, 0.01), 3), *_fences(), *_table(), *_scattered_boxes()]
     corners = np.concatenate([box for box, _ in boxes])
     materials = np.repeat(np.array([gray for _, gray in boxes], np.int32), len(_FACES))
@@ -56,17 +57,17 @@ def _fences() -> list[Box]:
 
 
 def _table() -> list[Box]:
-    """Dark table under a bright cloth that hangs over its edges, a few leaves apart."""
+    """Dark table under a bright cloth that hangs over its edges at a distance of a few leaves."""
     top = [_box((0.42, 0.45, 0.2), (0.36, 0.26, 0.01), _DARK)]
     legs = [_box((x, y, 0.1), (0.012, 0.012, 0.2), _DARK) for x in (0.26, 0.58) for y in (0.34, 0.56)]
-    # Of bands, so that the table shows between them.
+    # Bands, so that the table is visible between them.
     cloth = [_box((x, 0.45, 0.215), (0.017, 0.3, 0.002), _BRIGHT) for x in np.arange(0.25, 0.6, 0.024)]
     hem = [_box((0.42, y, 0.18), (0.4, 0.002, 0.07), _BRIGHT) for y in (0.3, 0.6)]
     return top + legs + cloth + hem
 
 
 def _scattered_boxes(count: int = 260) -> list[Box]:
-    """Small boxes on the ground and in the air, each turned and gray in its own way."""
+    """Small boxes on the ground and in the air, with random rotations and grays."""
     random = np.random.default_rng(41)
     boxes = []
     for _ in range(count):

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Somebody leaves in the middle of a bake, in every way there is: renders, disables PatchNet, deletes the
-scene, goes back to a step of undo, opens another file, quits.
+"""Interruptions of a bake: a render, disabling PatchNet, deleting the scene, undo, opening another file, quitting.
 
     blender --enable-event-simulate -p 0 0 1000 800 courtyard.blend -P leaving_window.py -- OUT
 
-Writes OUT/leaving.json, a value for each thing that was seen. test_leaving.py judges them, and the quit.blend of it.
+Writes observations to OUT/leaving.json, which test_leaving.py checks together with quit.blend.
 """
 
 import sys
@@ -18,7 +17,7 @@ import clicks
 from visits import OUT, PACKAGE, Heard, Visit, baking, choose, ends_of_renders, modal, module, press, render, running
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
-ENDLESS = 65536  # samples of a page that takes hours
+ENDLESS = 65536  # samples of a bake of hours
 KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "collections", "scenes", "images")
 
 visit = Visit("leaving")
@@ -27,7 +26,7 @@ heard = Heard()
 
 
 def state() -> dict[str, object]:
-    """What a bake could leave behind: data-blocks, settings of the scene, modal operators, jobs."""
+    """State that a bake could leave changed: data-blocks, settings of the scene, modal operators, jobs."""
     scene = clicks.window().scene
     properties = [item for item in scene.cycles.bl_rna.properties if item.identifier != "rna_type"]
     linking = {lamp.name: lamp.light_linking.receiver_collection for lamp in scene.objects if lamp.type == "LIGHT"}
@@ -44,7 +43,7 @@ def state() -> dict[str, object]:
 
 
 def differences(before: dict[str, object]) -> dict[str, object]:
-    """What is not as before, of lists what is there on one side alone."""
+    """Changed entries; of lists, items that only one side has."""
     now, found = state(), {}
     for name in before:
         sides = [{str(item) for item in values.items()} if isinstance(values, dict) else {*map(str, values)}
@@ -61,7 +60,7 @@ def start(samples: int) -> clicks.Session:
 
 
 def left(name: str, leave) -> clicks.Session:
-    """Start a bake that takes hours, leave, look at what is left of it."""
+    """Start a bake of hours, call `leave`, and record its seconds and the changed state."""
     choose(samples=ENDLESS)
     before = state()
     yield from start(ENDLESS)
@@ -69,13 +68,13 @@ def left(name: str, leave) -> clicks.Session:
     leave()
     took = round(time.monotonic() - begun, 1)
     yield 0.3
-    yield from clicks.move(*clicks.over_viewport())  # the next event ends what is left of operators
+    yield from clicks.move(*clicks.over_viewport())  # the next event ends remaining operators
     yield 0.3
     seen[name] = {"seconds": took, "changed": differences(before)}
 
 
 def prepare() -> clicks.Session:
-    """Small settings, a lamp that shines on one object alone, a setting of the user's."""
+    """Set small settings, a lamp linked to one object, and a user setting of Cycles."""
     scene = clicks.window().scene
     choose(**SMALL)
     scene.cycles.samples, scene.cycles.sample_clamp_indirect = 64, 10.0
@@ -88,7 +87,7 @@ def prepare() -> clicks.Session:
 
 
 def rendered(engine: str) -> clicks.Session:
-    """Somebody renders while a page is baked: the job waits, and goes on."""
+    """A render during a bake: the job waits and continues."""
     scene, ended = clicks.window().scene, ends_of_renders()
     yield from start(2)
     scene.cycles.samples = 512
@@ -108,14 +107,14 @@ def rendered(engine: str) -> clicks.Session:
 
 
 def disabled() -> clicks.Session:
-    """The extension is switched off, and on again."""
+    """The extension is disabled and enabled again."""
     yield from left("disabled", lambda: bpy.ops.preferences.addon_disable(module=PACKAGE))
     bpy.ops.preferences.addon_enable(module=PACKAGE)
     yield 0.3
 
 
 def disabled_in_a_render() -> clicks.Session:
-    """The extension is switched off, and on again, while Cycles renders for the user."""
+    """The extension is disabled and enabled again during the user's Cycles render."""
     scene = clicks.window().scene
     scene.cycles.samples = ENDLESS
     before = state()
@@ -132,7 +131,7 @@ def disabled_in_a_render() -> clicks.Session:
 
 
 def deleted_scene() -> clicks.Session:
-    """The scene that is baked is deleted, and another one shown."""
+    """The baked scene is deleted."""
     first = clicks.window().scene
     first_state = state()
     with bpy.context.temp_override(window=clicks.window()):
@@ -150,7 +149,7 @@ def deleted_scene() -> clicks.Session:
 
 
 def other_scene_shown() -> clicks.Session:
-    """A scene is made, and shown, while a job adds the demo scene in the one before."""
+    """A new scene is opened while a job adds the demo scene."""
     first = clicks.window().scene
     press("add_demo_scene")
     with bpy.context.temp_override(window=clicks.window()):
@@ -164,7 +163,7 @@ def other_scene_shown() -> clicks.Session:
 
 
 def undone() -> clicks.Session:
-    """A step of undo is made while a page is baked, and gone back to later."""
+    """An undo step is pushed during a bake and restored later."""
     choose(samples=ENDLESS)
     bpy.ops.ed.undo_push(message="before")
     before = state()
@@ -184,7 +183,7 @@ def other_file() -> clicks.Session:
 
 
 def quits() -> clicks.Session:
-    """Blender ends, after a step of undo that it writes into quit.blend."""
+    """Blender quits after an undo step, which it writes into quit.blend."""
     yield from start(ENDLESS)
     bpy.ops.ed.undo_push(message="while baking")
     seen["quits at"] = time.time()
@@ -193,7 +192,7 @@ def quits() -> clicks.Session:
 
 
 def session() -> clicks.Session:
-    """The whole visit."""
+    """Run all parts."""
     yield from prepare()
     for part in (disabled, undone, deleted_scene, other_file):
         heard.__init__()

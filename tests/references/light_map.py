@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of the light map: base colours, denoising, places in texels."""
+"""Plain references of the light map: base colours, denoising, sample places in texels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from patchnet.patchnet_addon.surface.textures import TextureTable
 def base_colors_reference(
     table: TextureTable, batch: TriangleBatch, own: BatchTexels, area: np.ndarray, *, spread: float, colored: bool
 ) -> np.ndarray:
-    """Reference of `base_colors` by lookups of fragments, one for each place."""
+    """Reference of `base_colors` by one fragment lookup per place."""
     places = texel_places(own, side=_PLACES, spread=spread)
     count, each, _ = places.shape
     share = np.repeat(area * (spread / _PLACES) ** 2, each)
@@ -59,14 +59,14 @@ def _filtered_reference(texels: Texels, cells: Cells, guide: np.ndarray | None, 
             between = _between_reference(texels, reach, p, walls[walls != p])
             weight = _weights_reference(texels, guide, reach, between, p, q)
             out[p, 0] = (weight**2 * texels.variance[q]).sum() / weight.sum() ** 2
-            if guide is None:  # the noise of one texel, from all around: its own is a guess of one
+            if guide is None:  # mean variance of the neighbours: one texel's own estimate is unreliable
                 out[p, 0] = (weight * texels.variance[q]).sum() / weight.sum() * (weight**2).sum() / weight.sum() ** 2
             out[p, 1:] = (weight[:, None] * texels.light[q]).sum(axis=0) / weight.sum()
     return out
 
 
 def _between_reference(texels: Texels, reach: float, p: int, q: np.ndarray) -> np.ndarray:
-    """Places (b, 3), as seen from p, of those of the texels q (n,) of other surfaces that stand on its plane."""
+    """Points (b, 3), relative to p, of texels q (n,) on other surfaces that cross the plane of p."""
     size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
     apart = texels.points[q].astype(np.float64) - texels.points[p]
     height, cosine = apart @ normal, texels.normals[q].astype(np.float64) @ normal
@@ -77,7 +77,7 @@ def _between_reference(texels: Texels, reach: float, p: int, q: np.ndarray) -> n
 def _weights_reference(
     texels: Texels, guide: np.ndarray | None, reach: float, between: np.ndarray, p: int, q: np.ndarray
 ) -> np.ndarray:
-    """Weights (n,) of texels q (n,) in the mean of the texel p, with what stands `between` (b, 3)."""
+    """Weights (n,) of texels q (n,) in the mean of texel p; `between` (b, 3): points of surfaces in between."""
     size, normal = float(texels.size[p]), texels.normals[p].astype(np.float64)
     apart = texels.points[q].astype(np.float64) - texels.points[p]
     height = apart @ normal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Networks in plain NumPy: the encoder, the paper's decoder (methods 7.13 to 7.15), that of the mixture (11.1)."""
+"""Networks in plain NumPy: the encoder, the paper's decoder (methods 7.13 to 7.15), the mixture's decoder (11.1)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.network.weights import CHANNELS, MODULATED, Weights
 
 
 class NumpyEncoder:
-    """`Encoder` by the definition: the layers on whole patches (methods 7.9, 7.12)."""
+    """`Encoder` by definition: all layers on whole patches (methods 7.9, 7.12)."""
 
     chunk = 4096
 
@@ -21,7 +21,7 @@ class NumpyEncoder:
         self._layers, self._side = weights.encoder, 1 << weights.lookahead
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Encode as `Encoder` says."""
+        """Encode, see `Encoder`."""
         eight = blocks[rows].reshape(-1, 2, 2, 2, *[self._side] * 3, CHANNELS)  # octant and cell of z, y, x; channel
         values = eight.transpose(0, 1, 4, 2, 5, 3, 6, 7).reshape(len(rows), -1)
         for index, (matrix, bias) in enumerate(self._layers):
@@ -32,10 +32,10 @@ class NumpyEncoder:
 def decode(
     weights: Weights, codes: np.ndarray, direction: np.ndarray, up: np.ndarray, ratio: np.ndarray, *, clip: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage (N,) and luminance (N,), float32, of what the network expects behind N pixels.
+    """Predicted coverage (N,) and luminance (N,), float32, of N pixels.
 
     codes: (N, 10) interpolated codes. direction, up: (N, 3) unit vectors in octree axes (methods 7.14). ratio: (N,)
-    pixel-voxel ratio. `clip`: to [0, 1], as at inference; in training the network speaks in [-1, 2].
+    pixel-voxel ratio. clip: to [0, 1], as at inference; the range in training is [-1, 2].
     """
     outputs = sigmoid_output(run_decoder(weights, ray_inputs(codes, direction, up, ratio)))
     coverage, luminance = (np.clip(outputs, 0, 1) if clip else outputs).T
@@ -59,18 +59,18 @@ def run_decoder(weights: Weights, values: np.ndarray) -> np.ndarray:
 
 
 def sigmoid_output(logits: np.ndarray) -> np.ndarray:
-    """Values in [-1, 2] of the last layer's, bounded so that far ones saturate without an overflow warning."""
+    """Outputs in [-1, 2] of logits, which are clipped to avoid overflow warnings."""
     return np.asarray(OUTPUT_LOW + OUTPUT_RANGE / (1 + np.exp(-np.clip(logits, -80, 80))))
 
 
 @dataclass(frozen=True, eq=False)
 class MixtureInputs:
-    """What the decoder is given of N pixels, all float32.
+    """Inputs of the mixture's decoder for N pixels, all float32.
 
-    codes: (N, 10) interpolated codes. corner_codes: (N, 8, 4) first numbers of those of the hit voxel's corners, x
+    codes: (N, 10) interpolated codes. corner_codes: (N, 8, 4) first numbers of the codes of the hit voxel's corners, x
     fastest. direction, up: (N, 3) unit vectors in octree axes. ratio: (N,) pixel-voxel ratio. view: (N, 9) direction,
     entry point from -1 to 1, and up in the ray frame. covered: (N, 64) share of the pixel that each child and each
-    outer cell would cover alone, 0 for those that do not exist. luminances: (N, 65) theirs, and the voxel's own.
+    outer cell covers alone, 0 for missing ones. luminances: (N, 65) of these cells, then of the voxel.
     """
 
     codes: np.ndarray
@@ -84,7 +84,7 @@ class MixtureInputs:
 
 
 def decode_mixture(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage (N,) in [0, 1] and luminance (N,), float32, of what the network expects behind N pixels."""
+    """Predicted coverage (N,) in [0, 1] and luminance (N,), float32, of N pixels by a mixture."""
     rays = ray_inputs(given.codes, given.direction, given.up, given.ratio)
     corner_codes = given.corner_codes.reshape(len(rays), CORNERS * SIDE_BY_SIDE)
     outputs = run_decoder(weights, np.concatenate([rays, corner_codes, given.view, given.covered], axis=1))
@@ -93,9 +93,9 @@ def decode_mixture(weights: Weights, given: MixtureInputs) -> tuple[np.ndarray, 
 
 
 def mixture_shares(logits: np.ndarray, covered: np.ndarray) -> np.ndarray:
-    """Shares (N, 65) of luminances, which are 1 together: e^logit (N, 65) times what is covered (N, 64).
+    """Shares (N, 65) of luminances, with a sum of 1: e^logit (N, 65) times `covered` (N, 64).
 
-    The voxel's own luminance stands last, and counts as if it covered the pixel.
+    The voxel's own luminance is last, and counts as covering the whole pixel.
     """
     weights = np.concatenate([covered, np.ones((len(covered), 1), np.float32)], axis=1)
     assert weights.shape[1] == COVERING + 1

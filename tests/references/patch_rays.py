@@ -41,7 +41,7 @@ def _seen(octree: Octree, rays: PatchRays, group: int, ray: int, lookahead: int)
     across, upward = np.meshgrid(centres, centres)
     origin = rays.entry_voxel[ray] + across.reshape(-1, 1) * right + upward.reshape(-1, 1) * up
     from_ray = np.abs(((low + high) / 2 - rays.entry_voxel[ray]) @ np.stack([right, up], 1)).max(1)
-    near = from_ray < 0.5 + side  # the rest is outside of the viewport
+    near = from_ray < 0.5 + side  # the others are outside the viewport
     low, high, luminance = low[near], high[near], luminance[near]
     if len(low) == 0:
         return 0.0, 0.0

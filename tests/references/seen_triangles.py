@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.tracing.seen_triangles import HEIGHT_PX, WIDTH_PX, 
 
 
 def seen_triangles_reference(cameras: Sequence[Camera], corners_world: np.ndarray) -> SeenTriangles:
-    """What cameras see of triangles (N, 3, 3) float64, of which there is at least one."""
+    """Reference of `seen_triangles` for corners (N, 3, 3) float64, N > 0."""
     pictures = [_seen(camera, corners_world) for camera in cameras]
     return SeenTriangles(*(np.stack(column) for column in zip(*pictures, strict=True)))
 
@@ -23,7 +23,7 @@ def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.nda
     across = x[None, :, None] * camera.half_x * np.asarray(camera.right)
     aside = (across + y[:, None, None] * camera.half_y * np.asarray(camera.up)).reshape(-1, 1, 3)  # (R, 1, 3)
     forward, position = np.asarray(camera.forward), np.asarray(camera.position_world)
-    if camera.kind == PERSPECTIVE:  # not of unit length: distances along it are axial
+    if camera.kind == PERSPECTIVE:  # not of unit length, so that distances are axial
         origin, toward = np.broadcast_to(position, aside.shape), forward + aside
     else:
         origin, toward = position + aside, np.broadcast_to(forward, aside.shape)

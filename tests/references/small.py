@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain references of small kernels: tables of errors, windows, colours."""
+"""Plain references of small kernels: leaf boxes, error estimates, windows, chroma, ray frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def boxes_reference(points: np.ndarray) -> np.ndarray:
 
 
 def random_estimators(seed: int) -> Estimators:
-    """Untrained estimators of all forms."""
+    """Estimators of all forms with random weights."""
     random = np.random.default_rng(seed)
 
     def normal(*shape: int, deviation: float) -> np.ndarray:
@@ -38,9 +38,9 @@ def random_estimators(seed: int) -> Estimators:
 
 
 def estimate_reference(planes: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error sqrt(E[e^2]) of every pixel, (H * W,) float32; reference of `estimate`, which leaves out some.
+    """Expected error sqrt(E[e^2]) of every pixel, (H * W,) float32; reference of `estimate`, which skips some pixels.
 
-    planes: (C, H + 2, W + 2), those of the form with their border.
+    planes: (C, H + 2, W + 2), the form's planes with a border.
     """
     values, scale = features_of(windows_of(planes), form)
     (*hidden, (matrix, bias)), skip = estimators.networks[form.name]
@@ -60,7 +60,7 @@ def window_variance_reference(picture: np.ndarray) -> np.ndarray:
 
 
 def encoded_chroma_reference(colors: np.ndarray) -> np.ndarray:
-    """Chroma (n, 2) uint8 of linear colours (n, 3) of any brightness; gray where there is none."""
+    """Chroma (n, 2) uint8 of linear colours (n, 3) of any brightness; gray for black."""
     values = np.maximum(np.asarray(colors, np.float64), 0.0)
     total = values.sum(axis=-1, keepdims=True)
     lit = total > 0.0

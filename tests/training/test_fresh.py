@@ -27,7 +27,6 @@ from patchnet.training.run.learner import Learner  # noqa: E402
 from patchnet.training.run.processes import Processes  # noqa: E402
 from patchnet.training.run.steps import StepPlan  # noqa: E402
 
-DRAWN = 2000
 SETTINGS = TrainSettings(
     passes=6 * 256,
     batch=256,

@@ -35,7 +35,7 @@ KINDS = (INTERIOR, GARDEN)
 
 @dataclass(frozen=True)
 class Composed:
-    """Composed scene: its plan, its role ("train", "test", "free"), and in words what is of no library."""
+    """Composed scene: its plan, its role ("train", "test", "free"), and the names of parts built by script."""
 
     plan: FloorPlan
     role: str
@@ -43,11 +43,11 @@ class Composed:
 
 
 def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Composed:
-    """Replace whatever is open by a furnished room or a garden; every random choice from `seed` and libraries.
+    """Replace the open file by a furnished room or garden; `seed` and libraries determine every random choice.
 
-    Raises SettingError for libraries that are not to be mixed, LibraryFileError for models that cannot be read.
+    Raises SettingError for libraries that must not be mixed, LibraryFileError for models that cannot be read.
     """
-    # The libraries count too: scenes for training and for testing share no room, whatever their seeds are.
+    # With the libraries' names, scenes for training and for testing share no room for any seeds.
     names = zlib.crc32("\n".join(library.name for library in libraries).encode())
     choice, layout, looks = np.random.default_rng([seed, names]).spawn(3)
     stock = Stock(libraries, choice)
@@ -80,7 +80,7 @@ def _part(scene: bpy.types.Scene, name: str) -> bpy.types.Collection:
 def _place_all(
     collection: bpy.types.Collection, placements: Sequence[Placement], meshes: dict[Piece, bpy.types.Mesh]
 ) -> int:
-    """Set an object for each placement; returns how many stools were built for people who sit."""
+    """Add an object for each placement; returns the number of stools built for sitting people."""
     stools = 0
     for number, placement in enumerate(placements, 1):
         item = add_object(collection, f"{number:03d} {placement.piece.name}", meshes[placement.piece])
@@ -96,7 +96,7 @@ def _place_all(
 
 
 def _add_camera(scene: bpy.types.Scene, plan: FloorPlan, *, inside: bool) -> None:
-    """Add a camera in the corner at -x, -y of a room, or one that looks at a garden from outside."""
+    """Add a camera in the corner at -x, -y of a room, or outside a garden, looking in."""
     x, y = plan.width / 2, plan.depth / 2
     at = Vector((-x + 0.15, -y + 0.15, 1.9) if inside else (-0.7 * x, -2.1 * y, 0.9 * y))
     target = Vector((0.35 * x, 0.4 * y, 0.7) if inside else (0.0, -0.1 * y, 0.8))
@@ -111,13 +111,13 @@ def _add_camera(scene: bpy.types.Scene, plan: FloorPlan, *, inside: bool) -> Non
     scene.unit_settings.system = "METRIC"
 
 
-_BACK_SHARE, _LOWEST = 0.3, 0.25  # of the depth of a sitting person, from the back; metres
+_BACK_SHARE, _LOWEST = 0.3, 0.25  # share of a sitting person's depth, from the back; metres
 
 
 def build_stool(
     collection: bpy.types.Collection, person: bpy.types.Mesh, material: bpy.types.Material, name: str
 ) -> bpy.types.Object | None:
-    """Build a stool under a person of `models.py` who sits with the back towards +y; None if nothing is above it."""
+    """Build a stool under a person of `models.py` who sits with the back towards +y; None if the person is too low."""
     points = vertices_of(person)
     low, high = points.min(axis=0), points.max(axis=0)
     back = points[points[:, 1] > high[1] - _BACK_SHARE * (high[1] - low[1])]
@@ -137,10 +137,10 @@ ENDINGS = {".blend": BLEND, ".glb": GLB}
 
 
 def save_composed(path: Path) -> None:
-    """Write the open scene, with its images, as the ending of `path` says.
+    """Write the open scene with its images, in the format of the ending of `path`.
 
-    A .glb has no lamps, so that commands light it by their own sun and sky; no format of theirs keeps a sky. Raises
-    OutputError if it cannot be written.
+    A .glb has no lamps, since glTF has no sky: commands light it by their own sun and sky. Raises OutputError if it
+    cannot be written.
     """
     ending = path.suffix.lower()
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, ENDINGS[ending]) as temporary:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Floor plans: pieces at places, as axis-aligned boxes of which no two intersect, alone and in groups."""
+"""Floor plans: placement of pieces and groups of pieces as axis-aligned boxes without intersections."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Box:
     high: tuple[float, float, float]
 
     def meets(self, other: Box) -> bool:
-        """Tell whether both have volume in common; those that touch do not."""
+        """Return whether both share volume; touching boxes do not."""
         return all(
             a < d - _TOUCH and c < b - _TOUCH
             for a, b, c, d in zip(self.low, self.high, other.low, other.high, strict=True)
         )
 
     def holds(self, other: Box) -> bool:
-        """Tell whether the other is inside."""
+        """Return whether `other` is inside."""
         return all(a <= c + _TOUCH for a, c in zip(self.low, other.low, strict=True)) and all(
             d <= b + _TOUCH for b, d in zip(self.high, other.high, strict=True)
         )
@@ -40,14 +40,14 @@ class Box:
 
 @dataclass(frozen=True)
 class Placement:
-    """Piece at a place: the middle of its lower end (x, y, z) in metres, turned about z by `angle` radians."""
+    """Piece at a place: the centre of its bottom (x, y, z) in metres, rotated about z by `angle` radians."""
 
     piece: Piece
     at: tuple[float, float, float]
     angle: float = 0.0
 
     def box(self, gap: float = 0.0) -> Box:
-        """Box around it, on the plan larger by `gap` on all sides."""
+        """Bounding box, enlarged by `gap` along x and y."""
         cos, sin = abs(math.cos(self.angle)), abs(math.sin(self.angle))
         width, depth, height = self.piece.size
         x, y = (width * cos + depth * sin) / 2 + gap, (width * sin + depth * cos) / 2 + gap
@@ -58,7 +58,7 @@ class Placement:
 class FloorPlan:
     """Plan of a room or garden `width` (x) by `depth` (y) about the origin, `height` up from z = 0, in metres.
 
-    kept_free: boxes that nothing may stand in, such as before doors.
+    kept_free: boxes without pieces, for example in front of doors.
     """
 
     width: float
@@ -72,7 +72,7 @@ class FloorPlan:
         return Box((-self.width / 2, -self.depth / 2, 0.0), (self.width / 2, self.depth / 2, self.height))
 
     def has_room(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
-        """Tell whether all of them fit beside and above what is there, and within the plan."""
+        """Return whether all placements fit within the plan without intersecting present pieces."""
         taken = self.kept_free + [placement.box() for placement in self.placements]
         bounds = self.bounds()
         for placement in placements:
@@ -82,7 +82,7 @@ class FloorPlan:
         return True
 
     def add(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
-        """Add all of them, or none if they have no room; returns whether they were added."""
+        """Add all placements if they fit, otherwise none; returns whether they were added."""
         if not self.has_room(placements, gap):
             return False
         self.placements += placements
@@ -91,7 +91,7 @@ class FloorPlan:
     def at_wall(self, piece: Piece, wall: int, along: float, gap: float = GAP) -> Placement:
         """Place a piece with its back to a wall; its front is towards -y at angle 0.
 
-        wall: 0 at +y, 1 at -x, 2 at -y, 3 at +x. along: share (-1 to 1) of the way that it can be moved.
+        wall: 0 at +y, 1 at -x, 2 at -y, 3 at +x. along: position (-1 to 1) within the free length of the wall.
         """
         angle = wall * math.pi / 2
         inward = np.array([math.sin(angle), -math.cos(angle)]).round(12)
@@ -103,9 +103,9 @@ class FloorPlan:
 
 
 def beside(placement: Placement, piece: Piece, side: int, along: float = 0.0, gap: float = GAP) -> Placement:
-    """Place a piece on the floor beside another one, with its front towards it.
+    """Place a piece on the floor beside another one, facing it.
 
-    side: 0 before the other's front, 2 behind it, 1 and 3 at its ends. along: metres from the middle of that side.
+    side: 0 in front of the other, 2 behind it, 1 and 3 at its ends. along: metres from the centre of that side.
     """
     angle = placement.angle + (side + 2) * math.pi / 2
     outward = np.array([math.sin(angle + math.pi), -math.cos(angle + math.pi)])
@@ -115,11 +115,11 @@ def beside(placement: Placement, piece: Piece, side: int, along: float = 0.0, ga
     return Placement(piece, (float(at[0]), float(at[1]), 0.0), angle)
 
 
-TRIES = 40  # places that are tried for a piece before it is left out
+TRIES = 40  # random places per piece
 
 
 def place_at_walls(plan: FloorPlan, piece: Piece | None, rng: np.random.Generator) -> Placement | None:
-    """Try to place a piece at a wall that is drawn."""
+    """Try to place a piece at random walls."""
     for _ in range(TRIES if piece is not None else 0):
         assert piece is not None
         placement = plan.at_wall(piece, int(rng.integers(4)), float(rng.uniform(-1, 1)))
@@ -131,7 +131,7 @@ def place_at_walls(plan: FloorPlan, piece: Piece | None, rng: np.random.Generato
 def dining_group(
     plan: FloorPlan, stock: Stock, rng: np.random.Generator, *, has_ceiling: bool = True
 ) -> list[Placement]:
-    """Table with chairs, all of one model, on its long sides and ends, and a lamp above it; returns the table."""
+    """Add a table with chairs of one model on its long sides and ends and a lamp above it; returns the table."""
     table, chair = stock.draw(kinds.TABLE), stock.draw(kinds.CHAIR)
     for number in range(TRIES if table is not None else 0):
         assert table is not None
@@ -158,7 +158,7 @@ def _chairs(table: Placement, chair: Piece | None) -> list[Placement]:
 
 
 def sitting_group(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> list[Placement]:
-    """Sofa at a wall with a coffee table before it; returns the table."""
+    """Add a sofa at a wall with a coffee table in front; returns the table."""
     sofa, table = stock.draw(kinds.SOFA), stock.draw(kinds.COFFEE_TABLE)
     if sofa is None:
         alone = place_at_walls(plan, table, rng)
@@ -172,7 +172,7 @@ def sitting_group(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> li
 
 
 def desk_group(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> list[Placement]:
-    """Desk at a wall with a chair before it; returns the desk."""
+    """Add a desk at a wall with a chair in front; returns the desk."""
     desk, chair = stock.draw(kinds.DESK), stock.draw(kinds.CHAIR)
     for _ in range(TRIES if desk is not None else 0):
         assert desk is not None

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of furniture by name, tags, category and size, and the stock of pieces of each that rooms are composed of.
+"""Kinds of furniture by name, tags, category and size, and the stock of pieces of each kind.
 
-Where a library has none of a kind a script builds one, so that people have a room to be in; not in scenes for training,
-since they would be in scenes for testing as well.
+Where libraries lack a kind, the script builds a piece, so that scenes of people have furniture. Scenes for training
+have no such pieces, because scenes for testing share them.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _PLANTS = {"plant", "ficus", "flowers", "bonsai", "yucca", "lily", "tulips", "ba
 _SEATS = {"chair", "stool", "seat"}
 _CUPBOARDS = {"bookcase", "shelves", "shelf", "wardrobe", "closet", "dresser", "cabinet", "sideboard", "chest"}
 _OUTDOOR = {"outdoor", "garden", "exterior"}
-_FLAT = 0.02  # metres: road markings and the like are no furniture
+_FLAT = 0.02  # metres; excludes road markings and the like
 
 
 def _is_between(low: float, value: float, high: float) -> bool:
     return low <= value <= high
 
 
-# The first that fits counts.
+# The first matching rule counts.
 _RULES: tuple[tuple[str, _Test], ...] = (
     (RESTING, lambda words, piece: "human" in words and piece.size[2] < 1.1),
     (SITTING, lambda words, piece: "human" in words and "sitting" in words),
@@ -58,12 +58,12 @@ _RULES: tuple[tuple[str, _Test], ...] = (
 
 
 def kind_of(piece: Piece) -> str | None:
-    """Kind of a piece, None for what no scene here has: doors, vehicles, sockets, stairs."""
+    """Kind of a piece; None for unused pieces such as doors, vehicles, sockets and stairs."""
     words = set(re.findall(r"\w+", f"{piece.name} {piece.category} {piece.tags}".lower()))
     if piece.is_opening or words & {"vehicles", "staircases", "road", "bathroom"}:
         return None
     if piece.elevation > 0.05 and not words & {"lights"}:
-        return None  # it hangs on a wall
+        return None  # hangs on a wall
     return next((kind for kind, fits in _RULES if fits(words, piece)), None)
 
 
@@ -85,7 +85,7 @@ def _is_grown(words: set[str]) -> bool:
 
 
 def _is_inside(words: set[str], piece: Piece, longest: float, highest: float) -> bool:
-    """Tell whether it is for rooms and its floor plan and height are at most so large."""
+    """Return whether a piece is for rooms, and at most so long in plan and so high."""
     return not words & _OUTDOOR and max(piece.size[:2]) <= longest and 0.25 <= piece.size[2] <= highest
 
 
@@ -105,7 +105,7 @@ _SIZES = {
 
 
 def own_piece(kind: str) -> Piece | None:
-    """Piece of a kind that is built by script, whose `model` is the kind; None where there is none."""
+    """Piece of a kind that the script builds, with the kind as its `model`; None for other kinds."""
     if kind not in _SIZES:
         return None
     top = None if kind in (FLOOR_LAMP, HANGING_LAMP, PLANT, SMALL) else _SIZES[kind][2]
@@ -115,9 +115,9 @@ def own_piece(kind: str) -> Piece | None:
 
 
 class Stock:
-    """Stock of libraries' pieces; raises SettingError for libraries that are not to be mixed.
+    """Stock of libraries' pieces; raises SettingError for libraries that must not be mixed.
 
-    role: of a scene of these libraries.
+    role: role of a scene of these libraries.
     """
 
     def __init__(self, libraries: Sequence[Library], rng: np.random.Generator) -> None:
@@ -131,7 +131,7 @@ class Stock:
         return len(self._kinds.get(kind, []))
 
     def draw(self, kind: str, fits: Callable[[Piece], bool] = lambda piece: True) -> Piece | None:
-        """Draw a piece of a kind that fits, or build one where the libraries have none; None if that may not be."""
+        """Draw a random fitting piece of a kind. Without one in the libraries: a built piece, or None for training."""
         if kind not in self._kinds:
             return None if self.role == TRAIN else own_piece(kind)
         left = [piece for piece in self._left.get(kind, []) if fits(piece)]

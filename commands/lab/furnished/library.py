@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Furniture libraries of Sweet Home 3D: zip files (.sh3f) with models (.obj) and a catalogue of their sizes.
 
-They are unpacked into one folder alone, and of their textures only those are kept that lie beside a model. Libraries
-are for training or for testing: models of one source resemble each other, so what is tested with must come from another
-source than what is learned; and one is touched by nobody here.
+Models are unpacked into one folder; textures elsewhere are dropped. A library is for training or for testing, because
+models of one source resemble each other. One library is reserved for the tests of others and refused.
 """
 
 from __future__ import annotations
@@ -19,24 +18,26 @@ from pathlib import Path, PurePosixPath
 
 from ....patchnet_addon.runtime.errors import FileAccessError, FileFormatError, SettingError
 
-MOST_BYTES = 4 << 30  # of all members, unpacked
+MOST_BYTES = 4 << 30  # all members, unpacked
 _ENCRYPTED = 0x1
 
 
 class LibraryFileError(FileFormatError):
-    """A furniture library cannot be read, or must not be used."""
+    """A furniture library cannot be read or must not be used."""
 
 
 @contextmanager
 def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    """Open a zip archive; raises LibraryFileError if it is missing, damaged, encrypted or unpacks to too much."""
+    """Open a zip archive; raises LibraryFileError if it is missing, damaged, encrypted or too large."""
     if not path.is_file():
         raise LibraryFileError(f"Furniture library {path} is no file: check its path")
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             if sum(member.file_size for member in members) > MOST_BYTES:
-                raise LibraryFileError(f"Furniture library {path} unpacks to more than a library holds: it is not used")
+                raise LibraryFileError(
+                    f"Furniture library {path} unpacks to more than a library holds: choose another library"
+                )
             if any(member.flag_bits & _ENCRYPTED for member in members):
                 raise LibraryFileError(f"Furniture library {path} is encrypted: pack it anew without a password")
             yield archive
@@ -49,10 +50,10 @@ def opened_archive(path: Path) -> Iterator[zipfile.ZipFile]:
 
 
 def unpack_folder(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
-    """Unpack the files that lie beside the member `name`, itself too; returns its path below `folder`.
+    """Unpack the member `name` and the files beside it; returns its path below `folder`.
 
-    Files in the archive's root are unpacked alone with their like, never the whole archive; `zipfile` keeps all of them
-    below the folder, whatever their names are.
+    For a file in the archive's root, these are the files in the root. `zipfile` keeps members with any names below the
+    folder.
     """
     parent = PurePosixPath(name).parent
     for member in archive.infolist():
@@ -61,7 +62,7 @@ def unpack_folder(archive: zipfile.ZipFile, name: str, folder: Path) -> Path:
     return folder / name
 
 
-TRAIN, TEST, FREE = "train", "test", "free"  # FREE: libraries of users, which know best
+TRAIN, TEST, FREE = "train", "test", "free"  # FREE: users' libraries
 ROLES = {
     "SweetHome3D#BlendSwap-CC-0-Models": TRAIN,
     "SweetHome3D#BlendSwap-CC-BY-Models": TRAIN,
@@ -72,12 +73,12 @@ _UNTOUCHED = "katorlegaz"
 
 
 def is_untouched(text: str) -> bool:
-    """Tell whether a name is that of the library that is kept for the tests of others, however it is spelled."""
+    """Return whether a name, in any spelling, is that of the library reserved for the tests of others."""
     return _UNTOUCHED in re.sub(r"[^a-z]", "", text.lower())
 
 
 def check_touchable(path: Path, *texts: str) -> None:
-    """Raise LibraryFileError if the file's name or one of `texts` is that of the library that is not touched."""
+    """Raise LibraryFileError if the file's name or one of `texts` is that of the reserved library."""
     if any(is_untouched(text) for text in (path.name, *texts)):
         raise LibraryFileError(
             f"{path} is the library KatorLegaz, which is kept for the tests of others and never used here: "
@@ -91,7 +92,7 @@ def role_of(identity: str) -> str:
 
 
 def common_role(roles: Iterable[str]) -> str:
-    """Role of a scene of several libraries; raises SettingError where one is for training and one for testing."""
+    """Role of a scene of several libraries; raises SettingError for libraries of training and of testing together."""
     found = set(roles)
     if {TRAIN, TEST} <= found:
         raise SettingError(
@@ -107,13 +108,13 @@ _LETTERS = {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}
 
 
 def read_properties(data: bytes) -> dict[str, str]:
-    """Values by key of a properties file, which is Latin-1 with escapes; lines without a value have an empty one."""
+    """Values by key of a properties file, which is Latin-1 with escapes; a missing value is empty."""
     pairs = (_PAIR.fullmatch(line) for line in _lines(data.decode("latin-1")))
     return {_plain(pair[1]): _plain(pair[2]).strip() for pair in pairs if pair is not None}
 
 
 def _lines(text: str) -> Iterator[str]:
-    """Lines without comments; one that ends with an odd number of backslashes goes on in the next."""
+    """Lines without comments; a line that ends with an odd number of backslashes continues in the next."""
     begun = ""
     for line in re.split(r"\r\n|\r|\n", text):
         line = line.lstrip()
@@ -139,17 +140,17 @@ def _letter(escape: str) -> str:
 CATALOGUE = "PluginFurnitureCatalog.properties"
 _MOST_PIECES = 100_000
 _LARGEST_CM = 10_000.0
-Rotation = tuple[float, ...]  # 3 x 3 by rows, of the model's own axes: y is up
+Rotation = tuple[float, ...]  # 3 x 3, row-major, in the model's axes: y is up
 UPRIGHT: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Piece of furniture: a model and what the catalogue says of it.
+    """Piece of furniture: a model and its entry in the catalogue.
 
-    library: file that it is from, None for what a script builds (`own_meshes.py`). model: its member of the archive.
-    size: width, depth and height in metres, with the front towards -y. elevation: of its lower end above the floor, in
-    metres. top: height at which things stand on it, None where nothing does. rotation: to be made before it is scaled.
+    library: its file, None for pieces built by script (`own_meshes.py`). model: member of the archive. size: width,
+    depth and height in metres, with the front towards -y. elevation: height of its bottom above the floor, in metres.
+    top: height of the surface for small things, None without. rotation: applied before scaling.
     """
 
     name: str
@@ -180,8 +181,8 @@ class Library:
 def read_library(path: Path) -> Library:
     """Read the catalogue of a .sh3f file.
 
-    Pieces by creators of the library that is not touched are left out. Raises LibraryFileError if the file is missing,
-    damaged or not to be touched, or if a model that the catalogue names is not in it.
+    Pieces by creators of the reserved library are left out. Raises LibraryFileError if the file is missing, damaged or
+    the reserved library, or lacks a model of its catalogue.
     """
     check_touchable(path)
     with opened_archive(path) as archive:
@@ -216,7 +217,7 @@ def _piece(path: Path, properties: dict[str, str], number: int, licence: str) ->
             value = float(text(key)) if text(key) or default is None else default
         except ValueError:
             value = math.nan
-        if not low <= value <= _LARGEST_CM:  # false for what is no number, too
+        if not low <= value <= _LARGEST_CM:  # false for NaN, too
             raise LibraryFileError(
                 f"Furniture library {path} has {text(key)!r} as {key} of its piece {number}: fetch it again"
             )
@@ -254,14 +255,14 @@ def _rotation(path: Path, text: str, number: int) -> Rotation:
     return values
 
 
-_ENCODING = "latin-1"  # which reads any bytes and writes the same
+_ENCODING = "latin-1"  # keeps any bytes
 _TEXTURES = ("map_", "bump", "disp", "decal", "refl", "norm")
 
 
 def keep_own_textures(folder: Path) -> None:
-    """Take lines with textures that are not in `folder` out of its .mtl files.
+    """Remove lines of textures outside `folder` from its .mtl files.
 
-    Some name files on the disks of their creators, which an importer would look for on this one.
+    Some have absolute paths of their creators' disks, which an importer would open here.
     """
     for path in folder.iterdir():
         if path.suffix.lower() != ".mtl":
@@ -276,7 +277,7 @@ def _is_texture(line: str) -> bool:
 
 
 def _is_there(folder: Path, line: str) -> bool:
-    """Tell whether the end of a line, after its options, is the name of a file in the folder."""
+    """Return whether a line ends, after its options, with the name of a file in the folder."""
     words = line.split()[1:]
     names = (" ".join(words[start:]) for start in range(len(words)))
     return any(Path(name).name == name and (folder / name).is_file() for name in names)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Models of furniture libraries as meshes, of the catalogue's size, upright, with their front towards -y.
+"""Models of furniture libraries as meshes of the catalogue's size, upright, facing -y.
 
-Meshes that were made for viewers with one-sided faces are repaired: they have each face twice, turned round. Importers
-keep either, and what is left faces in and out at random: its smooth normals are wrong, and the side that an opaque
-sheet shows is.
+Meshes for viewers with one-sided faces have each face twice, in opposite orientations. Importers keep one of the two at
+random, so smooth normals and visible sides of opaque sheets are wrong. These meshes are repaired.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from mathutils import Matrix
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from .library import LibraryFileError, Piece, keep_own_textures, opened_archive, unpack_folder
 
-# Models of libraries have y up and their front towards +z.
+# Models of libraries have y up and face +z.
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def library_meshes(pieces: Sequence[Piece]) -> dict[Piece, bpy.types.Mesh]:
-    """Import the models of pieces of libraries, each once; raises LibraryFileError for one that has no surface."""
+    """Import the models of pieces of libraries, each once; raises LibraryFileError for a model without surface."""
     meshes: dict[Piece, bpy.types.Mesh] = {}
     for library in sorted({piece.library for piece in pieces if piece.library is not None}):
         with opened_archive(library) as archive, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
@@ -38,7 +37,7 @@ def library_meshes(pieces: Sequence[Piece]) -> dict[Piece, bpy.types.Mesh]:
 
 
 def fit_mesh(mesh: bpy.types.Mesh, size: tuple[float, float, float], turned: np.ndarray | None = None) -> None:
-    """Turn a mesh (3, 3), scale its box to a size in metres, and set the middle of its lower end in the origin."""
+    """Rotate a mesh by `turned` (3, 3), scale its box to metres, and move the centre of its bottom to the origin."""
     points = vertices_of(mesh)
     turn = np.eye(3) if turned is None else turned
     points = points @ turn.T
@@ -55,7 +54,7 @@ def fit_mesh(mesh: bpy.types.Mesh, size: tuple[float, float, float], turned: np.
 
 
 def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
-    """Import a file as one mesh, which no object has; what else came with it goes."""
+    """Import a file as one mesh without an object; its other data is removed."""
     before = set(bpy.data.objects)
     try:
         with interrupts_wait():
@@ -89,7 +88,7 @@ def _damaged(piece: Piece) -> LibraryFileError:
 
 
 def _keep_own_images(material: bpy.types.Material, folder: Path) -> None:
-    """Pack the images of a material that came with the library; what cannot be read is taken off it."""
+    """Pack the images of a library's material; images that cannot be read are removed."""
     nodes = material.node_tree.nodes if material.node_tree is not None else ()
     for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
         image = node.image
@@ -104,7 +103,7 @@ def _is_below(image: bpy.types.Image, folder: Path) -> bool:
     return path.is_file() and path.is_relative_to(folder.resolve()) and bool(image.size[0])
 
 
-_MOST_TURNED = 0.02  # of the edges between two faces
+_MOST_TURNED = 0.02  # share of the edges between two faces
 _SAME = 7  # decimals of the mesh's extent
 
 
@@ -116,7 +115,7 @@ def vertices_of(mesh: bpy.types.Mesh) -> np.ndarray:
 
 
 def repair_mesh(mesh: bpy.types.Mesh) -> None:
-    """Remove faces that lie on others, and turn faces outwards where many neighbours disagree; a good mesh stays."""
+    """Remove duplicate faces; make normals consistent if many neighbours differ. A good mesh is unchanged."""
     shape = bmesh.new()
     shape.from_mesh(mesh)
     doubles = _doubles(shape, vertices_of(mesh))
@@ -132,7 +131,7 @@ def repair_mesh(mesh: bpy.types.Mesh) -> None:
 
 
 def _doubles(shape: bmesh.types.BMesh, points: np.ndarray) -> list[bmesh.types.BMFace]:
-    """Faces whose corners are at the places of those of an earlier face."""
+    """Faces with the same corner positions as an earlier face."""
     places = np.round(points / max(np.ptp(points, axis=0).max(), 1e-30), _SAME)
     numbers = np.unique(places, axis=0, return_inverse=True)[1].ravel()
     seen, doubles = set(), []
@@ -145,6 +144,6 @@ def _doubles(shape: bmesh.types.BMesh, points: np.ndarray) -> list[bmesh.types.B
 
 
 def _turned_share(shape: bmesh.types.BMesh) -> float:
-    """Share of the edges between two faces along which these are turned opposite ways."""
+    """Share of the edges between two faces whose orientations are opposite."""
     shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
     return sum(not edge.is_contiguous for edge in shared) / max(len(shared), 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pieces that the script builds where libraries have none: shapes by kind, which are then fitted to their sizes."""
+"""Pieces that the script builds where libraries lack a kind: shapes by kind, scaled to their sizes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import kinds
 from .library import Piece
 from .models import fit_mesh
 
-_Part = tuple[Shape, str]  # and its material, see `_materials`
+_Part = tuple[Shape, str]  # shape and material, see `_materials`
 _GREENS = ((0.27, 0.45, 0.16), (0.34, 0.53, 0.20), (0.22, 0.38, 0.15))
 
 
@@ -47,7 +47,7 @@ def _mesh(piece: Piece, parts: list[_Part], materials: dict[str, bpy.types.Mater
 
 
 def _keep_leaf_coordinates(mesh: bpy.types.Mesh, parts: list[_Part]) -> None:
-    """Give parts with texture coordinates their own; `join` keeps them only if all parts have them."""
+    """Set texture coordinates of parts that have them; `join` keeps them only if all parts do."""
     layer = mesh.uv_layers[0].data
     first = 0
     for part, _ in parts:

@@ -23,7 +23,7 @@ from .floor_plan import (
 from .kinds import Stock
 from .library import FREE, TEST, TRAIN, Library
 
-# At the walls, in this order: kind, and how many at least and at most.
+# Pieces at the walls, in this order: kind, least and greatest number.
 _AT_WALLS = (
     (kinds.BED, 0, 1), (kinds.SHELF, 2, 4), (kinds.DEVICE, 1, 3), (kinds.FLOOR_LAMP, 1, 2), (kinds.ARMCHAIR, 1, 3),
     (kinds.PLANT, 3, 5), (kinds.CHAIR, 1, 2),
@@ -50,7 +50,7 @@ class Room:
 
 
 def plan_interior(stock: Stock, rng: np.random.Generator) -> Room:
-    """Furnish a room of 5 to 7.4 by 4.4 to 6.2 metres; every random choice from `rng`."""
+    """Furnish a room of 5 to 7.4 by 4.4 to 6.2 metres; `rng` determines every random choice."""
     plan = FloorPlan(
         float(rng.uniform(5.0, 7.4)), float(rng.uniform(4.4, 6.2)), float(rng.uniform(2.5, 2.9))
     )  # fmt: skip
@@ -84,7 +84,7 @@ def _openings(plan: FloorPlan, rng: np.random.Generator) -> tuple[Opening, ...]:
 
 
 def _before(plan: FloorPlan, opening: Opening) -> Box:
-    """Box inside the room before an opening that stays free: wide before a door, for light before a window."""
+    """Box inside the room that stays free in front of an opening: deep at a door, shallow at a window."""
     reach = 1.0 if opening.sill == 0.0 else 0.12
     angle = opening.wall * math.pi / 2
     inward = np.array([math.sin(angle), -math.cos(angle)]).round(12)
@@ -96,7 +96,7 @@ def _before(plan: FloorPlan, opening: Opening) -> Box:
 
 
 def _people(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> None:
-    """People where there is room, if the libraries have any."""
+    """Place people in free places, if the libraries have any."""
     for kind, most in ((kinds.SITTING, 4), (kinds.RESTING, 3), (kinds.STANDING, 6)):
         for _ in range(min(most, stock.count(kind))):
             piece = stock.draw(kind)
@@ -109,10 +109,10 @@ def _people(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> None:
 
 
 def _things_on(plan: FloorPlan, table: Placement, stock: Stock, rng: np.random.Generator) -> None:
-    """Up to seven small things, and a lamp perhaps, on top of a piece."""
+    """Place up to seven small things, and perhaps a lamp, on top of a piece."""
     top = table.piece.top
     if top is None or abs(top - table.piece.size[2]) > 0.01:
-        return  # nothing stands on it, or what stands higher than its top would be in the way
+        return  # no surface on top, or parts of the piece above it
     names = [kinds.TABLE_LAMP] * int(rng.integers(2)) + [kinds.SMALL] * int(rng.integers(3, 8))
     low, high = (np.array(corner[:2]) for corner in (table.box().low, table.box().high))
     for kind in names:
@@ -131,9 +131,9 @@ def _things_on(plan: FloorPlan, table: Placement, stock: Stock, rng: np.random.G
 
 _TRIES = 150
 _HEIGHT = 20.0  # metres of air
-_BORDER = 0.5  # metres between the fence and what grows
-_LARGEST_TREE = 8.0  # metres, of all its sides
-# Kind, how many, and metres that stay free around each, in an order that leaves room for all.
+_BORDER = 0.5  # metres between fence and plants
+_LARGEST_TREE = 8.0  # metres, longest side
+# Kind, number, and free metres around each, in an order that leaves room for all.
 _SCATTERED = (
     (kinds.TREE, 4, 0.2), (kinds.SITTING, 4, 0.2), (kinds.RESTING, 5, 0.2), (kinds.STANDING, 8, 0.2),
     (kinds.GARDEN, 6, 0.3), (kinds.TREE, 3, 0.2), (kinds.BUSH, 9, 0.15), (kinds.PLANT, 9, 0.15),
@@ -141,7 +141,7 @@ _SCATTERED = (
 
 
 def plan_garden(stock: Stock, rng: np.random.Generator) -> FloorPlan:
-    """Plant and furnish a garden of 12 to 17 by 10 to 14 metres; every random choice from `rng`."""
+    """Plant and furnish a garden of 12 to 17 by 10 to 14 metres; `rng` determines every random choice."""
     plan = FloorPlan(float(rng.uniform(12.0, 17.0)), float(rng.uniform(10.0, 14.0)), _HEIGHT)
     reach = np.array([plan.width / 2 - _BORDER, plan.depth / 2 - _BORDER])
     dining_group(plan, stock, rng, has_ceiling=False)
@@ -162,15 +162,15 @@ def plan_garden(stock: Stock, rng: np.random.Generator) -> FloorPlan:
 HEAD = "# Credits of a scene composed by patchnet lab furnish"
 _USES = {
     TRAIN: "This scene may be used for training.",
-    TEST: "This scene is for testing only: nothing is trained on it.",
-    FREE: "Its libraries are not of the policy of docs/lab/furnished-scenes.md: use it as their licences allow.",
+    TEST: "This scene is for testing only: do not train on it.",
+    FREE: "docs/lab/furnished-scenes.md assigns its libraries no role: use this scene as their licences allow.",
 }
 
 
 def credits_text(
     command: str, role: str, libraries: Sequence[Library], placements: Iterable[Placement], own: str
 ) -> str:
-    """Markdown text; own: what the script built itself, in words."""
+    """Credits as Markdown; own: names of parts built by script."""
     lines = [HEAD, "", f"    {command}", "", _USES[role], "", f"Built by the script: {own}.", ""]
     lines += [f"Library {library.name} ({library.path.name}): {_plain(library.licence)}." for library in libraries]
     lines += ["", "| model | creator | licence | file |", "|---|---|---|---|"]
@@ -181,5 +181,5 @@ def credits_text(
 
 
 def _plain(text: str) -> str:
-    """Text in one line that does not end a cell of a table."""
+    """Text in one line without `|`, for a cell of a table."""
     return " ".join(text.replace("|", "/").split())

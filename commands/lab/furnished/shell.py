@@ -21,7 +21,7 @@ _PALETTE = ((0.90, 0.87, 0.80), (0.76, 0.83, 0.84), (0.86, 0.76, 0.66), (0.80, 0
 
 
 def build_shell(collection: bpy.types.Collection, room: Room, rng: np.random.Generator) -> None:
-    """Build floor, ceiling and four walls around a room's plan, closed but for its openings."""
+    """Build floor, ceiling and four walls around a room's plan, closed except for its openings."""
     plan = room.plan
     x, y = plan.width / 2 + _WALL, plan.depth / 2 + _WALL
     planks = principled("Planks", image=textures.to_image("Planks", _planks(rng)), roughness=0.7)
@@ -41,12 +41,12 @@ def build_shell(collection: bpy.types.Collection, room: Room, rng: np.random.Gen
 
 
 def _lengths(plan: FloorPlan, wall: int) -> tuple[float, float]:
-    """Length of a wall, and its distance from the middle of the room."""
+    """Length of a wall, and its distance from the centre of the room."""
     return (plan.width, plan.depth / 2) if wall % 2 == 0 else (plan.depth, plan.width / 2)
 
 
 def _set(plan: FloorPlan, wall: int, shape: Shape) -> Shape:
-    """Set a shape, whose x is along the wall and y from its inner face outwards, to its wall."""
+    """Move a shape to its wall; its x is along the wall, its y outwards from the inner face."""
     return shape.moved((0.0, _lengths(plan, wall)[1], 0.0)).turned(wall * math.pi / 2)
 
 
@@ -55,14 +55,14 @@ def _wall(plan: FloorPlan, wall: int, openings: list[Opening]) -> Shape:
     half = _lengths(plan, wall)[0] / 2 + (_WALL if wall % 2 == 0 else 0.0)
     x = sorted({-half, half, *(end for opening in openings for end in (opening.left, opening.right))})
     z = sorted({0.0, plan.height, *(end for opening in openings for end in (opening.sill, opening.lintel))})
-    solid = np.zeros((len(x) + 1, len(z) + 1), bool)  # with a border of air
+    solid = np.zeros((len(x) + 1, len(z) + 1), bool)  # with a border of empty cells
     solid[1:-1, 1:-1] = [
         [not _is_open(openings, (a + b) / 2, (c + d) / 2) for c, d in pairwise(z)] for a, b in pairwise(x)
     ]
     cells = []
     for i, k in np.argwhere(solid).tolist():
         cell = box((x[i - 1], 0.0, z[k - 1]), (x[i], _WALL, z[k]))
-        # Faces of a box: +x and -x are its third and second, +z and -z its first and last.
+        # A box's faces +x and -x are its third and second, +z and -z its first and last.
         hidden = {2: solid[i + 1, k], 1: solid[i - 1, k], 0: solid[i, k + 1], 5: solid[i, k - 1]}
         cells.append(Shape(cell.vertices, [face for number, face in enumerate(cell.faces) if not hidden.get(number)]))
     return join(cells)
@@ -87,7 +87,7 @@ def _trim(opening: Opening) -> Shape:
 
 
 def _skirting(plan: FloorPlan, wall: int, openings: list[Opening]) -> Shape:
-    """Board of 8 cm along the foot of a wall, 1 cm thick, but not before doors."""
+    """Skirting boards of 8 cm along a wall, 1 cm thick, except at doors."""
     half, edge = _lengths(plan, wall)[0] / 2, -_lengths(plan, wall)[0] / 2
     ends = []
     for opening in (opening for opening in openings if opening.sill == 0):
@@ -97,7 +97,7 @@ def _skirting(plan: FloorPlan, wall: int, openings: list[Opening]) -> Shape:
 
 
 def _blind(opening: Opening) -> Shape:
-    """Slats of 2 mm before the upper half of a window, tilted, so that light falls through."""
+    """Slats of 2 mm in front of the upper half of a window, tilted so that light passes."""
     heights = np.arange((opening.sill + opening.lintel) / 2, opening.lintel - 0.06, 0.035)
     slat = box((opening.left + 0.06, -0.0125, -_SLAT / 2), (opening.right - 0.06, 0.0125, _SLAT / 2)).turned(
         0.5, axis=0
@@ -146,7 +146,7 @@ def _grass(plan: FloorPlan, rng: np.random.Generator, tufts: int = 900, blades: 
 
 
 def _path(plan: FloorPlan, rng: np.random.Generator) -> Shape:
-    """Slabs of 6 mm, too low for anything to stand uneven, from the gate inwards."""
+    """Path of 6 mm slabs from the gate inwards, so low that pieces on it stay level."""
     slabs = []
     for start in np.arange(-plan.depth / 2 - 0.3, plan.depth * 0.3, 0.55):
         x = 0.12 * math.sin(2 * start) + rng.uniform(-0.04, 0.04)
@@ -162,7 +162,7 @@ def _fence(plan: FloorPlan, rng: np.random.Generator) -> Shape:
         (y, math.pi / 2, [(-x, x)]),
         (x, math.pi, [(-y, y)]),
         (y, -math.pi / 2, [(-x, -_GATE / 2), (_GATE / 2, x)]),
-    ]  # distance, direction and sections along
+    ]  # distance, direction, and sections along the side
     parts = []
     for distance, angle, sections in sides:
         for left, right in sections:
