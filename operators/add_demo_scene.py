@@ -28,14 +28,14 @@ class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
         return in_object_mode(cls, context, "A scene can be added") and super().poll(context)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Build it, and show it in this window."""
+        """Build the courtyard and show it in this window."""
         from .demo_scene import build_courtyard, courtyard_pictures
 
         pictures = yield from computed(courtyard_pictures, Progress(0, 1, "Painting textures"))
         scene = bpy.data.scenes.new(NAME)
         build_courtyard(scene, pictures=pictures)
         layer = scene.view_layers[0]
-        layer.update()  # objects that it does not know yet would forget that they are selected
+        layer.update()  # else new objects lose their selection
         for item in layer.objects:
             item.select_set(True, view_layer=layer)
         if context.window is not None:
@@ -45,7 +45,7 @@ class PATCHNET_OT_add_demo_scene(JobOperator, bpy.types.Operator):
 
 
 def _look_through_camera(screen: bpy.types.Screen) -> None:
-    """Let the largest 3D viewport show what the scene's camera sees, all of it."""
+    """Show the scene's whole camera view in the largest 3D viewport."""
     viewports = [area for area in screen.areas if area.type == "VIEW_3D"]
     for area in sorted(viewports, key=lambda area: area.width * area.height)[-1:]:
         view = area.spaces.active.region_3d
@@ -62,5 +62,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take it out of the menu."""
+    """Remove the operator from the menu."""
     bpy.types.VIEW3D_MT_add.remove(_draw_in_menu)

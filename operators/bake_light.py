@@ -22,7 +22,7 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
     bl_label = "Bake Light"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Build the octree on the same grid again, in light."""
+        """Build the octree on the same grid again, with baked light."""
         from ..patchnet_addon.lightmap.page_cache import BakePageCache
         from .pipeline.job_work import JobPlan
         from .pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface

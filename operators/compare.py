@@ -22,7 +22,7 @@ class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.
     bl_label = "Compare Strategies"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Trace the view with all strategies, keep the table."""
+        """Trace the view with all strategies and keep the table."""
         result = yield from look(context, settings, compare=True)
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")

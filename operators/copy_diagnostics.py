@@ -20,9 +20,9 @@ _MAX = 20
 
 
 class _Last(logging.Handler):
-    """Memory of the last warnings and errors."""
+    """Log handler that keeps the last warnings and errors."""
 
-    collects = True  # and tells nothing: see `log.set_up`
+    collects = True  # and prints nothing: see `log.set_up`
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -51,8 +51,8 @@ class PATCHNET_OT_copy_diagnostics(bpy.types.Operator):
 
 
 def diagnostics(context: bpy.types.Context) -> str:
-    """Text of the diagnostics; the user's own folder is written as ~."""
-    from .pipeline.reports import machine, versions  # it imports much of the library
+    """Text of the diagnostics; the user's home folder is written as ~."""
+    from .pipeline.reports import machine, versions  # slow: imports much of the library
 
     result = results.result_of(context.scene)
     values = {
@@ -77,10 +77,10 @@ def _settings(values: bpy.types.PropertyGroup) -> dict[str, Any]:
 
 
 def register() -> None:
-    """Listen to the log."""
+    """Add the handler to the log."""
     LOG.addHandler(_last)
 
 
 def unregister() -> None:
-    """Stop listening."""
+    """Remove the handler from the log."""
     LOG.removeHandler(_last)

@@ -20,7 +20,7 @@ class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties
     bl_label = "Estimate"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Estimate the job, and keep what was found for the panel."""
+        """Estimate the job and keep the estimate for the panel."""
         from .pipeline.estimate import estimate_job
 
         found = yield from estimate_job(context, settings)

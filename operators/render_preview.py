@@ -43,7 +43,7 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
 
 
 def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
-    """Look through the first camera at the scene's result, which keeps the figures; the pictures are shown.
+    """Render the first camera's view of the scene's result, show its pictures, and keep its figures.
 
     compare: measure all strategies. Raises SettingError, SceneError.
     """

@@ -28,10 +28,10 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
         return has_voxels(cls, context) and in_object_mode(cls, context, "Voxels can be shown") and no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Choose the level, make or fill the object, say what it shows."""
+        """Choose the level, create or update the object, and report it."""
         from ..patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud, voxel_counts
 
-        for name in ("level", "display", "limit"):  # so that the panel for redoing begins with what was done
+        for name in ("level", "display", "limit"):  # so that Adjust Last Operation starts with the values in use
             setattr(self, name, setting(context, self, name))
         try:
             apply_preferences(context)
@@ -54,7 +54,7 @@ class PATCHNET_OT_show_voxels(DisplayProperties, bpy.types.Operator):
 
 
 def _show_attribute_colors(window: bpy.types.Window | None) -> None:
-    """Let viewports in Solid shading take colors from attributes, where voxels have theirs, as color painting does."""
+    """Set viewports in Solid shading to the colors of attributes, which voxels have, as vertex painting does."""
     for area in window.screen.areas if window is not None else ():
         if area.type == "VIEW_3D" and area.spaces.active.shading.type == "SOLID":
             area.spaces.active.shading.color_type = "VERTEX"

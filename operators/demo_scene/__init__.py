@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Demo scenes built by script: a courtyard full of things that a coarse view gets wrong, and a closed room."""
+"""Demo scenes built by script: a courtyard with detail that a coarse view gets wrong, and a closed room."""
 
 from .courtyard import build_courtyard, courtyard_pictures, save_demo_scene
 from .room import build_glossy_room, build_room

@@ -17,7 +17,7 @@ from .geometry import add_object
 from .materials import linear, make_materials, make_pictures
 
 FIELD_OF_VIEW = float(np.radians(50.0))
-# Name: (position, target) in metres. Far and Middle are at distances that look-ahead needs at 192 pixels.
+# Name: (position, target) in metres. Far and Middle have the distances that look-ahead needs at 192 pixels.
 VIEWS = {
     "Far": ((3.4, -15.4, 7.3), (0.1, 0.4, 2.35)),
     "Middle": ((1.6, -10.85, 3.6), (-0.4, 0.6, 1.95)),
@@ -27,7 +27,7 @@ TO_SUN = (0.62, -0.66, 0.86)  # direction from the courtyard to the sun
 
 
 def courtyard_pictures(seed: int = 1) -> dict[str, np.ndarray]:
-    """Textures for `build_courtyard`, most of its time; without Blender's data, so that a thread can make them."""
+    """Textures for `build_courtyard`, most of its time; they use no Blender data, so a thread can compute them."""
     return make_pictures(_streams(seed)[0])
 
 
@@ -38,10 +38,10 @@ def _streams(seed: int) -> list[np.random.Generator]:
 def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str, np.ndarray] | None = None) -> None:
     """Build the courtyard into a scene: about 12 m wide, every random choice from `seed`.
 
-    pictures: its textures, where they are there.
+    pictures: textures by `courtyard_pictures`; computed here if None.
 
-    Fence, gate and grilles are thinner than a distant pixel, a white cloth lies 7 mm above a dark table, leaves are cut
-    by alpha: what a coarse view gets wrong. Sets the scene's world, camera and render settings.
+    A coarse view gets these wrong: fence, gate and grilles thinner than a distant pixel, a white cloth 7 mm above a
+    dark table, and leaves cut by alpha. Sets the scene's world, camera and render settings.
     """
     streams = iter(_streams(seed)[1:])
     materials = make_materials(pictures or courtyard_pictures(seed))
@@ -74,7 +74,7 @@ def build_courtyard(scene: bpy.types.Scene, seed: int = 1, pictures: Mapping[str
 
 
 def save_demo_scene(path: Path, seed: int = 1) -> None:
-    """Build the courtyard in an empty file and save it with its images packed; replaces whatever is open."""
+    """Build the courtyard in an empty file and save it with its images packed; replaces the open file."""
     bpy.ops.wm.read_homefile(use_empty=True)
     build_courtyard(bpy.context.scene, seed)
     path.parent.mkdir(parents=True, exist_ok=True)

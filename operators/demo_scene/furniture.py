@@ -27,7 +27,7 @@ from .masonry import ARCADE_Y, INSIDE, PLINTH, Materials
 TABLE = (-1.7, -1.35)
 _TOP = 0.78
 _HALF = (1.05, 0.52)  # half length and half width of the table's top
-_GAP = 0.007  # the cloth lies this far above the table
+_GAP = 0.007  # height of the cloth above the table
 
 
 def build_table(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:

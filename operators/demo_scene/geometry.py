@@ -49,7 +49,7 @@ def join(shapes: Iterable[Shape]) -> Shape:
 
 
 def box(low: Sequence[float], high: Sequence[float], bottom: bool = True) -> Shape:
-    """Axis-parallel box between two corners; without its bottom face where that cannot be seen."""
+    """Axis-aligned box between two corners, with or without its bottom face."""
     ends = np.array([low, high], float)
     corners = np.array([[ends[k >> 2 & 1, 0], ends[k >> 1 & 1, 1], ends[k & 1, 2]] for k in range(8)])  # (8, 3)
     faces: list[tuple[int, ...]] = [(1, 5, 7, 3), (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6)]
@@ -68,7 +68,7 @@ def sheet(points: np.ndarray, closed: bool = False) -> Shape:
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = 24) -> Shape:
-    """Profile of (radius, height) turned about z; profiles from bottom to top have their outside outwards."""
+    """Revolve a profile of (radius, height) about z; faces point outwards if it runs from bottom to top."""
     angles = np.linspace(0, 2 * np.pi, segments, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(segments)], -1)  # (segments, 3)
     points = np.array([ring * radius + (0.0, 0.0, height) for radius, height in profile])
@@ -104,7 +104,7 @@ def projected_uv(shape: Shape, repeat: float) -> np.ndarray:
     for face in shape.faces:
         points = shape.vertices[list(face)]
         normal = np.abs(np.cross(points[1] - points[0], points[2] - points[0]))
-        # Faces at 45 degrees are undecided but for rounding, which is not the same everywhere: the first axis counts.
+        # Rounding, which differs between machines, must not decide for faces at 45 degrees: the first axis counts.
         axes = ([1, 2], [0, 2], [0, 1])[int(np.argmax(normal > (1.0 - 1e-6) * normal.max()))]
         flat.append(points[:, axes] / repeat)
     return np.concatenate(flat)
@@ -144,14 +144,14 @@ def bevel(item: bpy.types.Object, width: float, segments: int = 2) -> None:
 
 
 def array(item: bpy.types.Object, count: int, step: Sequence[float]) -> None:
-    """Repeats an object `count` times, `step` apart."""
+    """Repeat an object `count` times, `step` apart."""
     modifier = item.modifiers.new("Array", "ARRAY")
     modifier.count, modifier.use_relative_offset, modifier.use_constant_offset = count, False, True
     modifier.constant_offset_displace = step
 
 
 def solidify(item: bpy.types.Object, thickness: float, rim_only: bool = False) -> None:
-    """Give a sheet a thickness, to the inside; `rim_only` where the other side cannot be seen."""
+    """Thicken a sheet inwards; `rim_only` leaves out the other side, for sheets where it cannot be seen."""
     modifier = item.modifiers.new("Solidify", "SOLIDIFY")
     modifier.thickness, modifier.offset = thickness, -1.0
     modifier.use_rim_only = rim_only
@@ -186,7 +186,7 @@ def scatter(
     rotations: np.ndarray,
     scales: np.ndarray | None = None,
 ) -> bpy.types.Object:
-    """Object that shows `prototype` at points (n, 3) with Euler angles (n, 3) and scales (n, 3)."""
+    """Object that instances `prototype` at points (n, 3) with Euler angles (n, 3) and scales (n, 3)."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(np.asarray(points, float).tolist(), [], [])
     values = {"rotation": rotations, "scale": np.ones((len(points), 3)) if scales is None else scales}
@@ -225,7 +225,7 @@ def show_collection(
     angle: float = 0.0,
     scale: float = 1.0,
 ) -> bpy.types.Object:
-    """Empty that shows a collection turned about z, scaled, and set to a place."""
+    """Empty that instances a collection, turned about z, scaled and moved."""
     item = add_object(parent, shown.name, None)
     item.instance_type, item.instance_collection = "COLLECTION", shown
     item.location, item.rotation_euler, item.scale = location, (0.0, 0.0, angle), (scale, scale, scale)

@@ -85,7 +85,7 @@ def build_gate(collection: bpy.types.Collection, materials: Materials) -> None:
     curve(collection, "Gate arch", arches, 0.011, materials["iron"])
     scrolls = []
     for number, angle in enumerate(np.linspace(np.pi - 0.17, 0.17, 13)):
-        cos, sin = np.sin(angle), np.cos(angle)  # of the turn from upright
+        cos, sin = np.sin(angle), np.cos(angle)  # of the angle from upright
         turn = np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]])
         path = scroll(0.25) * (1 - 2 * (number % 2), 1, 1) @ turn
         scrolls.append(path * (0.8, 1, 0.72) + _on_arch(reach - 0.13, np.array([angle])))
@@ -104,7 +104,7 @@ def _leaf_frame(width: float) -> list[np.ndarray]:
 
 
 def _chain_link(width: float, height: float, mesh: float = 0.05) -> list[np.ndarray]:
-    """Zigzag wires (n, 3) that hook into each other, as chain-link is woven."""
+    """Zigzag wires (n, 3) that hook into each other, as in chain-link."""
     count, links = int(width / mesh), int(height / mesh) * 2
     z = np.linspace(0, height, links + 1)
     paths = []

@@ -72,7 +72,7 @@ def _arch(centre: float, radius: float, spring: float, angles: np.ndarray) -> np
 
 
 def build_floor(collection: bpy.types.Collection, materials: Materials, rng: np.random.Generator) -> None:
-    """Kerb around, and within instanced tiles in a chequer of warm tones."""
+    """Kerb around instanced tiles in a chequer of warm tones."""
     edges = [((-6, FRONT - 0.22), (6, FRONT)), ((-6, FRONT), (-INSIDE - 0.25, 5.7)), ((INSIDE + 0.25, FRONT), (6, 5.7))]
     kerbs = [box((*low, -0.2), (*high, 0), False) for low, high in edges]
     place(collection, "Kerb", join(kerbs), materials["stone"], repeat=2.5)

@@ -12,7 +12,7 @@ import numpy as np
 from ..scene_access.blender_version import start_nodes
 from . import textures
 
-_LEAVES = "Leaves "  # begins the names of what cuts leaves
+_LEAVES = "Leaves "  # prefix of materials and images that cut leaves
 
 
 def linear(colour: textures.Colour) -> np.ndarray:
@@ -31,7 +31,7 @@ def principled(
     emission: float = 0.0,
     inputs: Mapping[str, float] = MappingProxyType({}),
 ) -> bpy.types.Material:
-    """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image; inputs: of the shader."""
+    """Material of an sRGB colour, an image, or both multiplied; `alpha` cuts by the image; inputs: shader values."""
     material = bpy.data.materials.new(name)
     tree = start_nodes(material)
     nodes, links = tree.nodes, tree.links
@@ -78,7 +78,7 @@ def _link_image(
 
 
 def make_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Textures of the courtyard by the names of their images; nothing of Blender's, so that a thread can make them."""
+    """Textures of the courtyard by image name; they use no Blender data, so a thread can compute them."""
     return {
         "Plaster": textures.plaster(rng, (0.93, 0.87, 0.76)),
         "Bricks": textures.bricks(rng),

@@ -82,7 +82,7 @@ def _potted(
 
 
 def make_pots(materials: Materials, rng: np.random.Generator) -> dict[str, bpy.types.Collection]:
-    """Potted plants, as collections to instance; the pots stand in the origin."""
+    """Potted plants, as collections to instance; the pots stand at the origin."""
     box_ball = bush(rng, 340, (0.3, 0.3, 0.3), (0, 0, 0.72), 0.15)
     lavender = bush(rng, 100, (0.16, 0.16, 0.1), (0, 0, 0.32), 0.32, 0.45)
     lavender.vertices[:, 2] += 0.35 * (lavender.vertices[:, 2] - 0.32)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Closed room of 2 m after the Cornell box: coloured walls, two boxes, a lamp, a luminous panel, a screen, bricks.
 
-All surfaces are diffuse, so that Cycles and an octree can agree; what makes them differ is here on purpose: corners,
-contact shadows, colours that bounce, a sheet whose sides are lit unlike, a board thinner than a coarse voxel.
+All surfaces are diffuse, so that Cycles and an octree can agree. The room has the cases in which they differ: corners,
+contact shadows, colour bleeding, a sheet with differently lit sides, and a board thinner than a coarse voxel.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _RED, _GREEN, _WHITE = (0.80, 0.26, 0.22), (0.35, 0.66, 0.30), (0.88, 0.87, 0.85
 
 
 def build_glossy_room(scene: bpy.types.Scene, seed: int = 1) -> None:
-    """Build the room with metals, a mirror and a pane of glass: what a bake of diffuse light alone shows black."""
+    """Build the room with metals, a mirror and a pane of glass, which a bake of diffuse light alone shows black."""
     build_room(scene, seed)
     gold = principled("Gold", (1.0, 0.84, 0.50), roughness=0.3, inputs={"Metallic": 1.0})
     steel = principled("Steel", (0.80, 0.80, 0.82), roughness=0.4, inputs={"Metallic": 1.0})
@@ -62,12 +62,12 @@ def _matt(name: str, color: textures.Colour | None = None, image: bpy.types.Imag
 
 
 def _sheet(corners: np.ndarray) -> Shape:
-    """Build a quad of corners (2, 2, 3), rows then columns, facing the way that columns turn to rows."""
+    """Build a quad of corners (2, 2, 3), rows then columns; its normal is the column direction x the row direction."""
     return Shape(corners.reshape(-1, 3), [(0, 1, 3, 2)])
 
 
 def _build_shell(collection: bpy.types.Collection, walls: list[bpy.types.Material]) -> None:
-    """Six faces that look inwards and close the room: white, but bricks behind, red to the left, green to the right."""
+    """Six inward faces that close the room: bricks behind, red on the left, green on the right, else white."""
     half = SIDE / 2
     outside = box((-half, -half, 0.0), (half, half, SIDE))
     shell = Shape(outside.vertices, [face[::-1] for face in outside.faces])
@@ -80,7 +80,7 @@ def _build_shell(collection: bpy.types.Collection, walls: list[bpy.types.Materia
 
 
 def _build_lamp(collection: bpy.types.Collection) -> None:
-    """Square area light under the ceiling; as Cycles' lamps do, it shines downwards only."""
+    """Square area light under the ceiling; it shines downwards only, as area lights do in Cycles."""
     data = bpy.data.lights.new("Lamp", "AREA")
     data.shape, data.size, data.energy = "SQUARE", 0.7, 30.0
     add_object(collection, "Lamp", data).location = (0.0, 0.0, SIDE - 0.02)

@@ -92,13 +92,13 @@ def linen(rng: np.random.Generator, size: int = 1024) -> np.ndarray:
 def sprig(
     rng: np.random.Generator, leaves: Sequence[Colour], pairs: int, width: float, length: float, size: int = 256
 ) -> np.ndarray:
-    """Twig along v with leaves on both sides, and nothing but alpha around (size, size, 4).
+    """Twig along v with leaves on both sides, transparent around it (size, size, 4).
 
     `leaves` are the colours to choose from, `width` a leaf's half width by its length, `length` its size in pictures.
     """
     v, u = np.mgrid[0:size, 0:size] / size
     picture = np.empty((size, size, 4))
-    picture[..., :3], picture[..., 3] = np.mean(leaves, axis=0), 0.0  # the mean colour keeps edges free of fringes
+    picture[..., :3], picture[..., 3] = np.mean(leaves, axis=0), 0.0  # the mean colour avoids fringes at edges
     stem = (np.abs(u - 0.5) < 0.008) & (v < 0.8)
     picture[stem] = (0.36, 0.30, 0.18, 1.0)
     for number in range(2 * pairs + 1):

@@ -21,14 +21,14 @@ from .layout import Rect, beside
 from .overlay_settings import NOTHING, overlay_settings
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
-NOT_REFINED = "Not there yet: Refine with Cycles renders it"
+NOT_REFINED = "Not rendered yet: press Refine with Cycles"
 _LEGEND_PX, _BAR_PX, _GAP_PX = 190, 9, 8
 _RAMP_STOPS = 52
 
 
 @dataclass(frozen=True)
 class InspectedPixel:
-    """Pixel that the mouse points at: in which region (its address), where there, and lines about it."""
+    """Pixel under the mouse: address of its region, position of the mouse there, and lines of text about it."""
 
     region: int
     x: float
@@ -42,23 +42,23 @@ inspected: dict[int, InspectedPixel | None] = {}  # by the address of the window
 
 @dataclass(frozen=True)
 class _Look:
-    """Look of a view as it is drawn now; seen: what bars and the region's edge leave of its rectangle."""
+    """Values to draw a view with; seen: part of its rectangle inside the region and not below bars."""
 
     view: ShownView
     maximum: float
     colormap: str
     scale: float
-    transform: str  # said of light, where the scene's view is another
+    transform: str  # view transform of the pictures, if the scene's is another
     seen: Rect
 
     @property
     def gap(self) -> float:
-        """Distance between texts and what is beside them, in pixels."""
+        """Margin around texts, in pixels."""
         return _GAP_PX * self.scale
 
 
 def draw_region(context: bpy.types.Context) -> None:
-    """Draw the overlay into the region that is being drawn, unless the editor's Show Overlays is off."""
+    """Draw the overlay into the current region, unless the editor's Show Overlays is off."""
     area, region, values = context.area, context.region, overlay_settings(context)
     if area is None or area.type not in EDITORS:
         return
@@ -77,7 +77,7 @@ def draw_region(context: bpy.types.Context) -> None:
 
 
 def maximum_of(scene: bpy.types.Scene, view: ShownView) -> float:
-    """Priority at the end of the legend, as the scene's settings have it now."""
+    """Priority at the end of the legend, from the scene's settings."""
     return view.maximum_now(scene.patchnet.heatmap_maximum)
 
 
@@ -119,7 +119,7 @@ def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> No
 
 
 def _left(look: _Look, width: float, right_side: bool) -> float:
-    """Left end of what is drawn in the left or the right corner."""
+    """Left edge of an item of that width in the left or the right corner."""
     return look.seen.right - look.gap - width if right_side else look.seen.left + look.gap
 
 

@@ -19,14 +19,14 @@ _BARS = frozenset({"HEADER", "TOOL_HEADER", "TOOLS", "UI", "ASSET_SHELF", "ASSET
 
 
 class Framed(NamedTuple):
-    """View and the rectangles where its picture lies, in pixels of the region: two on the page of errors."""
+    """View and the rectangles of its picture, in pixels of the region; the page of errors has two."""
 
     view: ShownView
     rects: tuple[Rect, ...]
 
 
 class UnderMouse(NamedTuple):
-    """Region under the mouse, the mouse in its pixels, and the view that lies there."""
+    """Region under the mouse, position of the mouse in its pixels, and the view shown there."""
 
     region: bpy.types.Region
     x: float
@@ -35,7 +35,7 @@ class UnderMouse(NamedTuple):
 
 
 def framed(scene: bpy.types.Scene, area: bpy.types.Area, region: bpy.types.Region) -> Framed | None:
-    """Find the view in a WINDOW region of a 3D viewport or an Image Editor; None if no view of ours lies there."""
+    """Find the view in a WINDOW region of a 3D viewport or an Image Editor; None if it shows no view of PatchNet."""
     space = area.spaces.active
     return _in_viewport(scene, space, region) if area.type == "VIEW_3D" else _in_image_editor(scene, space, region)
 
@@ -99,7 +99,7 @@ def _holds(item: bpy.types.Area | bpy.types.Region, x: int, y: int) -> bool:
 
 
 def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
-    """Rectangle that headers and sidebars, which overlap a region, leave of it, in its pixels."""
+    """Part of a region that overlapping headers and sidebars leave free, in its pixels."""
     left, bottom, right, top = 0.0, 0.0, float(region.width), float(region.height)
     for bar in area.regions:
         x, y = bar.x - region.x, bar.y - region.y

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw handlers of the overlay, the first error of which ends it, and the operator that switches it."""
+"""Draw handlers of the overlay, which the first error switches off, and the operator that switches it."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ _handles: dict[Any, Any] = {}  # by the space type that they draw in
 
 
 def _draw() -> None:
-    """Blender calls this for every region. It must not raise again and again: the first error ends it."""
+    """Draw in the current region; the first error switches the overlay off, as each redraw would repeat it."""
     if settings.problem:
         return
     try:
         draw_region(bpy.context)
-    except Exception as error:  # noqa: BLE001  whatever it is, it would come with every redraw
-        settings.fail(f"The overlay cannot be drawn and went off: {error}")
+    except Exception as error:  # noqa: BLE001  any error would come again with every redraw
+        settings.fail(f"The overlay cannot be drawn and is switched off: {error}")
         log.unexpected(error)
 
 
 def register() -> None:
-    """Draw over viewports and Image Editors from now on."""
+    """Add the draw handlers of viewports and Image Editors."""
     for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
         _handles[space] = space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
 
 
 def unregister() -> None:
-    """Leave nothing behind."""
+    """Remove the draw handlers, textures and the shader."""
     while _handles:
         space, handle = _handles.popitem()
         space.draw_handler_remove(handle, "WINDOW")
@@ -61,14 +61,14 @@ class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Switch it where it was pressed; in other editors that of the viewport."""
+        """Switch the overlay of this editor; in other editors that of the viewport."""
         values, name = overlay_settings(context), switch_of(context)
         setattr(values, name, not getattr(values, name))
         return {"FINISHED"}
 
 
 def switch_of(context: bpy.types.Context) -> str:
-    """Name of the setting that switches the overlay of the editor at hand."""
+    """Name of the setting that switches the overlay of the current editor."""
     return "show_editor" if context.area is not None and context.area.type == "IMAGE_EDITOR" else "show_viewport"
 
 

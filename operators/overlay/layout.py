@@ -12,7 +12,7 @@ from ...patchnet_addon.tracing.camera import Camera
 
 
 class Rect(NamedTuple):
-    """Rectangle with sides along the region's; empty where it ends before it begins."""
+    """Axis-aligned rectangle; empty if its right or top lies before its left or bottom."""
 
     left: float
     bottom: float
@@ -31,7 +31,7 @@ class Rect(NamedTuple):
 
     @property
     def empty(self) -> bool:
-        """Return whether there is nothing in it."""
+        """Return whether it has no area."""
         return self.width <= 0 or self.height <= 0
 
     def meet(self, other: Rect) -> Rect:
@@ -40,7 +40,7 @@ class Rect(NamedTuple):
         return Rect(*low, min(self.right, other.right), min(self.top, other.top))
 
     def part(self, inner: Rect) -> Rect:
-        """Rectangle that `inner`, in shares of this one, [0, 1] along each side, takes of it."""
+        """Part of this rectangle; `inner` is in fractions [0, 1] of its sides."""
         x, y = (self.left + inner.left * self.width, self.bottom + inner.bottom * self.height)
         return Rect(x, y, x + inner.width * self.width, y + inner.height * self.height)
 
@@ -48,8 +48,8 @@ class Rect(NamedTuple):
 def frame_rect(camera: Camera, window_matrix: Sequence[Sequence[float]], width: int, height: int) -> Rect | None:
     """Rectangle of `camera`'s picture in a 3D viewport of width x height pixels that looks through that camera.
 
-    window_matrix: 4 x 4, from camera space to the window, as a RegionView3D has it: zoom, offset and shift are in it.
-    The picture has the camera's own aspect, whatever the scene's render size says now. None if it cannot be seen.
+    window_matrix: 4 x 4, from camera space to the window, as in RegionView3D, with zoom, offset and shift.
+    The picture has the camera's own aspect, not that of the present render size. None if it cannot be seen.
     """
     corners = [
         [(side_x + camera.shift_x) * camera.half_x, (side_y + camera.shift_y) * camera.half_y, -1.0, 1.0]
@@ -87,7 +87,7 @@ def pixel_at(rect: Rect, size_px: tuple[int, int], x: float, y: float) -> tuple[
 
 
 def beside(point: tuple[float, float], size: tuple[float, float], gap: float, within: Rect) -> tuple[float, float]:
-    """Lower left corner of a box of some size to the lower right of a point, or on its other side where room ends."""
+    """Lower left corner of a box of some size to the lower right of a point, or on another side if there is no room."""
     x, y = point[0] + gap, point[1] - gap - size[1]
     if x + size[0] > within.right:
         x = point[0] - gap - size[0]

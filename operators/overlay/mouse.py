@@ -18,7 +18,7 @@ from .overlay_settings import overlay_settings, refresh
 if TYPE_CHECKING:
     from bpy.types import Operator as _Operator
 else:
-    _Operator = object  # Blender wants its own class among the direct bases of each operator
+    _Operator = object  # Blender requires its own class among the direct bases of each operator
 
 
 class _MouseOperator(_Operator):
@@ -27,12 +27,12 @@ class _MouseOperator(_Operator):
 
     @classmethod
     def has_pictures(cls, context: bpy.types.Context) -> bool:
-        """Return whether there is something to follow the mouse over."""
+        """Return whether there is a picture."""
         return views.has_views(context.scene)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Require a picture, and a window."""
+        """Require a picture and a window."""
         without_window = bpy.app.background or context.window is None
         if without_window or not cls.has_pictures(context):
             cls.poll_message_set(f"{cls.bl_label} needs the mouse, in a window" if without_window else NO_VIEW)
@@ -47,7 +47,7 @@ class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
     bl_label = "Drag Wipe"
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Show the overlay where the button is, with a wipe."""
+        """Switch on the overlay of this editor and its wipe."""
         values = overlay_settings(context)
         self._before = values.use_wipe, values.wipe
         setattr(values, switch_of(context), True)
@@ -57,7 +57,7 @@ class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Follow the mouse; navigation goes on."""
+        """Move the line with the mouse; navigation events pass through."""
         values = overlay_settings(context)
         if event.type == "MOUSEMOVE":
             cursor = under_mouse(context, event)
@@ -74,7 +74,7 @@ class PATCHNET_OT_drag_wipe(_MouseOperator, bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop when the window closes, too; Blender calls this."""
+        """Stop, also when Blender closes the window."""
         values = overlay_settings(context)
         values.use_wipe, values.wipe = self._before
         context.workspace.status_text_set(None)
@@ -92,10 +92,10 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
         return bool(live) or views.has_views(context.scene)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Begin in this window, or end there."""
+        """Start in this window, or stop if it runs there."""
         self._window = context.window.as_pointer()
         if self._window in inspected:
-            del inspected[self._window]  # the next event ends the one that runs
+            del inspected[self._window]  # the running operator ends at its next event
             return {"FINISHED"}
         inspected[self._window] = None
         context.window_manager.modal_handler_add(self)
@@ -104,7 +104,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Look at the pixel under the mouse; all else is left to others."""
+        """Update the pixel under the mouse; all other events pass through."""
         if self._window not in inspected or not self.has_pictures(context) or settings.problem:
             self.cancel(context)
             return {"CANCELLED", "PASS_THROUGH"}
@@ -112,13 +112,13 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
             self._look(context, event)
         elif event.value == "PRESS" and (
             event.type == "ESC" or (event.type == "RIGHTMOUSE" and under_mouse(context, event) is not None)
-        ):  # elsewhere a right click opens menus as ever
+        ):  # elsewhere a right click opens menus
             self.cancel(context)
             return {"CANCELLED"}
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop when the window closes, too; Blender calls this."""
+        """Stop, also when Blender closes the window."""
         inspected.pop(self._window, None)
         if context.workspace is not None:
             context.workspace.status_text_set(None)
@@ -136,7 +136,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
 
 
 def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
-    """Lines about the pixel under the mouse, of a live heatmap before others; none beside pictures."""
+    """Lines about the pixel under the mouse, first choice a live heatmap; none beside pictures."""
     if heat := live.get(cursor.region.as_pointer()):
         return heat.describe_pixel(int(cursor.x), int(cursor.y))
     if cursor.framed is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image Editors for pictures, new ones and what buttons ask for; none is taken that shows something of the user's."""
+"""Show pictures in Image Editors or new windows; editors that show an image of the user's stay as they are."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bpy.props import StringProperty
 from ..properties.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 from ..scene_access.own import OWNER, is_own
 
-_waiting: list[str] = []  # names of images that want a window
+_waiting: list[str] = []  # names of images that wait for a window
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
@@ -24,7 +24,7 @@ class PATCHNET_OT_show_picture(bpy.types.Operator):
     image: StringProperty(name="Image", description="Which picture, such as PatchNet Camera heatmap")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Look for the picture, and show it."""
+        """Find the picture and show it."""
         found = next((item for item in bpy.data.images if item.get(OWNER) == self.image), None)
         if found is None:
             self.report({"ERROR"}, f"There is no picture '{self.image}' any more: run Render Preview again")
@@ -36,10 +36,10 @@ class PATCHNET_OT_show_picture(bpy.types.Operator):
 def open_picture(
     context: bpy.types.Context, image: bpy.types.Image, *, new_window: bool = True, asked: bool = False
 ) -> bool:
-    """Show `image` in a free Image Editor, or as the preferences have it; whether it is or will be; not in background.
+    """Show `image` in a free Image Editor or as the preferences say; returns whether it is or will be shown.
 
-    new_window: whether one may open where no editor is free. asked: the user did, whatever the preferences say.
-    A new window opens a moment later: an operator in whose event it opened would not be let go of by its own window.
+    new_window: a window may open if no editor is free. asked: by a button; preferences do not count. Background: False.
+    A timer opens the window: an operator that opened it during its event would not be released by its own window.
     """
     chosen = OPEN_WINDOW if asked else preferences(context).open_pictures
     if bpy.app.background or chosen == OPEN_NEVER:
@@ -60,7 +60,7 @@ def open_picture(
 
 
 def unregister() -> None:
-    """Open nothing any more."""
+    """Discard waiting pictures and the timer."""
     _waiting.clear()
     if bpy.app.timers.is_registered(_open_windows):
         bpy.app.timers.unregister(_open_windows)
@@ -81,7 +81,7 @@ def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image
 
 
 def may_replace(image: bpy.types.Image | None) -> bool:
-    """Return whether an Image Editor that shows this may show another picture: none, a render, or a result of ours."""
+    """Return whether an Image Editor may replace this image: none, a render, or a result of PatchNet."""
     return image is None or image.type in {"RENDER_RESULT", "COMPOSITING"} or is_own(image)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of the overlay, of the window and not of the scene: no undo step, and nothing of a file changes."""
+"""Settings of the overlay, kept in the window manager: changes make no undo step and are not saved in files."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .paint import free_textures
 NOTHING = "NONE"
 _DESCRIPTIONS = (
     "Priority of each pixel, up to the heatmap's configured maximum",
-    "One sample a pixel",
-    "What the network expects of each pixel",
+    "One sample per pixel",
+    "The picture as predicted by the network",
     "The picture after the budget is spent",
     "32 x 32 samples in every pixel",
     "The picture with the pixels that Refine with Cycles rendered",
-    "How far the preview is from the reference",
-    "How far the predicted picture is from the reference",
-    "How far the refined picture is from the reference",
+    "Difference between the preview and the reference",
+    "Difference between the predicted picture and the reference",
+    "Difference between the refined picture and the reference",
 )
 _ITEMS = [(*named, text) for named, text in zip(TITLES.items(), _DESCRIPTIONS, strict=True)]
 
@@ -35,16 +35,16 @@ _LIVE = [
         "Priority",
         "Luminance error to be expected of each pixel without a further ray; with strategy PatchNet (paper), its score",
     ),
-    (COVERAGE, "Coverage", "Share of each pixel that the network expects to be covered"),
-    (PREDICTED_LIVE, "Predicted", "Luminance that the network expects of each pixel"),
+    (COVERAGE, "Coverage", "Covered share of each pixel as predicted by the network"),
+    (PREDICTED_LIVE, "Predicted", "Luminance of each pixel as predicted by the network"),
     (LEVEL, "Level", "Level of the octree that each pixel shows"),
 ]
 
-problem = ""  # why nothing is drawn any more, for the panel
+problem = ""  # why the overlay is switched off, for the panel
 
 
 def refresh(context: bpy.types.Context) -> None:
-    """Draw viewports and Image Editors again, also after an error; textures go with the overlay."""
+    """Redraw viewports and Image Editors, also after an error; free the textures if the overlay is off."""
     fail("")
     values = overlay_settings(context)
     if not (values.show_viewport or values.show_editor):
@@ -56,7 +56,7 @@ def refresh(context: bpy.types.Context) -> None:
 
 
 def fail(text: str) -> None:
-    """Keep why nothing is drawn until a setting changes."""
+    """Keep the reason for an overlay that is off until a setting changes."""
     global problem
     problem = text
 
@@ -70,28 +70,28 @@ def _switch(name: str, description: str, default: bool = False) -> Any:
 
 
 def _picture(name: str, description: str, default: str, *more: tuple[str, str, str]) -> Any:
-    """Property that chooses one of the pictures of a view, or of what else there is."""
+    """Property that chooses one of the pictures of a view, or one of `more` items."""
     return EnumProperty(name=name, description=description, items=[*_ITEMS, *more], default=default, update=_changed)
 
 
 class PatchNetOverlaySettings(bpy.types.PropertyGroup):
-    """Settings of what lies over cameras' views and images."""
+    """Settings of the overlay on camera views and images."""
 
     show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
     show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")
     picture: _picture("Picture", "What is shown", HEATMAP)
-    opacity: share("Opacity", "How much the picture hides what is below", 1.0, update=_changed)
+    opacity: share("Opacity", "Opacity of the picture over the viewport or the image", 1.0, update=_changed)
     use_wipe: _switch("Wipe", "Show another picture to the right of a line")
-    wipe: share("Position", "Where the line is, from the left to the right side of the picture", 0.5, update=_changed)
+    wipe: share("Position", "Line between the pictures, from the left to the right side", 0.5, update=_changed)
     other: _picture(
         "Other Side",
-        "What is shown to the right of the line",
+        "Picture to the right of the line",
         PREVIEW,
         (NOTHING, "Nothing", "The viewport or the image itself"),
     )
     live: EnumProperty(
         name="Live",
-        description="What viewports show in shading mode Rendered by the graphics card, also while the view moves",
+        description="Pass that viewports in shading mode Rendered show, also while the view moves",
         items=_LIVE,
         default=COMBINED,
         update=_changed,
@@ -105,12 +105,12 @@ def overlay_settings(context: bpy.types.Context) -> bpy.types.PropertyGroup:
 
 
 def register() -> None:
-    """Make the settings known."""
+    """Register the settings."""
     bpy.utils.register_class(PatchNetOverlaySettings)
     bpy.types.WindowManager.patchnet_overlay = PointerProperty(type=PatchNetOverlaySettings, options={"SKIP_SAVE"})
 
 
 def unregister() -> None:
-    """Forget the settings."""
+    """Unregister the settings."""
     del bpy.types.WindowManager.patchnet_overlay
     bpy.utils.unregister_class(PatchNetOverlaySettings)

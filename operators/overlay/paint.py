@@ -46,18 +46,18 @@ def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
 
 
 def free_textures() -> None:
-    """Give the graphics card its memory back."""
+    """Free the memory on the graphics card."""
     _texture.cache_clear()
 
 
 def held() -> int:
-    """Number of textures that are held."""
+    """Number of cached textures."""
     return _texture.cache_info().currsize
 
 
 def texels(picture: np.ndarray) -> np.ndarray:
     """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
-    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column where there is alpha
+    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
     return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
 
 
@@ -112,7 +112,7 @@ def _draw_strip(shader: Any, **attributes: Sequence[tuple[float, ...]]) -> None:
 
 @cache
 def _picture_shader() -> Any:
-    """Shader for pictures: Blender's own one for images blurs them; before Blender 5 no texture could change that."""
+    """Shader for pictures; Blender's image shader blurs them, which no texture setting changes before Blender 5."""
     import gpu
 
     passed = gpu.types.GPUStageInterfaceInfo("patchnet_overlay")
@@ -132,7 +132,7 @@ def _picture_shader() -> Any:
 
 
 def free_shader() -> None:
-    """Forget the shader that pictures are drawn with."""
+    """Free the shader for pictures."""
     _picture_shader.cache_clear()
 
 
@@ -145,7 +145,7 @@ def text_size(text: str, scale: float) -> tuple[float, float]:
 
 
 def write(text: str, x: float, y: float, scale: float, color: Color = INK) -> None:
-    """Draw a line of text with the foot of its letters at y."""
+    """Draw a line of text with its baseline at y."""
     import blf
 
     blf.size(_FONT, _TEXT_PX * scale)

@@ -51,11 +51,11 @@ class _OverlayPanel(PanelBase):
 
 
 def _draw_how_to_see(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw what a viewport has to look through to show a picture, unless it does."""
+    """Draw which camera the viewport must look through to show a picture, unless it does."""
     space, cameras = context.space_data, list(session_of(context.scene).views)
     camera = space.camera if space.use_local_camera else context.scene.camera
     if camera is None or camera.name not in cameras:
-        draw_sentence(layout, context, f"Pictures are of {named_list(cameras)}: make that the active camera", "INFO")
+        draw_sentence(layout, context, f"Pictures are of {named_list(cameras)}: make it the active camera", "INFO")
     elif space.region_3d.view_perspective != "CAMERA":
         draw_sentence(layout, context, f"Look through camera '{camera.name}' to see it (Numpad 0)", "INFO")
         row = layout.row()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image of what a job has so far, in an Image Editor or a 3D viewport while it works and never in a file.
+"""Display of a job's unfinished picture in an Image Editor or a 3D viewport; the picture is never saved.
 
-Where no Image Editor is free, the largest 3D viewport has it in its lower right corner: no window opens unasked.
+Without a free Image Editor it lies in the lower right corner of the largest 3D viewport: no window opens unasked.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _GAP_PX = 8
 
 @contextmanager
 def unfinished_pictures(context: bpy.types.Context) -> Iterator[Meanwhile | None]:
-    """Function that shows unfinished pictures within the block, None in background; editors then show what they did.
+    """Function that shows unfinished pictures within the block, None in background; then editors are as before.
 
-    Where no Image Editor is free, a 3D viewport shows them, unless the preferences say that nothing opens.
+    Without a free Image Editor a 3D viewport shows them, unless the preferences open no pictures.
     """
     if bpy.app.background:
         yield None
@@ -48,7 +48,7 @@ def unfinished_pictures(context: bpy.types.Context) -> Iterator[Meanwhile | None
         finally:
             inset.show(context, None)
             for space, shown in before:
-                with suppress(ReferenceError):  # the editor is gone, or what it showed
+                with suppress(ReferenceError):  # the editor or its image was removed
                     if space.image == image:
                         space.image = shown
 
@@ -63,8 +63,8 @@ def _show(context: bpy.types.Context, image: bpy.types.Image, inset: Inset, unfi
         page = unfinished.page().astype(np.float32)
         resized = tuple(image.size) != (page.shape[1], page.shape[0])
         write_pixels(image, page)
-        image.pack()  # else Blender asks what to do about it where a user saves meanwhile
-        # A new window would take the keyboard from a user.
+        image.pack()  # else Blender asks about an unsaved image if the user saves the file
+        # No new window: it would take the keyboard focus.
         if not open_pictures.open_picture(context, image, new_window=False):
             inset.show(context, unfinished if preferences(context).open_pictures != OPEN_NEVER else None)
             return
@@ -77,7 +77,7 @@ def _show(context: bpy.types.Context, image: bpy.types.Image, inset: Inset, unfi
 
 
 class Inset:
-    """Last unfinished picture in a viewport: its draw handler is there as long as a picture is."""
+    """Last unfinished picture in a viewport, with a draw handler only while there is a picture."""
 
     def __init__(self) -> None:
         self._handle: Any = None
@@ -85,7 +85,7 @@ class Inset:
         self.shown: Unfinished | None = None
 
     def show(self, context: bpy.types.Context, unfinished: Unfinished | None) -> None:
-        """Show a picture in the place of the last one, or nothing any more."""
+        """Replace the picture; None removes it."""
         if unfinished is self.shown is None:
             return
         self.shown, self._texture = unfinished, None
@@ -98,12 +98,12 @@ class Inset:
             area.tag_redraw()
 
     def _draw(self) -> None:
-        """Blender calls this for every region of every viewport; the first error ends it."""
+        """Draw in the current region, called for every region of every viewport; the first error ends it."""
         try:
             rect = inset_rect(bpy.context, self.shown.picture) if self.shown is not None else None
             if rect is not None and self.shown is not None:
                 self._paint(bpy.context, rect, self.shown)
-        except Exception as error:  # noqa: BLE001  whatever it is, it would come with every redraw
+        except Exception as error:  # noqa: BLE001  any error would come again with every redraw
             self.shown = None
             log.unexpected(error)
 
@@ -118,7 +118,7 @@ class Inset:
 
 
 def inset_rect(context: bpy.types.Context, picture: np.ndarray) -> Rect | None:
-    """Rectangle of a picture (h, w, 3) in the region that is being drawn; None for all but the largest viewport's."""
+    """Rectangle of a picture (h, w, 3) in the current region; None for all but the largest viewport's."""
     area, region = context.area, context.region
     viewports = [item for item in _areas(context, "VIEW_3D") if item.spaces.active.overlay.show_overlays]
     largest = max(viewports, key=lambda item: item.width * item.height, default=None)

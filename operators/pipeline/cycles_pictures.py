@@ -55,7 +55,7 @@ def show_cycles(view: CyclesView) -> tuple[bpy.types.Image, np.ndarray]:
 
 
 def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:
-    """Write the pictures into the camera's folder; `maximum` ends the heatmap in the overview of them."""
+    """Write the pictures into the camera's folder; maximum: end of the heatmap in their overview."""
     for name, picture in cycles_pictures(view).items():
         save_png(folder / _file_name(name), picture)
     if view.full is not None:
@@ -83,7 +83,7 @@ def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS
 
 
 def _shown(view: CyclesView, light: np.ndarray, name: str) -> np.ndarray:
-    """Encoded colours of light (H, W) or (H, W, 3), whose alpha has that name, over the view's background."""
+    """Encoded colours of light (H, W) or (H, W, 3) over the view's background; name: of its alpha."""
     alpha = view.alphas[name]
     return view.ground.picture(light.reshape(alpha.size, *light.shape[2:]), alpha.ravel())
 

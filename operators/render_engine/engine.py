@@ -14,7 +14,7 @@ ENGINE = "PATCHNET"
 
 
 class PatchNetRenderEngine(bpy.types.RenderEngine):
-    """Renders from the octree: one ray a pixel, and many where look-ahead says that one is wrong"""
+    """Render from the octree with one ray per pixel, and many where look-ahead predicts an error"""
 
     bl_idname = ENGINE
     bl_label = "PatchNet"
@@ -24,18 +24,18 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     warnings = ()  # of the frame
-    _viewport = None  # without an annotation: Blender 4.5 looks for the names in those of its classes
+    _viewport = None  # no annotation: Blender 4.5 evaluates the names in annotations of its classes
 
     def __del__(self) -> None:
-        """Leave what was drawn to the viewport's next engine, which may follow at once."""
-        with suppress(ReferenceError):  # Blender has removed its own part of it, as when it quits
+        """Keep the drawn picture for the viewport's next engine, which may start at once."""
+        with suppress(ReferenceError):  # Blender has already removed its part, as on quitting
             if self._viewport is not None:
                 from .viewport import leave
 
                 leave(self._viewport)
 
     def update_render_passes(self, scene: bpy.types.Scene = None, renderlayer: bpy.types.ViewLayer = None) -> None:
-        """Tell the compositor which passes there are."""
+        """Register the passes for the compositor."""
         ranked = not scene.patchnet.render_samples
         for item in (each for each in PASSES if ranked or each.name not in BY_PRIORITY):
             self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
@@ -47,7 +47,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
 
             render_frame(self, depsgraph)
         except StoppedError:
-            pass  # the user stopped it and knows
+            pass  # stopped by the user
         except PatchNetError as error:
             self._fail(str(error))
         except ImportError as error:
@@ -59,7 +59,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
             self._fail("The render ran out of memory: choose fewer pixels or a smaller depth")
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Note that scene or settings changed: `view_draw` finds out what that means, but for painted weights."""
+        """Note a change of scene or settings; `view_draw` detects the changes, except those of painted weights."""
         if self._viewport is not None:
             self._viewport.updated(depsgraph)
         self.tag_redraw()
@@ -73,7 +73,7 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
         self._viewport.draw(self, context, depsgraph)
 
     def _fail(self, sentence: str) -> None:
-        """Report the sentence in the status bar and in the render's window; for scripts it is an exception."""
+        """Report the sentence in the status bar and the render window; scripts get an exception."""
         self.report({"ERROR"}, sentence)
         self.error_set(sentence)
 

@@ -16,12 +16,12 @@ from ..session import results
 from ..ui.tab import PanelBase, draw_progress, draw_samples, draw_sentence, draw_setting, draw_settings, split
 from .engine import ENGINE
 
-# Panels of EEVEE's that edit what a bake sees.
+# EEVEE panels whose settings affect a bake.
 _BORROWED = frozenset(
     {"DATA_PT_EEVEE_light", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
      "EEVEE_WORLD_PT_surface", "MATERIAL_PT_preview"}
 )  # fmt: skip
-# Of those that any engine gets: what has no effect here.
+# Panels that every engine gets, without effect in this one.
 _LEFT_OUT = ("VIEWLAYER_PT_freestyle", "RENDER_PT_freestyle", "MATERIAL_PT_freestyle", "RENDER_PT_stereoscopy",
              "EEVEE_MATERIAL_PT_viewport_settings", "DATA_PT_light")  # fmt: skip
 
@@ -45,7 +45,7 @@ class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
     bl_label = "Sampling"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Samples of all pixels, else strategy and budget, and painted importance, which the sidebar has, too."""
+        """Draw samples of all pixels, else strategy and budget, and painted importance, as in the sidebar."""
         layout = split(self.layout)
         draw_setting(layout, context.scene.patchnet, "render_samples")
         if context.scene.patchnet.render_samples:
@@ -100,7 +100,7 @@ CLASSES = (PATCHNET_PT_render_refinement, PATCHNET_PT_render_octree, PATCHNET_PT
 
 
 def _draw_live(header: bpy.types.Header, context: bpy.types.Context) -> None:
-    """Draw what a viewport shows, in its header, where the graphics card shows it."""
+    """Draw the choice of a pass in the header of viewports that the graphics card draws."""
     result = results.result_of(context.scene)
     rendered = context.engine == ENGINE and context.space_data.shading.type == "RENDERED"
     if rendered and result is not None and is_there(result.octree):

@@ -3,13 +3,13 @@
 
 | pass | channels | what it is |
 |---|---|---|
-| Combined | RGBA | scene-linear light as Cycles' has it, weighed by alpha, over the world unless film is transparent |
-| Depth | Z | distance along the camera's axis, as Cycles'; 1e10 where nothing was met |
+| Combined | RGBA | scene-linear light as in Cycles, premultiplied by alpha, over the world unless film is transparent |
+| Depth | Z | distance along the camera's axis, as in Cycles; 1e10 where nothing was hit |
 | Normal | XYZ | mean normal of the voxel in world space, towards the camera, unit length; 0 where there is none |
-| Priority | X | what pixels are refined by: the strategy's score, times painted importance |
-| Coverage | X | share of the pixel that the network expects to be covered; 1 without look-ahead, 0 beside objects |
+| Priority | X | order in which pixels are refined: the strategy's score times painted importance |
+| Coverage | X | covered share of the pixel as predicted by the network; 1 without look-ahead, 0 beside objects |
 | Sample Count | X | rays traced for the pixel's colour: 1, or 1024 where refined; 1 to 1024 with samples per pixel |
-| Level | X | level of the octree that the pixel's voxel is on; -1 where nothing was met |
+| Level | X | octree level of the pixel's voxel; -1 where nothing was hit |
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NO_DEPTH = 1e10  # what Cycles writes
 
 
 class Pass(NamedTuple):
-    """Pass as Blender registers it: a name, a letter for each channel, and what the compositor takes it for."""
+    """Pass as registered in Blender: its name, a letter per channel, and the type of its socket."""
 
     name: str
     channels: str
@@ -44,18 +44,18 @@ PASSES = (
     Pass("Sample Count", "X", "VALUE"),
     Pass("Level", "X", "VALUE"),
 )
-BY_PRIORITY = ("Priority", "Coverage")  # where pixels are refined by priority, not sampled alike
+BY_PRIORITY = ("Priority", "Coverage")  # only if pixels are refined by priority
 
 
 def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:
-    """(P, 4) float32, weighed by alpha: the light that the octree holds without its exposure, over `world`.
+    """(P, 4) float32, premultiplied by alpha: light of the octree without its exposure, over `world`.
 
-    world: (3,), or (P, 3) as each pixel sees it; None leaves the film transparent.
+    world: (3,), or (P, 3), one for each pixel; None leaves the film transparent.
     """
     pixels = np.empty((len(picture.alpha), 4), np.float32)
     pixels[:, 3] = picture.alpha if world is None else 1.0
     open_share = 1.0 - picture.alpha
-    for channel in range(3):  # a fifth of the time that NumPy takes for all at once, and viewports do it all the time
+    for channel in range(3):  # a fifth of the time of all channels at once; viewports call it in each redraw
         light = picture.colors[:, channel] / np.float32(picture.octree.exposure)
         if world is not None:
             light += open_share * world[..., channel]
@@ -64,9 +64,9 @@ def combined(picture: AdaptivePicture, world: np.ndarray | None) -> np.ndarray:
 
 
 def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str, np.ndarray]:
-    """Pixels (P, C) float32 of each pass that is known by now: only Combined as long as pixels are being traced.
+    """Pixels (P, C) float32 of each pass that is available: only Combined while pixels are being traced.
 
-    Those of BY_PRIORITY only where pixels are ranked.
+    BY_PRIORITY only if pixels are ranked.
     """
     known = {"Combined": combined(picture, world)}
     if picture.buffers is None:
@@ -84,7 +84,7 @@ def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str,
 
 
 def _normals(octree: Octree, hits: Hits) -> np.ndarray:
-    """(P, 3): a sheet is seen from both sides, so its normal is turned towards the camera, as Cycles does."""
+    """(P, 3) normals turned towards the camera as in Cycles, since sheets are seen from both sides."""
     normals = np.zeros((len(hits.hit), 3), np.float32)
     mean = octree.normal_float(hits.node[hits.hit])
     away = np.einsum("pc,pc->p", mean, hits.direction[hits.hit]) > 0.0

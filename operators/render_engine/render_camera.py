@@ -15,13 +15,13 @@ from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera, camera_part
 from ..scene.cameras import tracing_camera
 
-MARGIN = 1  # pixels around a render border that are traced too: priorities look as far
+MARGIN = 1  # traced pixels around a render border: priorities depend on their neighbors
 
 
 class RenderView(NamedTuple):
     """View that a render traces.
 
-    camera: of the view. picture: where the whole picture lies on it. kept: what of it is the render's result.
+    camera: of the view. picture, kept: rectangles of the whole picture and of the render's result in the view.
     """
 
     camera: Camera
@@ -32,9 +32,9 @@ class RenderView(NamedTuple):
 def render_view(scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]) -> RenderView:
     """View of an evaluated camera object at the render resolution.
 
-    The result is what the render border leaves of the picture; the view has a margin around it where the picture goes
-    on, so that pixels beside the border are ranked as in the whole picture. scene: evaluated. Raises SceneError without
-    a camera and for panoramic ones, SettingError for an empty border.
+    The result is the part of the picture within the render border. The view adds a margin within the picture, so that
+    pixels at the border are ranked as in the whole picture. scene: evaluated. Raises SceneError without a camera and
+    for panoramic ones, SettingError for an empty border.
     """
     if camera is None:
         raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")
@@ -60,10 +60,10 @@ def viewport_camera(
     size_px: tuple[int, int],
     bounds_world: np.ndarray,
 ) -> Camera:
-    """Camera of what a 3D viewport shows.
+    """Camera of a 3D viewport.
 
-    view, window: 4 x 4 matrices from world to view and from view to the window, as a RegionView3D has them.
-    bounds_world: (2, 3), all that can be seen: an orthographic viewport also shows what is behind its eye.
+    view, window: 4 x 4 matrices from world to view and from view to the window, as in RegionView3D.
+    bounds_world: (2, 3), of all visible objects: an orthographic viewport also shows those behind its eye.
     """
     lens = np.array(window, np.float64)
     from_view = np.linalg.inv(np.array(view, np.float64))
@@ -89,12 +89,12 @@ def viewport_camera(
 
 
 def camera_rect(context: bpy.types.Context) -> PixelRect | None:
-    """Rectangle of the picture in a viewport that looks through a camera; None for one that does not."""
+    """Rectangle of the picture in a viewport that looks through a camera, else None."""
     view, region = context.region_data, context.region
     item = context.space_data.camera
     if view.view_perspective != "CAMERA" or item is None or item.type != "CAMERA":
         return None
-    corners = np.array(item.data.view_frame(scene=context.scene), np.float64)  # (4, 3), as the camera sees them
+    corners = np.array(item.data.view_frame(scene=context.scene), np.float64)  # (4, 3), in camera space
     seen = np.concatenate([corners, np.ones((4, 1))], axis=1) @ np.array(view.window_matrix, np.float64).T
     pixels = (seen[:, :2] / seen[:, 3:] + 1.0) / 2.0 * (region.width, region.height)
     (left, bottom), (right, top) = (np.rint(pixels.min(axis=0)).astype(int), np.rint(pixels.max(axis=0)).astype(int))
@@ -102,7 +102,7 @@ def camera_rect(context: bpy.types.Context) -> PixelRect | None:
 
 
 def _before_all(camera: Camera, bounds_world: np.ndarray) -> Camera:
-    """Move an orthographic camera back to see the same from before a box (2, 3)."""
+    """Move an orthographic camera back, in front of a box (2, 3); its picture stays the same."""
     centre, radius = bounds_world.mean(axis=0), np.linalg.norm(np.ptp(bounds_world, axis=0)) / 2
     ahead = float((centre - camera.position_world) @ camera.forward) - radius
     return replace(camera, position_world=camera.position_world + min(ahead, 0.0) * camera.forward)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Viewport shading mode: choose the preview that belongs to the view, or the message where there is none.
+"""Viewport shading mode: draw the preview of the view, or a message if there is none.
 
-Whenever the engine of any scene is set, Blender ends the engines of all viewports and begins new ones. Looks at the
-world set that of a scene of theirs for each of their parts, and a picture that begins anew each time would not end: so
-a viewport's picture is handed over from one engine of Blender's to the next.
+Whenever the engine of any scene is set, Blender ends the engines of all viewports and starts new ones. Rendering a map
+of the world sets the engine of a temporary scene for each of its parts, and a picture that restarted each time would
+never finish. So each engine hands its viewport's picture over to the next one.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ _STALE = "the scene has changed: voxelize and bake again"
 
 
 class Viewport:
-    """State of one viewport between two drawings; dropping it frees all of its memory.
+    """State of one viewport between two drawings; dropping it frees its memory.
 
-    region: address of the region of Blender's that it is drawn in, 0 before the first drawing. missed: nobody took it
-    since its engine ended, and time was looked at.
+    region: address of the Blender region that it is drawn in, 0 before the first drawing. missed: its engine had ended
+    by the last run of `_free`, and no engine has taken it over since.
     """
 
     def __init__(self) -> None:
@@ -60,24 +60,24 @@ class Viewport:
         self._preparation: Preparation | None = None
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: PictureTexture | None = None
-        self._asked = 0.0  # when to be drawn again was asked for
+        self._asked = 0.0  # time of the last request to redraw
         self._on_card: CardPicture | None = None
         self._heat: CardHeat | None = None
         self.mask, self.world = ViewportMask(), ViewportWorld()
 
     def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Hear of a change of the scene, of which drawing does not find out by itself."""
+        """Note a change of the scene that drawing does not detect."""
         self.world.updated(depsgraph)
         if depsgraph.id_type_updated("MESH"):
             self.mask.meshes_changed()
 
     def adopted(self) -> None:
-        """Expect changes that nobody has told of, since the engine before has ended."""
+        """Assume unreported changes since the last engine ended."""
         self.world.forget()
         self.mask.meshes_changed()
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Work for a moment, draw what is there, and ask to be drawn again while there is more to do."""
+        """Work for a slice of time, draw the result, and request a redraw while work is left."""
         self.region = context.region.as_pointer()
         result = results.result_of(context.scene)
         if result is None:
@@ -122,17 +122,17 @@ class Viewport:
             return
         preview = self._preview_of(context, depsgraph, result, camera)
         if not preview.done or self._texture is None:
-            preview.work(time.perf_counter() - self._asked)  # as long as drawing itself takes
+            preview.work(time.perf_counter() - self._asked)  # as long as a redraw takes
             self._texture = PictureTexture(preview.pixels())
             if preview.done:
-                trim()  # a view that turns lets go of many arrays
+                trim()  # a moving view frees many arrays
         if self._on_card is None or preview.picture.buffers is not None:
             self._texture.draw(engine, context.scene)
         else:  # better than a coarse picture
             self._on_card.draw(engine, context.scene)
         self._say(engine, preview.status, result)
         if not (idle and preview.done) or self.mask.waiting or cards.is_coming(result.octree):
-            self._asked = time.perf_counter()  # once more at the end, for strokes made meanwhile
+            self._asked = time.perf_counter()  # once more at the end, for strokes painted meanwhile
             engine.tag_redraw()
 
     def _draw_on_card(
@@ -143,9 +143,9 @@ class Viewport:
         result: SceneResult,
         camera: Camera,
     ) -> bool:
-        """Draw by the graphics card while the view moves, and at rest too where all pixels get as many samples.
+        """Draw by the graphics card while the view moves, and at rest too if all pixels get equally many samples.
 
-        Returns whether that is all: where priority or painted importance count, kernels go on at rest.
+        Returns whether nothing else draws: with priority or painted importance, CPU kernels continue at rest.
         """
         card = cards.card_of(context, result.octree)
         if card is None:
@@ -177,7 +177,7 @@ class Viewport:
     def _work_at_heat(
         self, context: bpy.types.Context, card: CardOctree, result: SceneResult, camera: Camera
     ) -> tuple[str, bool]:
-        """Work at the live heatmap, which the overlay draws: what it is, in words, and whether it is done."""
+        """Continue the live heatmap, which the overlay draws; returns its status in words and whether it is done."""
         if result.coded is None:
             self._heat = None
             return _NO_CODES.removeprefix("PatchNet: "), True
@@ -197,7 +197,7 @@ class Viewport:
     def _preview_of(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, result: SceneResult, camera: Camera
     ) -> ViewportPreview:
-        """Return the preview that is there if it fits all that it depends on, else a new one."""
+        """Return the present preview if nothing that it depends on has changed, else a new one."""
         values, strokes = context.scene.patchnet, self.mask.strokes
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
@@ -209,14 +209,14 @@ class Viewport:
             side = samples_side(values.render_samples)
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples, side)
             self._state, self._background, self._preview = state, background, preview
-            self._asked = time.perf_counter()  # the first picture comes soon
+            self._asked = time.perf_counter()  # a short first slice: the first picture appears soon
         elif background != self._background:
             self._preview.show_world(world)
             self._background = background
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Return whether all kernels are there; they come once for each kind of work."""
+        """Return whether all kernels are loaded; they are loaded once for each kind of work."""
         ranked_by = picture.strategy and picture.strategy.name
         kind = ranked_by, picture.unrefined, picture.octree.chroma is None, picture.coded is None
         if self._preparation is None or self._prepared_for != kind:
@@ -238,7 +238,7 @@ class Viewport:
 
 
 def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, importance: Any) -> AdaptivePicture:
-    """Picture of a result as the scene's settings have it."""
+    """Picture of a result with the scene's settings."""
     values = context.scene.patchnet
     if values.render_samples:
         return AdaptivePicture(result.octree, camera, None, None, importance)
@@ -248,18 +248,18 @@ def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, im
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:
-    """Identity of a view: all that makes two views different."""
+    """Key of a view: all values in which views can differ."""
     axes = (camera.position_world, camera.right, camera.up)
     lens = (camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
     return (*np.concatenate(axes).tolist(), *lens, camera.width_px, camera.height_px, camera.kind)
 
 
-_KEPT_S = 1.0  # at least, and at most twice
-_left: dict[int, Viewport] = {}  # by the address of the region that they were drawn in
+_KEPT_S = 1.0  # at least; at most twice as long
+_left: dict[int, Viewport] = {}  # by the address of their region
 
 
 def leave(viewport: Viewport) -> None:
-    """Keep what an engine that ends has drawn, for a moment."""
+    """Keep the viewport of an engine that ends, for a moment."""
     viewport.missed = False
     _left[viewport.region] = viewport
     if not bpy.app.timers.is_registered(_free):
@@ -267,7 +267,7 @@ def leave(viewport: Viewport) -> None:
 
 
 def left_in(region: bpy.types.Region) -> Viewport | None:
-    """What an engine has left of a region, if it ended just now."""
+    """Viewport of a region whose engine has just ended, or None."""
     viewport = _left.pop(region.as_pointer(), None)
     if viewport is not None:
         viewport.adopted()
@@ -275,19 +275,19 @@ def left_in(region: bpy.types.Region) -> Viewport | None:
 
 
 def _free() -> float | None:
-    """Free what nobody took since the last time: there was time to draw between the two, however long work took."""
+    """Free viewports already here at the last run: a redraw fits between two runs, however long work takes."""
     gone = [region for region, viewport in _left.items() if viewport.missed]
     for region in gone:
         del _left[region]
     for viewport in _left.values():
         viewport.missed = True
     if gone:
-        give_back()  # steps of a preview that did not end hold it, and it them
+        give_back()  # a preview and its unfinished steps refer to each other
     return _KEPT_S if _left else None
 
 
 def unregister() -> None:
-    """Free what is kept."""
+    """Free all kept viewports."""
     cards.free_all()
     _left.clear()
     if bpy.app.timers.is_registered(_free):

@@ -28,12 +28,12 @@ class CardPicture:
         self._world: tuple[Any, int] | None = None
         self._background: Any = None
         self._places = np.empty((0, 2))
-        self._samples = 0  # of _places; -1 before the first, whose one ray shows while the view moves
+        self._samples = 0  # taken of _places; -1 before the single ray that is drawn while the view moves
 
     def look(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, behind: WorldBehind, side: int) -> bool:
-        """Take a sample of a view, side x side in all; returns whether it is another view than before.
+        """Take one of side x side samples of a view; returns whether the view has changed.
 
-        view: identity of all that it depends on but the world.
+        view: key of all that the picture depends on, except the world.
         """
         if behind.identity != self._background or self._world is None:
             words, world_side = world_words(behind.world)
@@ -47,13 +47,13 @@ class CardPicture:
         return moved
 
     def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-        """Fill the region that is being drawn."""
+        """Fill the current region."""
         assert self._means is not None
         draw_picture(self._means[0], engine, scene)
 
     @property
     def status(self) -> str:
-        """What is done now, in words."""
+        """Status in words."""
         return "Done" if self.done else f"Sample {max(self._samples, 0)} of {len(self._places)}"
 
     def _begin(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, side: int) -> None:

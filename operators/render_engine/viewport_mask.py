@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Importance mask of a viewport: read once, and anew when other strokes are chosen or there.
+"""Importance mask of a viewport, read again when other strokes are chosen or painted.
 
-Images are read while the viewport draws. Vertex groups need geometry as renders have it, and nothing may change while
-Blender draws: they are read by a timer, between two drawings.
+Images are read while the viewport draws. Vertex groups need render geometry, and data must not change while Blender
+draws, so a timer reads them between two redraws.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from ..importance.pixels import Strokes, painted_image, read_strokes
 from ..scene_access.own import quiet
 from ..schema.table import VISIBLE
 
-_REST = 5.0  # between two looks at an image, in times that one takes
+_REST = 5.0  # pause between two reads of an image, as a multiple of the time of one
 
 
 class ViewportMask:
-    """Mask by strokes.
+    """Importance mask of painted strokes.
 
-    strokes: what was painted; None where all pixels matter alike. version: another number for other strokes.
+    strokes: None if all pixels matter alike. version: number that changes with the strokes.
     """
 
     def __init__(self) -> None:
         self.strokes: Strokes | None = None
         self.version = 0
         self._chosen: Importance | None = None
-        self._touched = False  # read it, or read it again
+        self._touched = False  # to be read, or read again
         self._registered = self._reading = False
         self._problem = ""
         self._rest_until = 0.0
-        self._where = "", ""  # scene and view layer that are seen
+        self._where = "", ""  # names of scene and view layer
 
     @property
     def waiting(self) -> bool:
@@ -43,15 +43,15 @@ class ViewportMask:
         return self._touched and not self._problem
 
     def meshes_changed(self) -> None:
-        """Weights may have been painted."""
+        """Note that weights may have been painted."""
         if self._chosen is not None and self._chosen.vertex_group and not self._reading:
             self._touched, self._problem = True, ""
 
     def ready(self, context: bpy.types.Context, *, idle: bool) -> bool:
-        """Return whether `strokes` can be used; old ones can until the new ones are read.
+        """Return whether `strokes` can be used; old ones are valid until new ones are read.
 
-        idle: nothing else is to be done, so that an image may be looked at again. Raises SettingError if what was
-        painted is not there.
+        idle: no other work is left, so an image may be read again. Raises SettingError if the painted image or vertex
+        group does not exist.
         """
         values = context.scene.patchnet
         chosen = Importance.chosen(values.importance, values.importance_image, values.importance_group)
@@ -76,7 +76,7 @@ class ViewportMask:
             return
         start = time.perf_counter()
         if before is not None and start < self._rest_until:
-            self._touched = True  # by the last stroke, perhaps
+            self._touched = True  # perhaps, by the last stroke
             return
         picture = painted_image(name)
         end = time.perf_counter()

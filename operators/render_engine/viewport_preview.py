@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Progressive preview of one view of a 3D viewport, a little better with every slice of time; no drawing here."""
+"""Progressive preview of one view of a 3D viewport, refined in slices of time; drawing is elsewhere."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
 
-SLICE_S = 0.04  # of work for each time that the view is drawn, at least
-LONGEST_SLICE_S = 0.2  # where drawing takes as long
-COARSE = 4  # pixels of the view on a side of one of the first picture's
-_QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side, first everywhere in the budget, then again
+SLICE_S = 0.04  # least work per redraw
+LONGEST_SLICE_S = 0.2  # if a redraw takes as long
+COARSE = 4  # side of the first picture's squares, in pixels
+_QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side of the first and the second pass over the budget
 _FIRST_PACE = (1 << 13, 1 << 16)
 _SMALLEST_PACE = (1 << 11, 1 << 13)
 _LARGEST_PACE = (1 << 16, 1 << 20)
 
 
 class ViewportPreview:
-    """Coarse picture, one ray in each pixel, then as many in all, or refinement by priority until the budget is spent.
+    """Coarse picture, then one ray per pixel, then equally many in all or refinement by priority within the budget.
 
-    status: what is done now. done: nothing is left to do. steps: the work, for callers that pull it without `work`.
+    status: current work. done: no work is left. steps: the work, for callers that run it without `work`.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class ViewportPreview:
         refined: float = _FINE_SIDE**2,
         even_side: int = _QUICK_SIDE,
     ) -> None:
-        """Prepare for a picture; world: behind all surfaces, one colour (3,), or light by direction; None: transparent.
+        """Prepare for a picture. world: background, one colour (3,) or light by direction; None: transparent.
 
         spp: mean samples per active pixel instead of the share `budget`.
 
@@ -57,20 +57,20 @@ class ViewportPreview:
         self.steps = self._all()
 
     def show_world(self, world: np.ndarray | CubeMap | None) -> None:
-        """Show another world behind all surfaces; what is traced and refined stays. world: as for the constructor."""
+        """Replace the background; traced and refined pixels stay. world: as for the constructor."""
         self._map = world if isinstance(world, CubeMap) else None
-        if not isinstance(world, CubeMap):  # the one before is shown until the map has been looked at
+        if not isinstance(world, CubeMap):  # the former one is shown until the map is sampled
             self._world = world
         self.steps, self.done = self._look_first(self.steps), False
 
     def work(self, seconds: float) -> None:
-        """Do what fits into a slice of time; at least one step; raises PatchNetError."""
+        """Work for a slice of time, at least one step; raises PatchNetError."""
         seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
         end = time.perf_counter() + seconds
         while not self.done:
             start = time.perf_counter()
             try:
-                with attended():  # what has no pace computes beside the window
+                with attended():  # work without a pace runs beside the window
                     report = next(self.steps)
             except StopIteration:
                 self.done, self.status = True, "Done"
@@ -83,7 +83,7 @@ class ViewportPreview:
                 return
 
     def pixels(self) -> np.ndarray:
-        """(H, W, 4) float32, scene-linear and weighed by alpha, row 0 at the bottom."""
+        """(H, W, 4) float32, scene-linear and premultiplied by alpha, row 0 at the bottom."""
         camera = self.picture.camera
         return combined(self.picture, self._world).reshape(camera.height_px, camera.width_px, 4)
 
@@ -104,13 +104,13 @@ class ViewportPreview:
         yield from others
 
     def _look(self) -> Steps[None]:
-        """Look at the map behind each pixel, where there is one."""
-        known, looking = self._map, Progress(0, 1, "Looking at the world")
+        """Sample the map of the world for each pixel, if there is one."""
+        known, looking = self._map, Progress(0, 1, "Sampling the world")
         if known is not None:
             self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
 
     def _trace_coarsely(self) -> None:
-        """Fill the picture with large squares of single rays; what `samples` says stays 0 there."""
+        """Fill the picture with large squares of single rays; `samples` stays 0."""
         from ...patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
 
         picture, camera = self.picture, self.picture.camera
@@ -126,7 +126,7 @@ class ViewportPreview:
         picture.alpha[:] = hits.hit[square]
 
     def _keep_pace(self, took: float, slice_s: float) -> None:
-        """Double or halve what one step does; that of the other kind of work is not known by this one's time."""
+        """Double or halve the size of the next step; bands and batches have sizes of their own."""
         factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
         pace = self.pace
         if self.picture.buffers is None:
@@ -136,10 +136,10 @@ class ViewportPreview:
 
 
 class Preparation:
-    """Preparation of a preview: loads or compiles all kernels beside the window, which lives meanwhile."""
+    """Preparation of a preview: a thread loads or compiles all kernels, so the window stays responsive."""
 
     def __init__(self, picture: AdaptivePicture) -> None:
-        """Prepare for `picture`: like the preview's, but tiny."""
+        """Start the thread. picture: like the preview's, but tiny."""
         self.problem = ""
         self._thread = threading.Thread(target=self._run, args=(picture,), name="PatchNet kernels", daemon=True)
         self._thread.start()

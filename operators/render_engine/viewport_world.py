@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World behind a viewport's picture: one colour at once, what varies from a map that a timer makes; drawing of both.
+"""World behind a viewport's picture: one colour, or a map that a timer renders. Drawing of pictures and messages.
 
-`gpu` needs a window, so it is imported where it draws.
+`gpu` needs a window, so it is imported in the functions that draw.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PictureTexture:
     """Picture on the graphics card, freed with this object."""
 
     def __init__(self, pixels: np.ndarray) -> None:
-        """Upload pixels (H, W, 4) float32, scene-linear, weighed by alpha."""
+        """Upload pixels (H, W, 4) float32, scene-linear, premultiplied by alpha."""
         import gpu
 
         self.height_px, self.width_px = pixels.shape[:2]
@@ -37,12 +37,12 @@ class PictureTexture:
         self._texture = gpu.types.GPUTexture((self.width_px, self.height_px), format="RGBA16F", data=data)
 
     def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-        """Fill the region that is being drawn."""
+        """Fill the current region."""
         draw_picture(self._texture, engine, scene)
 
 
 def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-    """Draw a scene-linear texture, weighed by alpha; Blender applies the scene's view transform afterwards."""
+    """Draw a scene-linear texture, premultiplied by alpha; Blender applies the scene's view transform afterwards."""
     import gpu
     from gpu_extras.presets import draw_texture_2d
 
@@ -71,14 +71,14 @@ _KINDS = ("WORLD", "NODETREE", "IMAGE", "TEXTURE", "LIGHT")
 
 
 class WorldBehind(NamedTuple):
-    """World that is drawn: see `ViewportPreview`; identity: differs with what is seen."""
+    """World to draw, see `ViewportPreview`; identity: a key, equal for worlds that look alike."""
 
     world: World
     identity: Any
 
 
 class ViewportWorld:
-    """World of a viewport, looked at again when Blender says that something of it has changed."""
+    """World of a viewport, evaluated again after Blender reports a change of its data."""
 
     def __init__(self) -> None:
         self._key = ""
@@ -86,16 +86,16 @@ class ViewportWorld:
         self._asked = ""
 
     def updated(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Hear of a change of the scene."""
+        """Note a change of the scene."""
         if any(depsgraph.id_type_updated(kind) for kind in _KINDS):
             self.forget()
 
     def forget(self) -> None:
-        """Look again at which world it is."""
+        """Evaluate the world again at the next drawing."""
         self._known = None
 
     def behind(self, depsgraph: bpy.types.Depsgraph, octree: Octree) -> WorldBehind:
-        """World behind `octree` now: a map that is still to be made is black, or shows the world as it was."""
+        """World behind `octree` now; until a new map is ready, black or the former map."""
         scene = depsgraph.scene
         if scene.render.film_transparent:
             return WorldBehind(None, "transparent")
@@ -112,7 +112,7 @@ class ViewportWorld:
         return WorldBehind(kept.map, kept.key)
 
     def _seen(self, depsgraph: bpy.types.Depsgraph, octree: Octree) -> SeenWorld:
-        """World of the scene, and the key of one that varies, which is found anew after a change alone."""
+        """World of the scene; updates the key of a world that varies, but only after a change."""
         scene = depsgraph.scene
         state = id(octree), scene.original.session_uid, scene.world and scene.world.original.session_uid
         if self._known is None or self._known[0] != state:

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fingerprint of a scene: hashes of what results depend on, by part, of which the keys of results are composed.
+"""Fingerprint of a scene: a hash for each part that results depend on; keys of results combine such hashes.
 
-Parts are of the scene as Blender evaluates it for a frame. What the user's own data were, and what of them changed, is
-`state/scene_state.py`.
+Parts are those of the scene evaluated for a frame. `state/scene_state.py` tracks changes of the user's own data.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ _OBJECT_SKIPPED = names(
     active_shape_key active_material active_material_index particle_systems hide_select display display_type
     display_bounds_type is_instancer is_from_instancer is_from_set"""
 )
-# Where an object stands is hashed for each of its instances. Of what is only instanced these are not even the same in
-# two evaluations.
+# Transforms are hashed for each instance. Of objects that are only instanced, these properties differ even between two
+# evaluations.
 _PLACE = names(
     """matrix_world matrix_local matrix_basis matrix_parent_inverse location rotation_euler rotation_quaternion
     rotation_axis_angle rotation_mode scale delta_location delta_rotation_euler delta_rotation_quaternion delta_scale"""
@@ -44,7 +43,7 @@ def composed(*parts: object) -> str:
 
 
 def has_films() -> bool:
-    """Return whether an image shows another picture at each frame."""
+    """Return whether any image in use is a movie or an image sequence."""
     return any(image.source in _FILMS and image.users for image in bpy.data.images)
 
 
@@ -69,7 +68,7 @@ def world_hash(world: bpy.types.World | None) -> str:
 
 
 class SceneFingerprint:
-    """Parts of a scene's fingerprint, for a frame: each 32 hex digits, found when it is asked for."""
+    """Parts of a scene's fingerprint, for a frame: each 32 hex digits, computed on demand."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
         self._depsgraph = depsgraph
@@ -79,11 +78,10 @@ class SceneFingerprint:
         return surface_hash(read_scene(self._depsgraph, scope))
 
     def scene(self) -> str:
-        """All that shines, shadows and reflects, whether it is baked or not, the frame, and how Cycles renders it.
+        """All that emits, shadows or reflects light, baked or not, the frame, and render settings.
 
-        Not seen are: drivers and geometry nodes of objects that are disabled in viewports yet rendered (what they
-        depend on counts, what they make of it does not), single files of image sequences, and the children of particle
-        hair beyond their settings.
+        Not covered: results of drivers and geometry nodes of objects that are disabled in viewports yet rendered (their
+        inputs are covered), single files of image sequences, and children of particle hair beyond their settings.
         """
         digest, scene, layer = Digest(), self._depsgraph.scene, self._depsgraph.view_layer
         digest.text(scene.frame_current_final)
@@ -98,7 +96,7 @@ class SceneFingerprint:
         return digest.hexdigest()
 
     def _objects(self, digest: Digest) -> Iterator[tuple[bpy.types.Object, bpy.types.ID | None]]:
-        """Objects that renders show, each once and with what is shown for it; instances are hashed on the way."""
+        """Rendered objects, each once, with their evaluated data; instances are hashed on the way."""
         met: set[tuple[str, int]] = set()
         for instance in self._depsgraph.object_instances:
             item = instance.object
@@ -109,19 +107,19 @@ class SceneFingerprint:
             key = item.name_full, item.data.as_pointer() if item.data else 0
             if key not in met:
                 met.add(key)
-                # Not what stands for an instance: Blender makes that for a moment, and leaks settings asked of it.
+                # Not the temporary object of an instance: Blender leaks settings that are read from it.
                 lasting = item.original.evaluated_get(self._depsgraph) if instance.is_instance else item
                 yield lasting, item.data
         evaluated = {name for name, _ in met}
-        for item in self._depsgraph.scene.original.objects:  # not in viewports, yet in renders
+        for item in self._depsgraph.scene.original.objects:  # disabled in viewports, yet rendered
             if item.name_full not in evaluated and not item.hide_render and not is_own(item):
                 digest.text(tuple(map(tuple, item.matrix_world)))
                 yield item, item.data
 
     def lights(self) -> str:
-        """World, lamps and the materials of what is shown."""
+        """World, lamps and the materials of shown objects."""
         digest = Digest()
-        digest.block(self._depsgraph.scene_eval.world)  # `depsgraph.scene` has values of the frame it was left at
+        digest.block(self._depsgraph.scene_eval.world)  # `depsgraph.scene` keeps values of an earlier frame
         for instance in self._depsgraph.object_instances:
             item = instance.object
             if item.type == "LIGHT" and not item.hide_render:
@@ -132,7 +130,7 @@ class SceneFingerprint:
         return digest.hexdigest()
 
     def cameras(self) -> str:
-        """Film and all cameras, also those that are hidden: pictures are made through them nevertheless."""
+        """Film and all cameras, hidden ones too, since pictures are rendered through them."""
         digest, scene = Digest(), self._depsgraph.scene.original
         digest.text(scene.camera.name_full if scene.camera else None, scene.render.film_transparent)
         for item in scene.objects:
@@ -145,7 +143,7 @@ class SceneFingerprint:
 
 
 def _add_mesh(digest: Digest, mesh: LocalMesh) -> None:
-    """Add a mesh of the surface, wherever it is placed."""
+    """Add a mesh of the surface without its transforms."""
     for name in ("vertices", "triangles", "slots"):
         digest.array(name, getattr(mesh, name))
     digest.array("normals", mesh.corner_normals(0, len(mesh)))
@@ -158,7 +156,7 @@ def _add_mesh(digest: Digest, mesh: LocalMesh) -> None:
 
 
 def _add_object(digest: Digest, item: bpy.types.Object, data: bpy.types.ID | None) -> None:
-    """Add an object without its place and its materials; `data` is what is shown for it."""
+    """Add an object without its transform and materials; data: its evaluated data."""
     digest.struct(item, _OBJECT_SKIPPED | _PLACE)
     for system in item.particle_systems:
         digest.text(len(system.particles))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gloss of materials: how much of the light that they reflect is not diffuse, and whether they are clear glass.
 
-A bake of diffuse light shows metals, mirrors and glass black. Which materials these are is found here, by the weights
-of their shaders; a value that an image or a node decides counts as a half, so that no image is read for it.
+A bake of diffuse light shows metals, mirrors and glass black. This module finds these materials by the weights of their
+shaders. A value from an image or a node counts as 0.5, so that no image is read.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from .node_links import Input, Output, source
 from .node_terms import REC709, NotUnderstoodError
 from .node_values import NodeValues
 
-_SHARP = 0.25  # roughness below which a reflection shows what is around, other from each place
-_CLEAR = 0.5  # share of light that passes a pane, from which on it counts as clear
-_FRESNEL = 0.04  # of glass, seen from above
+_SHARP = 0.25  # roughness below which a reflection is sharp and depends on the view
+_CLEAR = 0.5  # least transmitted share of light of a clear pane
+_FRESNEL = 0.04  # of glass at normal incidence
 _METALS = frozenset({"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"})
 _CLEAR_ONES = frozenset({"BSDF_GLASS", "BSDF_REFRACTION"})
 
 
 @dataclass(frozen=True)
 class Gloss:
-    """Shares of white light that a surface returns or lets pass.
+    """Shares of white light that a surface reflects, transmits or emits.
 
-    diffuse, glossy: reflected. clear: passes through as through a pane. shine: emitted, in any unit. roughness: of what
-    is glossy or clear, the mean by share.
+    diffuse, glossy: reflected. clear: transmitted as by a pane. shine: emitted, in any unit. roughness: mean of the
+    glossy and clear parts, weighted by share.
     """
 
     diffuse: float = 0.0
@@ -41,22 +41,22 @@ class Gloss:
 
     @property
     def is_glossy(self) -> bool:
-        """Return whether a bake of diffuse light and emission leaves out most of what it shows."""
+        """Return whether a bake of diffuse light and emission misses most of its light."""
         other = self.glossy + self.clear
         return other > 0.0 and self.shine <= 0.0 and other >= self.diffuse
 
     @property
     def is_clear(self) -> bool:
-        """Return whether one sees through it, and sharply."""
+        """Return whether the view through it is clear and sharp."""
         return self.clear >= _CLEAR and self.roughness < _SHARP and self.diffuse < self.clear
 
     @property
     def is_sharp(self) -> bool:
-        """Return whether its reflections are pictures of what is around."""
+        """Return whether its reflections are sharp."""
         return self.roughness < _SHARP
 
     def mixed(self, other: Gloss, weight: float) -> Gloss:
-        """Mix with another one, which has the weight."""
+        """Mix with another gloss of that weight."""
         mine, its = (1.0 - weight) * (self.glossy + self.clear), weight * (other.glossy + other.clear)
         rough = (mine * self.roughness + its * other.roughness) / (mine + its) if mine + its > 0.0 else 0.0
         blend = {
@@ -128,7 +128,7 @@ class _Walk:
         return self._number(found.input("Roughness")) if "Roughness" in found.node.inputs else 0.0
 
     def _number(self, at: Input) -> float:
-        """Evaluate a number; a texture counts as a half, and so does a node without a rule."""
+        """Evaluate a number; a texture counts as 0.5, and so does a node without a rule."""
         try:
             term = self._values.number(at)
         except NotUnderstoodError:
@@ -136,7 +136,7 @@ class _Walk:
         return float(term.offset + 0.5 * term.scale * (not term.constant))
 
     def _color(self, at: Input) -> float:
-        """Mean luminance of a colour; 0.5 for one that hangs on a node without a rule."""
+        """Mean luminance of a colour; 0.5 if it depends on a node without a rule."""
         try:
             return float(np.dot(self._values.constant_color(self._values.color(at)), REC709))
         except NotUnderstoodError:

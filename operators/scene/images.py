@@ -9,12 +9,12 @@ import numpy as np
 from ...patchnet_addon.surface.chroma import REC709
 
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
-_SQUARES_SIDE = 512  # of images whose texels are squares, at least half of it
+_SQUARES_SIDE = 512  # largest side of enlarged images with square texels; they reach at least half of it
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
 
 
 class ImageReader:
-    """Reader of images, each once; materials that share an image share its array."""
+    """Reader that reads each image once; materials that share an image share its array."""
 
     def __init__(self) -> None:
         self._colors: dict[str, np.ndarray] = {}
@@ -82,7 +82,7 @@ _BYTE_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
 
 
 def _linear(color: np.ndarray, image: bpy.types.Image) -> np.ndarray:
-    """Convert to linear: Blender keeps float images scene linear, and 8 bit images as they are encoded in the file."""
+    """Convert to linear: Blender stores float images scene-linear, and 8 bit images as encoded in the file."""
     space = image.colorspace_settings.name
     if image.is_float or space in _RAW_SPACES or space.startswith("Linear"):
         return np.nan_to_num(color, posinf=0.0, neginf=0.0)

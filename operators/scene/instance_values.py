@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values that shader nodes ask of a placed object: Object Info, Particle Info, attributes, instancer's coordinates.
+"""Values that shader nodes read from a placed object: Object Info, Particle Info, attributes, instancer's coordinates.
 
-They are the same all over an object, so that they are read once a placement. Rules are those of Cycles' Blender side
+They are constant over an object, so they are read once per placement. The rules are those of Cycles' Blender side
 (`blender/object.cpp`, `blender/particles.cpp`) and of `BKE_object_dupli_find_rgba_attribute`.
 """
 
@@ -18,7 +18,7 @@ from ..state.digest import ATTRIBUTE_KINDS, values_of
 from .layer_names import all_nodes
 
 _MASK = 0xFFFFFFFF
-_LONGEST = 60  # of a layer's name that Blender 4.5 keeps whole
+_LONGEST = 60  # bytes of a layer's name that Blender 4.5 does not truncate
 _NO_ID = 2**31 - 1
 _OBJECT = frozenset({"Location", "Color", "Alpha", "Object Index", "Random"})
 _PARTICLE = {
@@ -29,7 +29,7 @@ _PARTICLE_OUTPUTS = frozenset({"Index", "Random", "Age", *_PARTICLE})
 
 
 class Asked(NamedTuple):
-    """Value that nodes ask: of an "object", a "particle", an "instancer", or an attribute of OBJECT or INSTANCER."""
+    """Value that nodes read: of an "object", a "particle", an "instancer", or an attribute of OBJECT or INSTANCER."""
 
     kind: str
     key: str
@@ -44,7 +44,7 @@ class Asked(NamedTuple):
 
 
 def asked_by(node: bpy.types.Node, output: str) -> Asked | None:
-    """Value of the placed object that an output of a node is; None where it is something else."""
+    """Value of the placed object behind an output of a node; None for other outputs."""
     if node.type == "OBJECT_INFO" and output in _OBJECT:
         return Asked("object", output)
     if node.type == "PARTICLE_INFO" and output in _PARTICLE_OUTPUTS:
@@ -59,7 +59,7 @@ def asked_by(node: bpy.types.Node, output: str) -> Asked | None:
 
 
 def asked_values(material: bpy.types.Material) -> frozenset[Asked]:
-    """All values that nodes of a material ask of its objects, in its groups too."""
+    """All values that nodes of a material, and of its groups, read from its objects."""
     tree = tree_in_use(material)
     outputs = [(node, socket) for node in all_nodes(tree) for socket in node.outputs] if tree else []
     found = (asked_by(node, socket.name) for node, socket in outputs if socket.is_linked)
@@ -67,7 +67,7 @@ def asked_values(material: bpy.types.Material) -> frozenset[Asked]:
 
 
 class InstanceReader:
-    """Reader of values of placed objects; `unknown` are attributes that no placed object was found to have."""
+    """Reader of values of placed objects; `unknown` are attributes that no placed object has."""
 
     def __init__(self, frame: float) -> None:
         self.unknown: set[str] = set()
@@ -76,7 +76,7 @@ class InstanceReader:
         self._attributes: dict[tuple[int, str], np.ndarray | None] = {}
 
     def value(self, instance: bpy.types.DepsgraphObjectInstance, asked: Asked) -> tuple[float, ...]:
-        """Value of 1 to 4 numbers, always as many for the same `asked`; an attribute has 4, zeros without it."""
+        """Value of 1 to 4 numbers, a fixed count for each `asked`; an attribute has 4, zeros if it is missing."""
         if asked.kind == "object":
             return _of_object(instance, asked.key)
         if asked.kind == "particle":
@@ -109,7 +109,7 @@ class InstanceReader:
         return tuple(value)
 
     def _attribute(self, instance: bpy.types.DepsgraphObjectInstance, asked: Asked) -> tuple[float, ...] | None:
-        """Color of an attribute: the instance's own, else one of what instances it, else the object's or its data's."""
+        """Color of an attribute: the instance's own, else its instancer's, else the object's or its data's."""
         owners: list[bpy.types.ID] = []
         if asked.kind == "INSTANCER" and instance.is_instance:
             if (own := self._of_instance(instance, asked.key)) is not None:
@@ -145,9 +145,9 @@ def _of_object(instance: bpy.types.DepsgraphObjectInstance, key: str) -> tuple[f
 
 def _instance_attribute(parent: bpy.types.Object, name: str) -> np.ndarray | None:
     """Colors (N, 4) float32 of an attribute of all instances of an evaluated object."""
-    if parent.type == "EMPTY":  # has no geometry to ask
+    if parent.type == "EMPTY":  # has no geometry
         return None
-    geometry = parent.evaluated_geometry()  # it owns the cloud
+    geometry = parent.evaluated_geometry()  # keeps the cloud alive
     cloud = geometry.instances_pointcloud()
     attribute = cloud and cloud.attributes.get(name)
     if not attribute or attribute.data_type not in ATTRIBUTE_KINDS:
@@ -177,11 +177,11 @@ def _color(numbers: list[float] | np.ndarray) -> tuple[float, ...]:
 
 
 def _object_random(instance: bpy.types.DepsgraphObjectInstance) -> float:
-    """Random number in [0, 1] that Cycles gives: to an instance by its id, to an object by its name."""
+    """Random number in [0, 1] as in Cycles: of an instance by its id, of an object by its name."""
     if instance.is_instance:
         return (instance.random_id & _MASK) / _MASK
     value = 0
-    for byte in instance.object.name.encode():  # polynomial of the bytes at 37
+    for byte in instance.object.name.encode():  # polynomial hash with base 37
         value = (value * 37 + byte) & _MASK
     return _hash(value, 0) / _MASK
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 import bpy
 
-# Receiver collections of which something is a member, by full name, and how: "INCLUDE" or "EXCLUDE".
+# Receiver collections of an object by full name, and its state there: "INCLUDE" or "EXCLUDE".
 Links = frozenset[tuple[str, str]]
 
 
 def emitters() -> list[bpy.types.Object]:
-    """Objects that shine on what their receiver collection says."""
+    """Objects with a receiver collection."""
     return [item for item in bpy.data.objects if item.light_linking.receiver_collection]
 
 
 def members(collection: bpy.types.Collection) -> dict[bpy.types.Object, str]:
-    """Objects of a receiver collection and their states; what is in a child has the state of the child."""
+    """Objects of a receiver collection and their states; objects of a child have the state of the child."""
     result: dict[bpy.types.Object, str] = {}
     for child, entry in zip(collection.children, collection.collection_children, strict=True):
         result |= dict.fromkeys(child.all_objects, entry.light_linking.link_state)
@@ -35,7 +35,7 @@ class LightLinks:
                 self._of.setdefault(item.name_full, set()).add((collection.name_full, state))
 
     def number(self, instance: bpy.types.DepsgraphObjectInstance) -> int:
-        """Number for an instance's memberships: what instances it goes before the object itself, as in Cycles."""
+        """Number of an instance's memberships; its instancer's precede those of the object itself, as in Cycles."""
         links: Links = frozenset()
         if self._of:
             owners = (instance.parent, instance.object) if instance.is_instance else (instance.object,)

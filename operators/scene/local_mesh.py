@@ -25,8 +25,8 @@ class LocalMesh:
     normals: (T, 3, 3) int16 shading normals, 32767 = 1, or None if all faces are flat.
     layers: further corner layers that materials name, (T, 3, C) float32: C = 1 for numbers, 2 for UV, 3 for vectors,
         4 for colours.
-    origin: what UVs and layers are made from, as a hash, where their own last bits are unsteady; otherwise "".
-    thickness: mean diameter of the strands or points that it stands for, 0 for a mesh.
+    origin: hash of the sources of UVs and layers, if their last bits vary between evaluations; otherwise "".
+    thickness: mean diameter of the strands or points that it represents, 0 for a mesh.
     """
 
     name: str
@@ -52,7 +52,7 @@ def read_local_mesh(
 ) -> LocalMesh | None:
     """Arrays of an evaluated mesh, or None if it has no faces; `name` is the object's, for messages.
 
-    layer_names: UV maps and colour attributes that materials ask for by name. origin: see `LocalMesh`.
+    layer_names: UV maps and colour attributes that materials read by name. origin: see `LocalMesh`.
     Raises GeometryError if a coordinate is not finite.
     """
     mesh.calc_loop_triangles()
@@ -131,7 +131,7 @@ def _layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
 
 
 def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.Attribute) -> np.ndarray:
-    """Means (V, C) at vertices of an attribute's values (E, C) at edges, as Blender mixes its type."""
+    """Means (V, C) at vertices of an attribute's values (E, C) at edges, by Blender's rule for its type."""
     if attribute.data_type == "BYTE_COLOR":
         values = values_of(attribute.data, "color_srgb", 4, np.float32).reshape(-1, 4)
     ends = values_of(mesh.edges, "vertices", 2, np.int32).reshape(-1, 2)
@@ -152,7 +152,7 @@ def _at_vertices(mesh: bpy.types.Mesh, values: np.ndarray, attribute: bpy.types.
 
 
 def generated_from_position(mesh: bpy.types.Mesh, points: np.ndarray) -> np.ndarray:
-    """Generated coordinates (N, 3) float32 of points (N, 3) in a mesh's texture space, which is [0, 1]^3 of them."""
+    """Generated coordinates (N, 3) float32 of points (N, 3): [0, 1]^3 in a mesh's texture space."""
     size = np.array(mesh.texspace_size, np.float32)
     scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0).astype(np.float32)
     return (points - np.array(mesh.texspace_location, np.float32)) * scale + np.float32(0.5)

@@ -20,14 +20,14 @@ from .node_values import NodeValues
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)
 _BLACK: Rgb = (0.0, 0.0, 0.0)
 _Term = TypeVar("_Term", ColorTerm, NumberTerm)
-_MAX_EMISSION = 1e6  # W/m2; more can only be a mistake
-_HALF = 0.5  # opacity from which on a surface is there
-_PARTLY, _MUCH = (0.1, 0.9), 0.25  # opacities that are neither, and the share of texels from which on users are told
+_MAX_EMISSION = 1e6  # W/m2; larger values are clamped as mistakes
+_HALF = 0.5  # least opacity of a solid surface
+_PARTLY, _MUCH = (0.1, 0.9), 0.25  # partly transparent opacities, and the least share of such texels for a note
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """Surface that a shader socket shows; `transparent` surfaces show nothing of their own."""
+    """Surface of a shader socket; `transparent` surfaces have no colour of their own."""
 
     base: ColorTerm = ColorTerm(_BLACK)  # noqa: RUF009
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
@@ -36,9 +36,9 @@ class _Surface:
 
 
 class MaterialReading(NamedTuple):
-    """Material, and one sentence each on what was simplified: of its shape and opacity, and of its colours.
+    """Material, and one sentence each on simplifications of its shape and opacity, and of its colours.
 
-    A bake takes its colours from Cycles, so that `color_note` is for what shows a surface's own colour.
+    A bake takes its colours from Cycles, so `color_note` is for surfaces shown in their own colour.
     """
 
     material: Material
@@ -49,8 +49,8 @@ class MaterialReading(NamedTuple):
 def read_material(material: bpy.types.Material, images: ImageReader) -> MaterialReading:
     """Read the view-independent part of a material.
 
-    What is not understood takes its default value: base colour 0.8, opaque, no emission. Without an output for Cycles
-    it is black, as Cycles shows it.
+    Inputs with unsupported nodes take default values: base colour 0.8, opaque, no emission. A material without an
+    output for Cycles is black, as in Cycles.
     """
     name = material.name
     tree = tree_in_use(material)
@@ -59,17 +59,17 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
         return MaterialReading(Material(name, base_color=(r, g, b)))
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None:
-        note = f"Material '{name}' is black, as in Cycles: no Material Output of it is for Cycles"
+        note = f"Material '{name}' is black, as in Cycles: no Material Output has Target Cycles or All"
         return MaterialReading(Material(name, base_color=_BLACK), note)
     walk = _Walk(images)
     if output.inputs["Volume"].is_linked:
-        walk.values.notes.append("its volume is left out, which Refine with Cycles, Passes: Combined shows")
-    if output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked:  # a mist box is no wall
+        walk.values.notes.append("its volume is left out (Refine with Cycles, Passes: Combined renders it)")
+    if output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked:  # only a volume: no surface
         surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
     else:
         surface = walk.surface(Input(output.inputs["Surface"]))
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
-            walk.values.notes.append("its displacement moves no voxels, unlike a Displace modifier")
+            walk.values.notes.append("its displacement is left out, unlike that of a Displace modifier")
     result = _material(name, surface, walk.colors)
     return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes))
 
@@ -79,7 +79,7 @@ def _simplified(name: str, notes: list[str]) -> str | None:
 
 
 def is_partly_transparent(material: Material) -> bool:
-    """Return whether much of a material is neither opaque nor transparent; soft edges of cut-outs are not much."""
+    """Return whether much of a material is partly transparent, more than the soft edges of cut-outs."""
     if material.alpha_threshold is not None:
         return False
     low, high = _PARTLY
@@ -91,7 +91,7 @@ def is_partly_transparent(material: Material) -> bool:
 
 
 def as_cut_out(material: Material) -> Material:
-    """Make a voxel's surface opaque or none: what is less than half opaque is left out."""
+    """Make the surface opaque where its opacity is at least 0.5, and leave out the rest."""
     if material.alpha_threshold is not None:
         return material
     if material.alpha_texture is None:
@@ -101,10 +101,10 @@ def as_cut_out(material: Material) -> Material:
 
 def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
     alpha, base, images = surface.alpha, surface.base, colors.images
-    maps = {term.texture.uv_map for term in (alpha, base) if term.texture} - {""}  # "" is nearly always the named one
+    maps = {term.texture.uv_map for term in (alpha, base) if term.texture} - {""}  # "" is nearly always the same map
     if len(maps) > 1 and alpha.texture and base.texture:
         image = base.texture.image.name
-        colors.notes.append(f"image '{image}' counts by its mean color, since its opacity lies on another UV map")
+        colors.notes.append(f"image '{image}' counts by its mean color, since the opacity uses another UV map")
         base, maps = ColorTerm(colors.constant_color(base)), {alpha.texture.uv_map}
     threshold = alpha.threshold
     opacity = alpha.offset
@@ -139,14 +139,14 @@ def _texture(use: TextureUse, pixels: np.ndarray, images: ImageReader) -> Textur
 class _Walk:
     """Walk along shaders from the material's output towards the BSDFs.
 
-    values: evaluates opacity and what mixes shaders, colors: base colour and emission; each has notes of its own.
+    values: evaluates opacity and mix factors of shaders. colors: base colour and emission. Each has its own notes.
     """
 
     def __init__(self, images: ImageReader) -> None:
         self.values, self.colors = NodeValues(images), NodeValues(images)
 
     def surface(self, at: Input) -> _Surface:
-        """Evaluate a shader input to what it shows; unlinked it is black."""
+        """Evaluate the surface of a shader input; unlinked it is black."""
         found = source(at)
         if isinstance(found, Input):
             return _Surface()
@@ -166,9 +166,9 @@ class _Walk:
         if "Base Color" in node.inputs:
             return _Surface(base=self._base(found.input("Base Color")))
         if node.bl_idname == "NodeUndefined":
-            self.values.notes.append(f"node '{node.name}' is of a missing add-on, and black as in Cycles")
+            self.values.notes.append(f"node '{node.name}' belongs to a missing add-on and is black, as in Cycles")
             return _Surface()
-        self.colors.notes.append(f"shader '{node.name}' is taken as gray")
+        self.colors.notes.append(f"shader '{node.name}' is not supported and counts as gray")
         return _Surface(base=ColorTerm(_DEFAULT_COLOR))
 
     def _principled(self, output: Output) -> _Surface:
@@ -226,7 +226,7 @@ class _Walk:
         return factor.affine(alpha.offset, 0.0) if factor.threshold is None else factor
 
     def _blend(self, first: _Surface, second: _Surface, weight: float) -> _Surface:
-        """Blend two surfaces with constant weights; of two textures the heavier one stays."""
+        """Blend two surfaces with constant weights; of two textures, that of the larger weight is kept."""
         r, g, b = (a + weight * (c - a) for a, c in zip(first.emission, second.emission, strict=True))
         if first.base.texture is None and second.base.texture is None:
             x, y, z = (a + weight * (c - a) for a, c in zip(first.base.factor, second.base.factor, strict=True))
@@ -237,11 +237,11 @@ class _Walk:
             if light.base.factor == _BLACK:
                 base = base.scaled((share,) * 3)
             else:
-                self.colors.notes.append("the lesser of its mixed shaders is left out")
+                self.colors.notes.append("the mixed shader of the smaller weight is left out")
         return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
 
     def _add(self, first: _Surface, second: _Surface) -> _Surface:
-        """Add two surfaces in full."""
+        """Add two surfaces, each with weight 1."""
         r, g, b = (a + c for a, c in zip(first.emission, second.emission, strict=True))
         if first.transparent:
             return replace(second, emission=(r, g, b))
@@ -261,5 +261,5 @@ def _understood(values: NodeValues, read: Callable[[], _Term], what: str, defaul
     try:
         return read()
     except NotUnderstoodError as cause:
-        values.notes.append(f"{what} depends on {cause}, so that the default value counts")
+        values.notes.append(f"{what} depends on {cause}: the default value is used")
         return default

@@ -13,13 +13,13 @@ from ...patchnet_addon.surface.chroma import BLUE, GREEN, RED
 REC709 = (RED, GREEN, BLUE)
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
-MISSING: Rgb = (1.0, 0.0, 1.0)  # what Cycles shows of an image that is not there
+MISSING: Rgb = (1.0, 0.0, 1.0)  # color of a missing image in Cycles
 Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
 class TextureUse:
-    """Image and how it lies on the surface: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
+    """Image and its mapping: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
 
     uv_map: name of the UV map or attribute, "" for the one that renders. closest: texels are squares of one colour.
     """
@@ -56,7 +56,7 @@ class NumberTerm:
 
     @property
     def constant(self) -> bool:
-        """Return whether it is the same everywhere."""
+        """Return whether it has no texture."""
         return self.texture is None
 
     def affine(self, scale: float, offset: float) -> NumberTerm:
@@ -67,12 +67,12 @@ class NumberTerm:
             if (scale, offset) == (-1.0, 1.0):
                 turned = replace(self, threshold=None).affine(-1.0, 1.0)
                 return replace(turned, threshold=1.0 - self.threshold)
-            raise NotUnderstoodError("arithmetic behind an alpha threshold")
+            raise NotUnderstoodError("arithmetic after an alpha threshold")
         return replace(self, offset=scale * self.offset + offset, scale=scale * self.scale)
 
 
 class NotUnderstoodError(Exception):
-    """Part of a shader tree that has no view of its own here; its message is a noun phrase."""
+    """Unsupported part of a shader tree; the message is a noun phrase."""
 
 
 def rgb(value: object) -> Rgb:

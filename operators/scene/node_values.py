@@ -28,7 +28,7 @@ from .node_terms import (
 
 @dataclass
 class NodeValues:
-    """Evaluator of sockets; `notes` collects noun phrases for whatever was left out."""
+    """Evaluator of sockets; `notes` collects clauses on what is left out or simplified."""
 
     images: ImageReader
     notes: list[str] = field(default_factory=list)
@@ -111,7 +111,7 @@ def _uv_transform(at: Input) -> tuple[Transform | None, str]:
 
 
 def _repeats_along_one_axis(output: Output) -> bool:
-    """Return whether the coordinates are those that importers of glTF make, where wrap modes of the axes differ."""
+    """Return whether the coordinates are those of the glTF importer for axes with different wrap modes."""
     if output.node.type != "COMBXYZ":
         return False
     axes = [source(output.input(name)) for name in ("X", "Y")]
@@ -138,12 +138,12 @@ def _mapping_matrix(output: Output) -> np.ndarray:
 
 
 def _is_missing(values: NodeValues, node: bpy.types.Node) -> bool:
-    """Return whether an image node has no image to show: Cycles then shows `MISSING`, opaque. A note says so."""
+    """Return whether an image node has no pixels, and note it; Cycles then shows `MISSING`, opaque."""
     image = node.image
     if usable(image) or (image is not None and image.source in ("SEQUENCE", "MOVIE", "TILED")):
         return False
     name = f"image '{image.name}'" if image else f"node '{node.name}'"
-    values.notes.append(f"{name} has no pixels, and is pink as in Cycles")
+    values.notes.append(f"{name} has no pixels and is pink, as in Cycles")
     return True
 
 
@@ -176,7 +176,7 @@ def _mix_color(values: NodeValues, output: Output) -> ColorTerm:
 
 
 def _mix_inputs(output: Output, kind: str) -> list[Input]:
-    """Factor, A and B of a Mix node for a kind of data: sockets of all kinds share names."""
+    """Factor, A and B of a Mix node for one data type; sockets of all types share names."""
     inputs = {socket.identifier: socket for socket in output.node.inputs}
     return [Input(inputs[name], output.groups) for name in ("Factor_Float", f"A_{kind}", f"B_{kind}")]
 
@@ -259,7 +259,7 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
 
 
 def _light_path(values: NodeValues, output: Output) -> NumberTerm:
-    """Evaluate a light path node as the camera sees it."""
+    """Evaluate a light path node for camera rays."""
     return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
 
 

@@ -24,7 +24,7 @@ def hide_from_renders(texts: Sequence[str]) -> list[str]:
 
 
 def keep_hidden(texts: Sequence[str]) -> None:
-    """Hide them at every frame that the scene goes to: their keys may show them again."""
+    """Hide them again after each frame change, since animation may show them."""
     if texts:
         bpy.app.handlers.frame_change_post.append(lambda *_: hide_from_renders(texts))
 
@@ -36,8 +36,8 @@ _OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modi
 def render_geometry(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
     """Evaluate `depsgraph` with render settings within the block; the scene is as before afterwards.
 
-    Only what differs between viewport and render is set, so that nothing is evaluated twice without need. A render's
-    own graph has these settings anyway, and nothing may be set while it renders.
+    Only values that differ between viewport and render are set, which avoids needless evaluation. A render's own
+    depsgraph has these settings already, and data must not change while it renders.
     """
     if depsgraph.mode == "RENDER":
         yield
@@ -66,7 +66,7 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
     for item in bpy.data.objects:
         yield item, "show_instancer_for_viewport", item.show_instancer_for_render
         for driver in item.animation_data.drivers if item.animation_data else ():
-            if driver.data_path.endswith(_OF_VIEWPORTS):  # it would set again what is set here
+            if driver.data_path.endswith(_OF_VIEWPORTS):  # it would overwrite the value
                 yield driver, "mute", True
         for modifier in item.modifiers:
             yield modifier, "show_viewport", modifier.show_render
@@ -93,9 +93,9 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
 
 
 def _apart(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """Collections that no view layer of a scene shows itself, but which objects may instance.
+    """Collections in no view layer of a scene, which objects may still instance.
 
-    Of the others it is known what renders; and to hide one would lose which of its objects are selected.
+    The render visibility of the others is known, and hiding one would lose the selection of its objects.
     """
     shown = set()
     stack = [layer.layer_collection for layer in scene.view_layers]

@@ -2,9 +2,9 @@
 """Hair and points as triangles: hair curves, particle hair and point clouds, which have no mesh.
 
 Cycles renders a strand as a ribbon that faces each ray, or as a round tube, and a point as a sphere. Here they are
-tubes and spheres of flat triangles that look as wide. Light is baked on them while the hair is still in the scene:
-rays that start within a ribbon or a sphere of Cycles do not meet it, those within a round tube do, so that bakes have
-hair as ribbons.
+tubes and spheres of flat triangles of the same apparent width. Light is baked on them while the hair is in the scene.
+Rays that start inside a ribbon or a sphere of Cycles do not hit it, rays inside a round tube do, so bakes render hair
+as ribbons.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .local_mesh import LocalMesh, generated_from_position, packed_normals
 Key = tuple[object, ...]
 STRANDS = frozenset({"CURVES", "POINTCLOUD"})  # types of objects
 FINE_TRIANGLES, MOST_TRIANGLES = 200_000, 1_000_000  # of all hair and points of a scene
-_RADII = {"CURVES": 0.005, "POINTCLOUD": 0.01}  # what Cycles takes without an attribute
+_RADII = {"CURVES": 0.005, "POINTCLOUD": 0.01}  # Cycles' defaults without an attribute
 _DETAILS = ((7, 2), (5, 1), (3, 0))  # sides of tubes, divisions of spheres
-_LEAST_BEND = 0.1  # of a segment off its chord, in radii, to be divided
-_MOST_DIVIDED = 20_000  # points of an object whose strands are still divided
-_POLYLINE = 1  # among the types of curves
-_UVS = ""  # layer of the UV coordinates that renders take by default
-_MOST_READ = 500_000  # strands of a particle system; Blender tells the points of particle hair one by one
+_LEAST_BEND = 0.1  # least distance from the chord, in radii, of segments to divide
+_MOST_DIVIDED = 20_000  # points of an object, beyond which its strands are not divided
+_POLYLINE = 1  # in the enumeration of curve types
+_UVS = ""  # layer of the default UV coordinates of renders
+_MOST_READ = 500_000  # strands of a particle system; Blender's API returns their points one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,9 @@ class Strands:
         return replace(self, points=self.points[rows], radii=self.radii[rows], first=first, uvs=uvs, layers=layers)
 
     def divided(self) -> Strands:
-        """Divide bent strands, if they are not too many: at the middles of segments, on the curves that Cycles draws.
+        """Divide bent strands, unless they are too many, at the middles of segments on the curves that Cycles draws.
 
-        Straight ones at their points: a tube around a sharp corner is too narrow there.
+        Straight segments are separated at their points: a tube around a sharp corner is too narrow there.
         """
         if self.spheres or len(self.points) > _MOST_DIVIDED:
             return self
@@ -102,7 +102,7 @@ class Strands:
         )
 
     def thinned(self, share: float) -> Strands:
-        """A share of the strands, evenly chosen and so wide that they cover as much."""
+        """Share of the strands, evenly chosen and widened to cover as much."""
         count = len(self.first) - 1
         kept = max(1, round(count * share))
         if kept >= count:
@@ -133,7 +133,7 @@ class Strands:
 def finished(read: dict[Key, LocalMesh | Strands], places: dict[Key, int]) -> tuple[dict[Key, LocalMesh], list[str]]:
     """Meshes by key, strands as triangles, and a sentence if they are too many.
 
-    places: how often each is placed.
+    places: number of placements of each.
     """
     strands = {key: each for key, each in read.items() if isinstance(each, Strands)}
     counts = [sum(each.triangle_count(detail) * places[key] for key, each in strands.items()) for detail in range(3)]
@@ -150,7 +150,7 @@ def finished(read: dict[Key, LocalMesh | Strands], places: dict[Key, int]) -> tu
 def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | None:
     """Strands of an evaluated object of hair curves, or its points; None if there are none.
 
-    names: attributes that materials ask for. Raises GeometryError if a coordinate is not finite.
+    names: attributes that materials read. Raises GeometryError if a coordinate is not finite.
     """
     data, spheres = item.data, item.type == "POINTCLOUD"
     count = len(data.points)
@@ -160,7 +160,7 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
     lengths = np.diff(first)
     radii = _attribute(data, "radius", lengths)
     kinds = data.attributes.get("curve_type")
-    polylines = kinds is not None and kinds.data[0].value == _POLYLINE  # Cycles goes by the first strand
+    polylines = kinds is not None and kinds.data[0].value == _POLYLINE  # Cycles uses the type of the first strand
     return _checked(
         Strands(
             item.name,
@@ -176,7 +176,7 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
 
 
 def _checked(strands: Strands) -> Strands | None:
-    """Those that Cycles shows: of two points at least, or a sphere."""
+    """Strands that Cycles shows: of at least two points, or spheres."""
     if not (np.isfinite(strands.points).all() and np.isfinite(strands.radii).all()):
         raise GeometryError(
             f"Hair or points of object '{strands.name}' are not finite numbers (NaN or infinite): repair or remove them"
@@ -196,7 +196,7 @@ def _attribute(data: bpy.types.ID, name: str, lengths: np.ndarray) -> np.ndarray
 
 
 def _first_uvs(data: bpy.types.ID, lengths: np.ndarray) -> np.ndarray | None:
-    """(P, 2) float32: what Cycles takes for UV coordinates, the first ones of the strands."""
+    """(P, 2) float32 UV coordinates as in Cycles: the first ones of the strands."""
     for attribute in data.attributes:
         if attribute.domain == "CURVE" and attribute.data_type == "FLOAT2":
             return _attribute(data, attribute.name, lengths)
@@ -204,7 +204,7 @@ def _first_uvs(data: bpy.types.ID, lengths: np.ndarray) -> np.ndarray | None:
 
 
 def hair_modifiers(item: bpy.types.Object) -> Iterator[bpy.types.ParticleSystemModifier]:
-    """Modifiers of an object whose particles renders show as strands."""
+    """Particle modifiers of an object that render as strands."""
     for modifier in item.modifiers:
         if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render:
             settings = modifier.particle_system.settings
@@ -215,9 +215,9 @@ def hair_modifiers(item: bpy.types.Object) -> Iterator[bpy.types.ParticleSystemM
 def read_hair(
     item: bpy.types.Object, modifier: bpy.types.ParticleSystemModifier, names: frozenset[str]
 ) -> Strands | None:
-    """Hair of a particle system of an evaluated object; of one with children, these alone, as Cycles does.
+    """Hair of a particle system of an evaluated object; only the children if there are any, as in Cycles.
 
-    It takes 2 us a point. For names, errors and None see `read_strands`.
+    Reading takes 2 us per point. For names, errors and None see `read_strands`.
     """
     system, settings = modifier.particle_system, modifier.particle_system.settings
     parents, children = len(system.particles), len(system.child_particles)

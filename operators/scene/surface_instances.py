@@ -14,11 +14,10 @@ from ..schema.table import VISIBLE
 def shown_instances(
     depsgraph: bpy.types.Depsgraph, scope: str, chosen: frozenset[int] | None = None
 ) -> Iterator[bpy.types.DepsgraphObjectInstance]:
-    """Instances that show anything of themselves to the camera, in the dependency graph's order.
+    """Instances that are visible to the camera, in the dependency graph's order.
 
-    SELECTED: selected objects, or those `chosen` by session_uid, and what they instance. VISIBLE: all that is visible
-    and renders.
-    Valid until the next step of the iteration, as Blender's own iterator. Within `render_geometry`.
+    SELECTED: selected objects, or those `chosen` by session_uid, and their instances. VISIBLE: all visible objects that
+    render. Each is valid until the next step of the iteration, as in Blender. Call within `render_geometry`.
     """
     layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
     rendered = _rendered_objects(layer)
@@ -44,7 +43,7 @@ def shows_itself(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 def shows_mesh(instance: bpy.types.DepsgraphObjectInstance) -> bool:
     """Return whether a mesh is shown.
 
-    Curves, text, surfaces and metaballs come a second time as what they evaluate to: an instance of type MESH.
+    Curves, text, surfaces and metaballs come a second time, evaluated, as an instance of type MESH.
     """
     return instance.object.type == "MESH" and shows_itself(instance)
 
@@ -52,7 +51,7 @@ def shows_mesh(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names of the layer's objects that render and that the camera can see."""
     names: set[str] = set()
-    unseen: set[str] = set()  # one collection that holds them out, or shows them indirectly alone, is enough
+    unseen: set[str] = set()  # in any collection with Holdout or Indirect Only
     stack = [layer.layer_collection]
     while stack:
         item = stack.pop()
@@ -67,19 +66,19 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
 
 
 def _renders(item: bpy.types.Object) -> bool:
-    """Test for rendered objects; voxels that we show are no surface, also where a user has them rendered."""
+    """Test for rendered objects; objects of PatchNet are no surface, even if they render."""
     return not (is_own(item) or item.hide_render or item.is_holdout) and _is_seen(item)
 
 
 def _is_seen(item: bpy.types.Object) -> bool:
-    """Test for objects that a camera sees as they are; where they are instanced, too."""
+    """Test for objects that the camera sees, directly or instanced, and no shadow catchers."""
     return item.visible_camera and not item.is_shadow_catcher
 
 
 def _hidden_instance(instance: bpy.types.DepsgraphObjectInstance) -> bool:
     """Test whether the instanced object is hidden from the camera, or disabled for renders.
 
-    Geometry nodes instance what is disabled anyway, as renders do.
+    Geometry nodes instance disabled objects anyway, in renders too.
     """
     item = instance.instance_object.original
     return not _is_seen(item) or (instance.parent.instance_type != "NONE" and item.hide_render)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Differences between the Blender versions that are supported: 4.5, 5.2 and 5.3. No other module asks for the version.
 
-A difference that shows in the API is asked there, with `hasattr`, and needs no name here.
+Differences of the API are tested in place with `hasattr`, and need no name here.
 """
 
 from __future__ import annotations
 
 import bpy
 
-# Materials, worlds and lamps may do without nodes; later all have some, and asking for `use_nodes` warns.
+# Materials, worlds and lamps may have no nodes; from 5.0 on all have nodes, and reading `use_nodes` warns.
 NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
-# Side of the square around a texel's centre that paths of a bake go out from, in texels.
+# Side of the square around a texel's centre in which paths of a bake start, in texels.
 BAKE_SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 # Cycles draws polylines of hair straight, not as curves through their points.
 POLYLINES_ARE_STRAIGHT = bpy.app.version >= (5, 0, 0)
@@ -24,7 +24,7 @@ def tree_in_use(block: bpy.types.Material | bpy.types.World | bpy.types.Light) -
 
 
 def start_nodes(block: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
-    """Nodes of a material or world, which uses them from now on."""
+    """Switch on the nodes of a material or world, and return them."""
     if tree_in_use(block) is None:
         block.use_nodes = True
     return block.node_tree

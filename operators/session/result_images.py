@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender images of a view, named after its camera: pictures as one looks at them, and raw values of each pixel."""
+"""Blender images of a view, named after its camera: pictures for display, and raw values of each pixel."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from ..pipeline.views import View
 
 RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
-PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and how many views lie on them
+PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and the number of views on them
 _NAME = re.compile(r"PatchNet (.+?) ((?:cycles )?\w+)")
-_NAME_BYTES = 34  # of a camera's, so that nothing of an image's name is cut off in Blender 4.5
+_NAME_BYTES = 34  # of a camera's name, so that Blender 4.5 does not truncate the image's name
 
 
 def image_name(camera: str, name: str) -> str:
     """Name of an image, such as "PatchNet Camera priority"; `name`: of PICTURES or RAW."""
     if len(camera.encode()) > _NAME_BYTES:
         kept = camera.encode()[: _NAME_BYTES - 5].decode(errors="ignore")
-        camera = f"{kept}~{blake2b(camera.encode(), digest_size=2).hexdigest()}"  # others may begin like it
+        camera = f"{kept}~{blake2b(camera.encode(), digest_size=2).hexdigest()}"  # other names may begin alike
     return f"PatchNet {camera} {name}"
 
 
 def shown_pictures() -> dict[str, dict[str, str]]:
-    """Names of our images but the raw ones: camera -> what it shows -> name."""
+    """Names of PatchNet's images except the raw ones: camera -> what it shows -> name."""
     found: dict[str, dict[str, str]] = {}
     for name in (image.get(OWNER, "") for image in bpy.data.images):
         match = _NAME.fullmatch(name)
@@ -41,8 +41,8 @@ def shown_pictures() -> dict[str, dict[str, str]]:
 
 
 def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
-    """Create or update all images of a view; raw ones are float, Non-Color; a quantity that is unknown has none, as the
-    reference where there is none, and errors against it."""
+    """Create or update all images of a view; raw ones are float, Non-Color. Unknown quantities have none, such as a
+    missing reference and errors against it."""
     camera = view.camera.name
     images = {}
     for name in PICTURES:

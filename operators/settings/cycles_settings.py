@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.table import COMBINED, CYCLES_TABLE, DIFFUSE
 
-WITH_GLOSS = "with-gloss"  # what DIFFUSE renders beside voxels with gloss
-REFERENCE_FACTOR = 4  # samples of the reference over those of what is judged
-REFERENCE_SEED = 1000  # of the reference over the seed of what is judged
+WITH_GLOSS = "with-gloss"  # light that DIFFUSE renders if voxels have gloss
+REFERENCE_FACTOR = 4  # samples of the reference per sample of the judged picture
+REFERENCE_SEED = 1000  # added to the seed of the judged picture for the reference
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class PATCHNET_OT_apply_preset(bpy.types.Operator):
         """Run the preset's lines."""
         path = Path(self.filepath)
         if path.suffix != ".py" or not path.is_file():
-            self.report({"ERROR"}, f"There is no preset {path}: choose one of the menu")
+            self.report({"ERROR"}, f"There is no preset {path}: choose one from the menu")
             return {"CANCELLED"}
         bpy.utils.execfile(str(path))
         PATCHNET_PT_presets.bl_label = bpy.path.display_name(path.name, title_case=False)
@@ -58,10 +58,10 @@ class PATCHNET_OT_add_preset(AddPresetBase, bpy.types.Operator):
 
 
 def register() -> None:
-    """Let Blender find the presets that are shipped."""
+    """Register the folder of the shipped presets."""
     bpy.utils.register_preset_path(str(Path(__file__).parent))
 
 
 def unregister() -> None:
-    """Take them away."""
+    """Unregister the folder of the shipped presets."""
     bpy.utils.unregister_preset_path(str(Path(__file__).parent))

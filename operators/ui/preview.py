@@ -25,7 +25,7 @@ from .tab import (
     split,
 )  # fmt: skip
 
-BETTER = 0.95  # share of the chosen strategy's error from which another one is worth a sentence
+BETTER = 0.95  # another strategy is recommended below this share of the chosen one's error
 
 
 def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
@@ -34,7 +34,7 @@ def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
 
 
 def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
-    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # with a result its kernels are there already
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE  # loaded already, as there is a result
 
     share = result.lookahead_share
     if share is None or share >= LOOK_AHEAD_SHARE:
@@ -69,7 +69,7 @@ def _others(settings: dict[str, object]) -> dict[str, object]:
 
 
 class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
-    """A view, where it is wrong, and what refining makes of it."""
+    """Preview of a view, its errors and its refinement."""
 
     bl_label = "Preview"
     bl_options = {"DEFAULT_CLOSED"}

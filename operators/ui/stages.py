@@ -21,13 +21,13 @@ from .tab import (
 
 
 class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
-    """Octree: which objects become voxels, and how fine ones."""
+    """Octree: its objects and its resolution."""
 
     bl_label = "Octree"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, the button, what does not fit."""
+        """Draw settings, the button, and why voxels are out of date."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "octree")
         layout.operator("patchnet.voxelize", icon="MESH_GRID")
@@ -37,13 +37,13 @@ class PATCHNET_PT_octree(SubPanel, bpy.types.Panel):
 
 
 class PATCHNET_PT_light(SubPanel, bpy.types.Panel):
-    """Light of the voxels, and where it comes from."""
+    """Light of the voxels and its source."""
 
     bl_label = "Light"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, the button, what baking leaves out."""
+        """Draw settings, the button, and limits of the bake."""
         layout = split(self.layout)
         draw_settings(layout, context.scene.patchnet, "light")
         layout.operator("patchnet.bake_light", icon="LIGHT")
@@ -72,7 +72,7 @@ class PATCHNET_PT_animation(Tab, bpy.types.Panel):
 
 
 class PATCHNET_PT_network(SubPanel, bpy.types.Panel):
-    """The network that looks ahead."""
+    """Network for look-ahead."""
 
     bl_label = "Network"
     bl_options = {"DEFAULT_CLOSED"}

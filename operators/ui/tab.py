@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What panels are made of: settings, sentences with buttons that do what they say, progress, what is stale."""
+"""Parts of panels: settings, sentences with buttons for the settings in them, progress, outdated steps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     class PanelBase(bpy.types.Panel):
         """Base of mixins for panels."""
 else:
-    PanelBase = object  # Blender wants its own class among the direct bases of each panel
+    PanelBase = object  # Blender requires its own class among the direct bases of each panel
 
 # Settings that a first user sees; sub-panels have all others.
 FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
@@ -32,11 +32,11 @@ FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budge
 ADVANCED = (
     "memory", "texel_voxels", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
 )  # fmt: skip
-# What empty text settings mean.
+# Placeholders of empty text settings.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}
-# Of texts in panels, where nothing is scaled: points, what tabs and frames take of a region, and what an icon does.
+# Unscaled text in panels: size in points, width of tabs and frames of a region, and width of an icon.
 _POINTS, _MARGIN_PX, _ICON_PX = 11.0, 74.0, 20.0
-# What to do about a step that does not fit any more, and the settings that it was made with.
+# How to update an outdated step, and the name of its settings.
 _STALE = {"surface": ("voxelize", "octree"), "light": ("bake", "light"), "view": ("render", "view")}
 _MOST_NOTES = 5
 # `bl_order` of sub-panels: the steps of a preview come first, then the overlay, then what follows a preview.
@@ -58,14 +58,14 @@ class SubPanel(Tab):
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Sequence[str], of: str) -> None:
-    """Draw notes below a heading that closes and opens them; none for none. of: what they are notes of, its name."""
+    """Draw notes below a collapsible heading; nothing without notes. of: name of the subject of the notes."""
     if not notes:
         return
     header, body = layout.panel(f"PATCHNET_notes_{of}")
     header.label(text=counted(len(notes), "Note"), icon="INFO")
     if body is None:
         return
-    notes = sorted(notes, key=lambda text: not named_settings(text))  # those first that a button helps
+    notes = sorted(notes, key=lambda text: not named_settings(text))  # notes with buttons first
     for text in notes[:_MOST_NOTES]:
         draw_todo(body.box(), context, text, "NONE")
     if len(notes) > _MOST_NOTES:
@@ -84,7 +84,7 @@ def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
 
 
 def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Layout with names left and values right, as Blender's own panels have it."""
+    """Layout with names left and values right, as in Blender's own panels."""
     layout.use_property_split = True
     layout.use_property_decorate = False
     return layout
@@ -117,7 +117,7 @@ def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> N
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:
-    """Draw a setting as its kind wants it: a list of images, sides in pixels, a checkbox where 0 is automatic."""
+    """Draw a setting by its kind: a list of images, sides in pixels, a checkbox where 0 is automatic."""
     if name == "importance_image":
         layout.prop_search(values, name, bpy.data, "images")
     elif name == "size":
@@ -137,7 +137,7 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
 def draw_automatic(
     layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str, label: str, automatic: str
 ) -> None:
-    """Draw a checkbox, and the number where it is on, else what is taken instead."""
+    """Draw a checkbox, and the number if it is on, else the automatic value."""
     row = layout.row(heading=label)
     row.prop(values, f"use_{name}", text="")
     if getattr(values, f"use_{name}"):
@@ -147,7 +147,7 @@ def draw_automatic(
 
 
 def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
-    """Draw how many samples pixels get; those of the budget are gray where a mean counts instead."""
+    """Draw how many samples pixels get; those of the budget are grayed out if a mean is set."""
     row = layout.row()
     row.active = not values.spp
     draw_setting(row, values, "refined_samples")
@@ -157,7 +157,7 @@ def draw_samples(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) ->
 def draw_sentence(
     layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", share: float = 1.0
 ) -> None:
-    """Draw a text in lines that the region has room for, the first with an icon. share: of the width that it gets."""
+    """Draw a text wrapped to a share of the region's width, the first line with an icon."""
     region, scale = context.region, context.preferences.system.ui_scale  # which is 0 without a window
     column = layout.column(align=True)
     taken = (_MARGIN_PX + (_ICON_PX if icon != "NONE" else 0.0)) * scale
@@ -167,7 +167,7 @@ def draw_sentence(
 
 
 def _lines(text: str, width: float, scale: float) -> list[str]:
-    """Lines of words, none of them wider than `width` pixels unless it is one long word."""
+    """Wrap a text into lines of at most `width` pixels; only a single word may be wider."""
     blf.size(0, _POINTS * scale)
     lines: list[str] = []
     for word in text.split(" "):
@@ -179,13 +179,13 @@ def _lines(text: str, width: float, scale: float) -> list[str]:
 
 
 def draw_progress(layout: bpy.types.UILayout) -> None:
-    """Draw how much of the job is done, or what it does where that is not known, and how to stop it."""
+    """Draw the job's progress, or its step if progress is unknown, and how to stop it."""
     what = JobOperator.running if JobOperator.fraction else JobOperator.step
     layout.progress(factor=JobOperator.fraction, text=f"{what}: Esc stops")
 
 
 def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: str) -> None:
-    """Draw why results do not fit any more, and what to do, for steps of "surface", "light", "view"."""
+    """Draw why results are out of date, and what to do, for steps of "surface", "light", "view"."""
     result = results.result_of(context.scene)
     if result is not None:
         look_soon()
@@ -194,13 +194,13 @@ def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: s
 
 
 def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
-    """Reason for a step not fitting any more, and what to do, or ""."""
+    """Why a step is out of date, and what to do, or ""."""
     todo, settings = _STALE[step]
     why = result.why(step) or changed_text(scene.patchnet, result.made_with.get(settings), settings)
     return f"{why[:1].upper()}{why[1:]}: {todo} again" if why else ""
 
 
 def changed_text(values: bpy.types.PropertyGroup, before: dict[str, object] | None, *steps: str) -> str:
-    """Name the setting of some steps that changed since, or ""; before: None where nothing was made with them."""
+    """Name the setting of some steps that has changed, or ""; before: None if no result was made with them."""
     name = changed(values, before, *steps) if before is not None else ""
     return f"'{name}' changed" if name else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steps of `patchnet verify-light`: bake, build, look at both, compare."""
+"""Steps of `patchnet verify-light`: bake, build, render both, compare."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from ..settings.job_settings import JobSettings
 class CheckSettings:
     """Settings of a light check.
 
-    job: how the octree is made: depth, light, samples, texels, size and cameras; its `out` takes the results.
-    viewpoints: so many cameras are placed in the free space of the scene; 0 takes the job's cameras.
-    render_samples: paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of
-    the octree's picture. difference: luminance at the ends of the pictures' legend. whole_voxels: the same octree
-    without the boxes in its finest voxels is compared, too.
+    job: settings of the octree (depth, light, samples, texels), size and cameras; its `out` takes the results.
+    viewpoints: number of cameras placed in the free space of the scene; 0 takes the job's cameras. render_samples:
+    paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of the octree's
+    picture. difference: luminance at the ends of the pictures' legend. whole_voxels: also compare the octree without
+    the boxes in its finest voxels.
     """
 
     job: JobSettings
@@ -51,12 +51,12 @@ class CheckSettings:
 
     @property
     def compares_all_light(self) -> bool:
-        """Return whether the render has all light: where gloss is baked; else it has diffuse light and emission."""
+        """Return whether the render has all light (if gloss is baked), not only diffuse light and emission."""
         return self.job.light.is_baked and self.job.light.gloss != GLOSS_OFF
 
     def __post_init__(self) -> None:
         if not self.job.surface.has_given_depth:
-            raise SettingError("A light check needs a depth: give one")
+            raise SettingError("A light check needs a fixed depth: set depth")
         bounds.RENDER_SAMPLES.check(self.render_samples)
         bounds.RAYS.check(self.rays)
         bounds.DIFFERENCE.check(self.difference)
@@ -69,7 +69,7 @@ _COVERAGE_RAYS = 8
 class CameraCheck:
     """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures.
 
-    whole: the octree without boxes in its finest voxels, where that is asked for.
+    whole: the octree without boxes in its finest voxels, or None.
     """
 
     camera: Camera
@@ -81,7 +81,7 @@ class CameraCheck:
 
 @dataclass(frozen=True, eq=False)
 class LightCheck:
-    """Result of a check: the octree that was judged, what each camera saw, and the report."""
+    """Result of a check: the octree, the pictures of each camera, and the report."""
 
     octree: Octree
     cameras: tuple[CameraCheck, ...]
@@ -91,7 +91,7 @@ class LightCheck:
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
     """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
 
-    A check that is stopped finds the pages of light that it has baked when it is started again.
+    A restarted check reuses the pages of light that a stopped one has baked.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.tracing.empty_view import why_unseen
@@ -128,7 +128,7 @@ def _cameras(
 def check_camera(
     context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
 ) -> Steps[CameraCheck]:
-    """Look at the octree and at Cycles' render through one camera, and compare."""
+    """Render octree and Cycles through one camera, and compare."""
     mine = yield from _look(octree, camera, settings.rays)
     whole = None
     if settings.whole_voxels:
@@ -148,7 +148,7 @@ def check_camera(
 
 
 def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Picture of an octree (H, W), and how much of each pixel it covers (H, W)."""
+    """Picture of an octree (H, W), and its coverage of each pixel (H, W)."""
     from ...patchnet_addon.tracing.supersample import supersample
 
     shape = camera.height_px, camera.width_px
@@ -164,7 +164,7 @@ def _figures(look: tuple[np.ndarray, np.ndarray], halves: Sequence[Reference], e
 
 
 def _noise_and_place(halves: Sequence[Reference], exposure: float, camera: Camera) -> dict[str, Any]:
-    """Noise of the mean of two independent halves, which is half their difference, and where the camera stands."""
+    """Noise of the mean of two independent halves, which is half their difference, and the camera's position."""
     first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
     return {
         "reference_noise_db": picture_psnr(first + 0.5, second + 0.5),
@@ -210,7 +210,7 @@ def _report(
 
 
 def _mean_figures(views: Sequence[tuple[np.ndarray, np.ndarray, dict[str, Any]]]) -> dict[str, Any]:
-    """Figures over all views, each a picture, that of Cycles, and its figures."""
+    """Mean figures of all views, each given as picture, picture by Cycles, and figures."""
     mine = sum(float(view[0].sum(dtype=np.float64)) for view in views)
     cycles = sum(float(view[1].sum(dtype=np.float64)) for view in views)
     mse = [10.0 ** (-figures["psnr_db"] / 10.0) for _, _, figures in views]
@@ -228,7 +228,7 @@ def check_files(folders: Iterable[str], whole_voxels: bool = False) -> dict[str,
 
 
 def save_check(check: LightCheck, folder: Path, maximum: float, folders: Mapping[str, str]) -> None:
-    """Write report.json, and pictures into the folder of each camera; `folders` are those by cameras' names."""
+    """Write report.json, and pictures into the folder of each camera; folders: by the cameras' names."""
     for item in check.cameras:
         item.report["folder"] = folders[item.camera.name]
         target = folder / folders[item.camera.name]

@@ -20,17 +20,17 @@ CUBES = "CUBES"
 POINTS = "POINTS"
 _GROUPS = {CUBES: "PatchNet Voxels as Cubes", POINTS: "PatchNet Voxels as Points"}
 _LUMINANCE, _SIDE = "luminance", "side"
-_COLOR = "voxel_color"  # "color" would be the object's own, white, where it is not there
-_SHOWN = "luminance_color"  # what the viewport's solid mode shows for Color: Attribute
+_COLOR = "voxel_color"  # not "color": without that attribute nodes read the object's color, white
+_SHOWN = "luminance_color"  # shown by Solid shading with Color: Attribute
 _LIGHT_RAYS = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
 def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.Object:
-    """Show `cloud` in `scene` by an object, as CUBES or POINTS.
+    """Show `cloud` as an object in `scene`, as CUBES or POINTS.
 
-    The one of an earlier call is filled anew and stays in its collection, with its visibility; a renamed one is kept as
-    it is. A new one is hidden from renders. Selection and active object stay. Raises SceneError if it is being edited,
-    and as `check_own_scene`.
+    The object of an earlier call gets new data and keeps its collection and visibility; a renamed one stays unchanged.
+    A new object is hidden from renders. Selection and active object stay. Raises SceneError if the object is being
+    edited, and as `check_own_scene`.
     """
     check_own_scene(scene)
     item = next((each for each in scene.objects if _is_ours(each)), None)
@@ -54,17 +54,17 @@ def show(scene: bpy.types.Scene, cloud: VoxelCloud, display: str) -> bpy.types.O
 
 
 def _is_ours(item: bpy.types.Object) -> bool:
-    """Test for our object under its own name; Blender appends a number where another scene has the same one."""
+    """Test for PatchNet's object by its name; Blender appends a number if another scene has one."""
     return item.get(OWNER) == NAME and re.fullmatch(rf"{NAME}(\.\d+)?", item.name) is not None
 
 
 def _own(blocks: bpy.types.bpy_prop_collection, name: str) -> bpy.types.ID | None:
-    """Data-block of ours, made once a file; what a user changes in it stays."""
+    """PatchNet's data-block, created once per file; changes by the user are kept."""
     return next((item for item in blocks if item.get(OWNER) == name), None)
 
 
 def _new_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
-    """Create the object in the scene's own collection; where a user enables it for renders, it changes no light."""
+    """Create the object in the scene's own collection; if enabled for renders, it changes no light."""
     item = bpy.data.objects.new(NAME, mesh)
     item[OWNER] = NAME
     item.hide_render = True
@@ -93,7 +93,7 @@ def _new_material() -> bpy.types.Material:
     """Emission of the voxels' colour, gray where the octree has luminance alone."""
     material = bpy.data.materials.new(NAME)
     material[OWNER] = NAME
-    material.cycles.emission_sampling = "NONE"  # nothing else in the scene is lit by it
+    material.cycles.emission_sampling = "NONE"  # it lights no other object
     tree = start_nodes(material)
     tree.nodes.clear()
     color = tree.nodes.new("ShaderNodeAttribute")
@@ -105,7 +105,7 @@ def _new_material() -> bpy.types.Material:
 
 
 def _new_group(name: str, material: bpy.types.Material, *, as_cubes: bool) -> bpy.types.NodeTree:
-    """Group from points to the shapes of their voxels, with the input Size, a factor on all sides."""
+    """Node group that turns points into the shapes of voxels; its input Size scales them."""
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree[OWNER] = name
     tree.is_modifier = True
@@ -124,10 +124,10 @@ def _new_group(name: str, material: bpy.types.Material, *, as_cubes: bool) -> bp
 
 
 def _cubes(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Cubes as one mesh, which the viewport draws faster than instances, and in their colour in solid mode, too.
+    """Cubes as one mesh, which the viewport draws faster than instances, and in colour in Solid shading, too.
 
-    Solid mode shows the attribute that is the active colour. A joined mesh takes that from the first one, here a single
-    vertex of the original, inside its own cube.
+    Solid shading shows the active color attribute. A joined mesh takes it from its first mesh, here a single vertex of
+    the original, inside its own cube.
     """
     cube = _node(tree, "GeometryNodeMeshCube", Size=(1.0, 1.0, 1.0))
     instances = _node(tree, "GeometryNodeInstanceOnPoints", Points=points, Instance=cube.outputs["Mesh"], Scale=side)
@@ -135,7 +135,7 @@ def _cubes(tree: bpy.types.NodeTree, points: bpy.types.NodeSocket, side: bpy.typ
     later = _node(tree, "FunctionNodeCompare", A=tree.nodes.new("GeometryNodeInputIndex").outputs[0], B=0.5)
     first = _node(tree, "GeometryNodeDeleteGeometry", Geometry=points, Selection=later.outputs["Result"])
     joined = tree.nodes.new("GeometryNodeJoinGeometry")
-    for node in (realized, first):  # the last link is the first mesh
+    for node in (realized, first):  # the mesh linked last comes first
         tree.links.new(node.outputs["Geometry"], joined.inputs["Geometry"])
     return joined.outputs["Geometry"]
 
@@ -162,7 +162,7 @@ def _node(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.No
 
 
 def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) -> None:
-    """Sockets become links, other values defaults."""
+    """Link a socket, or set another value as the default."""
     if isinstance(value, bpy.types.NodeSocket):
         tree.links.new(value, socket)
     else:
@@ -170,7 +170,7 @@ def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) 
 
 
 def _in_columns(tree: bpy.types.NodeTree) -> bpy.types.NodeTree:
-    """Tree with its nodes in columns by what they depend on."""
+    """Tree with its nodes laid out in columns, in order of creation."""
     for index, node in enumerate(tree.nodes):
         node.location = (220 * (index // 2), -220 * (index % 2))
     return tree
