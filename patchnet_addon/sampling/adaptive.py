@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adaptive super-sampling of a picture: one ray a pixel first, then more where the budget goes (methods 3, 7.25b), or
-as many in every pixel.
+"""Adaptive super-sampling of a picture: one ray per pixel first, then more within a budget (methods 3, 7.25b), or
+equally many in every pixel.
 
-The picture is there at any time between two steps, as good as it is by then: a render engine shows it meanwhile.
+The picture is complete after every step, so a render engine can show intermediate results.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
-EVEN_FOOTPRINT = 16  # of pixels with as many rays each: a ray meets voxels of this part of a pixel. Coarser ones are
-# too thick at edges, finer ones cost more than they show (docs/worth-it.md).
+EVEN_FOOTPRINT = 16  # footprints per pixel side. Coarser ones thicken
+# edges, finer ones cost more than they improve (docs/worth-it.md).
 Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 
 @dataclass
 class Pace:
-    """Amount of work in one step: pixels that are traced, and rays of pixels that are refined.
+    """Amount of work in one step: pixels traced, and rays of pixels refined.
 
-    It may be changed between two steps, by a caller that finds out on the way how long one takes.
+    Callers may change it between two steps, by the measured duration of a step.
     """
 
     band_pixels: int = BAND_PIXELS
@@ -51,12 +51,12 @@ class Pace:
 
 
 class AdaptivePicture:
-    """Picture of P pixels, row 0 at the bottom, and what is known of them so far.
+    """Picture of P pixels, row 0 at the bottom, with their current values.
 
-    colors: (P, 3) float32, linear as the octree's with what is above white, weighed by alpha over black.
-    alpha: (P,) float32, share of the rays that met something.
-    samples: (P,) int32, rays per pixel; 0 where nothing is traced yet.
-    buffers: set once each pixel was traced, with the `ranking` of the pixels if there is a strategy.
+    colors: (P, 3) float32, linear as in the octree, not clamped, premultiplied by alpha.
+    alpha: (P,) float32, share of the rays that hit.
+    samples: (P,) int32, rays per pixel; 0 before the first.
+    buffers: set once all pixels are traced; `ranking` too, if there is a strategy.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class AdaptivePicture:
         unrefined: str = PREVIEW,
         budget: float | None = None,
     ) -> None:
-        """Prepare a picture; importance makes the weights that multiply scores of a traced view, None for 1.
+        """Prepare a picture; importance returns the weights that multiply the scores of a traced view; None: all 1.
 
-        strategy: what `refine` ranks by; None for a picture that is only sampled evenly.
-        unrefined: what pixels with one ray show, see `PixelBuffers`. budget: share of the active pixels that will be
-        refined, for strategies that look at pixels in stages then; None: all pixels are looked at alike.
+        strategy: ranks pixels for `refine`; None for evenly sampled pictures.
+        unrefined: value of pixels with one ray, see `PixelBuffers`. budget: share of the active pixels to be refined,
+        for strategies in stages; None: no stages.
         """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
@@ -86,10 +86,10 @@ class AdaptivePicture:
         self.ranking: Ranking | None = None
 
     def trace(self, pace: Pace | None = None) -> Steps[None]:
-        """Trace one ray per pixel, band of rows by band of rows, then find importance and score of all pixels.
+        """Trace one ray per pixel in bands of rows, then compute importance and score of all pixels.
 
-        Raises SettingError if the strategy, or what unrefined pixels show, needs codes and there are none, and what
-        finding importance raises.
+        Raises SettingError if the strategy or the value of unrefined pixels needs codes and there are none, and errors
+        of the importance.
         """
         pace, camera, bands, wanted = pace or Pace(), self.camera, [], self._looks()
         row = 0
@@ -103,7 +103,7 @@ class AdaptivePicture:
             bands.append(band)
             self._show(row * camera.width_px, band)
             row += rows
-        # Of all pixels at once, so as long as that takes: beside the caller that waits.
+        # Scores all pixels in one long step, so it runs in a thread beside the waiting caller.
         known = yield from run_in_worker(lambda: self._ranked(bands), Progress(0, 1, "Ranking pixels"))
         self.buffers, self.ranking = known
 
@@ -116,12 +116,12 @@ class AdaptivePicture:
         spp: float | None = None,
         refined: float = REFINED_SIDE**2,
     ) -> Steps[None]:
-        """Refine the share `budget` of the active pixels, those of highest priority first.
+        """Refine the share `budget` of the active pixels, by falling priority.
 
         refined: mean samples of these pixels, spread over them by priority. spp: mean samples per active pixel instead
-        of the budget (methods 7.25b). No pixel gets more than side x side rays, and those that have theirs already are
-        left alone. Pixels of importance 0 keep their one ray, also where a budget would reach them. Raises SettingError
-        for a budget or a mean outside its bounds.
+        of the budget (methods 7.25b). No pixel gets more than side x side rays; pixels that already have theirs are
+        skipped. Pixels of importance 0 keep their one ray within any budget. Raises SettingError for a budget or a mean
+        outside its bounds.
         """
         assert self.ranking is not None
         samples = self.ranking.refined_samples(refined, budget) if spp is None else self.ranking.samples(spp)
@@ -130,7 +130,7 @@ class AdaptivePicture:
         yield from in_batches(missing, pace or Pace(), self._take)
 
     def sample_evenly(self, side: int, pace: Pace | None = None) -> Steps[None]:
-        """Trace side x side rays in all pixels but those of importance 0 and those that have as many already.
+        """Trace side x side rays in all pixels, except those of importance 0 and those that already have as many.
 
         Rays have the footprint pixel / EVEN_FOOTPRINT. Raises SettingError for a side outside 1 to 32.
         """
@@ -141,7 +141,7 @@ class AdaptivePicture:
         yield from in_batches([(side, pixels[self.samples[pixels] != side**2])], pace or Pace(), take)
 
     def _looks(self) -> list[Strategy]:
-        """Strategies whose looks a traced view needs."""
+        """Strategies whose inputs a traced view needs."""
         first = self.strategy
         if first is None:
             return []
@@ -150,7 +150,7 @@ class AdaptivePicture:
         return [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
 
     def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, Ranking | None]]:
-        """Whole view of its bands, and its ranking by the strategy."""
+        """Join the bands into the whole view, and rank it by the strategy."""
         yield Progress(0, 1, "Ranking pixels")
         buffers = joined_buffers(bands)
         if self._importance is not None:
@@ -184,7 +184,7 @@ def in_batches(
 ) -> Steps[None]:
     """Refine groups of pixels, each with its rays per pixel side, batch by batch; `take` traces pixels with so many.
 
-    Progress counts rays. The pace is asked at each batch.
+    Progress counts rays. The pace is read before each batch.
     """
     groups = list(groups)
     done, total = 0, sum(side**2 * len(pixels) for side, pixels in groups)
@@ -199,7 +199,7 @@ def in_batches(
 
 
 def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
-    """Join views that lie on top of each other, the lowest first, into one."""
+    """Join views of stacked bands, the lowest first, into one."""
     first = bands[0]
     height_px, camera_up = sum(band.height for band in bands), first.hits.camera_up
     joined = _joined_fields(bands)
@@ -208,7 +208,7 @@ def joined_buffers(bands: list[PixelBuffers]) -> PixelBuffers:
 
 
 def _joined(parts: list[Any]) -> Any:
-    """Join a part of all views: arrays end to end, those of dataclasses too; of all else it is the first view's."""
+    """Join one field of all views: concatenate arrays, also in dataclasses; other values come from the first view."""
     first = parts[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(parts)

@@ -12,13 +12,13 @@ from .refine import refined_count, refinement_order
 
 
 def squared_error(buffers: PixelBuffers) -> np.ndarray:
-    """(P,) float64: (L1 - L32)^2, or of what unrefined pixels show instead of L1; the view needs its reference."""
+    """(P,) float64: (S - L32)^2, with S shown in unrefined pixels (L1 or predicted); the view needs its reference."""
     assert buffers.reference is not None
     return (buffers.shown.astype(np.float64) - buffers.reference) ** 2
 
 
 def mse_at(buffers: PixelBuffers, score: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
-    """(B,) float64: mean squared error over the active pixels that is left after each budget in [0, 1].
+    """(B,) float64: mean squared error over the active pixels after each budget in [0, 1].
 
     Refined pixels take the reference, so their error is 0; pixels of importance 0 keep theirs. A view without active
     pixels has no error.
@@ -27,12 +27,12 @@ def mse_at(buffers: PixelBuffers, score: np.ndarray, budgets: Sequence[float]) -
 
 
 def left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
-    """(B,) float64: as `mse_at`, of active pixels that are in their `order` (A,) already."""
+    """(B,) float64: as `mse_at`, for active pixels in a given `order` (A,)."""
     return sum_left_after(buffers, order, budgets) / max(len(order), 1)
 
 
 def sum_left_after(buffers: PixelBuffers, order: np.ndarray, budgets: Sequence[float]) -> np.ndarray:
-    """(B,) float64: sum of the squared errors of the active pixels, in their `order` (A,), left after each budget."""
+    """(B,) float64: sum of the squared errors of the active pixels, in their `order` (A,), after each budget."""
     error = squared_error(buffers)[order]
     # Summed from the least urgent pixel, so that the error left at budget 1 is exactly 0.
     left = np.concatenate([np.cumsum(error[::-1])[::-1], [0.0]])

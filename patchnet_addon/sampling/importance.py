@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importance to the user: a weight in [0, 1] for every pixel, which multiplies its priority.
 
-A pixel of weight 0 is never refined. Errors still count all active pixels: what is left out stays wrong, and
-figures say so.
+A pixel of weight 0 is never refined. Errors still count all active pixels, so reported figures include unrefined ones.
 """
 
 from __future__ import annotations
@@ -24,10 +23,11 @@ class PixelRect(NamedTuple):
 def picture_weights(values: np.ndarray, height: int, width: int, rect: PixelRect | None = None) -> np.ndarray:
     """(height * width,) float32: weights painted on a picture (h, w) of any size, stretched over the view.
 
-    rect: what it is stretched over instead; pixels of the view that it leaves weigh 0.
+    rect: area to stretch it over instead; pixels outside weigh 0.
 
     Bilinear; where the painted picture has more pixels than the view, each pixel takes the mean of those under a
-    triangle two pixels wide, so that thin strokes count. Values are clamped to [0, 1]; those that are not finite are 0.
+    triangle two pixels wide, so that thin strokes count. Values are clamped to [0, 1]; values that are not finite
+    become 0.
     """
     values = np.clip(np.nan_to_num(np.asarray(values, np.float32), posinf=1.0, neginf=0.0), 0.0, 1.0)
     rect = rect or PixelRect(0, 0, width, height)
@@ -40,7 +40,7 @@ def picture_weights(values: np.ndarray, height: int, width: int, rect: PixelRect
 def _bilinear(before: int, after: int, first: int, count: int) -> np.ndarray:
     """(count, before) float32: rows from `first` on of the (after, before) matrix that resizes an axis.
 
-    Rows sum to 1, edges are repeated; rows that the matrix does not have are 0.
+    Rows sum to 1, edges are repeated; rows outside the matrix are 0.
     """
     scale = before / after
     pixel = first + np.arange(count)
@@ -56,7 +56,7 @@ def _bilinear(before: int, after: int, first: int, count: int) -> np.ndarray:
 def beside_hits(weights: np.ndarray, hit: np.ndarray) -> np.ndarray:
     """(H, W) float32: weights (H, W) of hit pixels; pixels without a hit take the largest among their 8 neighbours.
 
-    Such pixels are active beside a silhouette, and wrong because of it (methods 7.23).
+    Beside a silhouette such pixels are active and have errors (methods 7.23).
     """
     known = np.where(hit, weights, np.float32(0.0)).astype(np.float32)
     padded = np.pad(known, 1)

@@ -8,7 +8,7 @@ from .strategy import REFERENCE, Strategy
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.reference is not None  # `needs` says so
+    assert buffers.reference is not None  # guaranteed by `needs`
     return np.abs(buffers.shown - buffers.reference)
 
 

@@ -18,13 +18,13 @@ LUMINANCE_WEIGHT = 5.0  # lambda of the paper
 
 
 def coverage_and_luminance_score(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
-    """s = |1 - sigma| + lambda |L_V - L_N|, (P,) float32; 0 where the ray met nothing (methods 7.24)."""
+    """s = |1 - sigma| + lambda |L_V - L_N|, (P,) float32; 0 where the ray misses (methods 7.24)."""
     score = np.abs(1.0 - patch.coverage) + LUMINANCE_WEIGHT * np.abs(buffers.preview - patch.luminance)
     return np.where(buffers.hit, score, np.float32(0.0))
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
-    assert buffers.prediction is not None  # `needs` says so
+    assert buffers.prediction is not None  # guaranteed by `needs`
     return coverage_and_luminance_score(buffers, buffers.prediction)
 
 
@@ -44,7 +44,7 @@ STRATEGY = Strategy(
     group="network",
 )
 
-# With coverage and luminance rendered from the patch: the limit of any network (methods 9).
+# Coverage and luminance are rendered from the patch: the limit of any network (methods 9).
 EXACT_ORACLE = replace(
     STRATEGY,
     name="patchnet-exact",

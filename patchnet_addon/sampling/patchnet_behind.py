@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PN+ strategy: the pixel's error, estimated with the luminance that shows behind the patch (methods 3.12)."""
+"""PN+ strategy: the pixel's error, estimated with the luminance behind the patch (methods 3.12)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .strategy import BEHIND, EXACT, PREDICTION, Strategy
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
 
-_NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))  # rows and columns from a pixel; the other four are seen from there
+_NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))  # offsets of half the neighbours; the pairs are symmetric
 
 
 def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
-    """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray met nothing (methods 7.24).
+    """s = |L_V - (sigma L_N + (1 - sigma) L_B)|, (P,) float32; 0 where the ray misses (methods 7.24).
 
-    Where the predicted picture is shown, it stands in the place of L_V.
+    The predicted picture, if shown, replaces L_V.
     """
     assert buffers.behind is not None  # `needs` says so
     seen = expected_luminance(patch, buffers.behind)
@@ -29,7 +29,7 @@ def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
-    if buffers.shows_predicted:  # it has no difference to itself
+    if buffers.shows_predicted:  # a pixel has no difference to itself
         return remaining_error(buffers)
     assert buffers.prediction is not None  # `needs` says so
     return expected_error(buffers, buffers.prediction)
@@ -43,7 +43,7 @@ def _exact_score(buffers: PixelBuffers) -> np.ndarray:
 def remaining_error(buffers: PixelBuffers) -> np.ndarray:
     """s = sqrt((P - L_F)^2 + mean over 3x3 of (P_j - P)^2), (P,) float32, in units of luminance.
 
-    P: the predicted picture. L_F: luminance of the finer ray; where the coarse one met nothing it is the background.
+    P: the predicted picture. L_F: luminance of the finer ray; the background where the coarse one misses.
     """
     assert buffers.predicted is not None and buffers.fine is not None  # traced for the predicted picture
     sample = (buffers.predicted - buffers.fine) ** 2
@@ -54,7 +54,7 @@ def remaining_error(buffers: PixelBuffers) -> np.ndarray:
 def neighbour_difference(picture: np.ndarray) -> np.ndarray:
     """Mean squared difference (H, W) float64 between each pixel of `picture` (H, W) and those of its 3x3 window.
 
-    The pixel itself is one of them; at the picture's borders there are fewer than nine.
+    The pixel itself is included; windows at the picture's borders have fewer than nine pixels.
     """
     height, width = picture.shape
     values = picture.astype(np.float64)
@@ -81,7 +81,7 @@ STRATEGY = Strategy(
     extra_rays=1,
 )
 
-# With coverage and luminance rendered from the patch: the limit of any network (methods 9).
+# Coverage and luminance are rendered from the patch: the limit of any network (methods 9).
 EXACT_ORACLE = replace(
     STRATEGY,
     name="patchnet-behind-exact",

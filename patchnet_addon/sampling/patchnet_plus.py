@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies of the error estimator, which users choose by what they cost (methods 12)."""
+"""Strategies of the error estimator, one for each cost (methods 12)."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _TRACED = {0: frozenset[str](), 1: frozenset({FINE, BEHIND}), 4: frozenset({FINE_RAYS, BEHIND})}
-_EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre is the one that goes on behind the patch
+_EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre also continues behind the patch
 
 
 def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
     """Expected error (P,) float32 of the picture `form.shown` in each active pixel of a view; 0 elsewhere.
 
-    The view must have what the form's planes are made of.
+    The view must have the inputs of the form's planes.
     """
     from .plus.compiled import estimate  # compiled code, which registration must not load
     from .plus_planes import view_planes
@@ -44,9 +44,9 @@ def estimators_fit(weights: Weights) -> bool:
 
 
 def estimators_warning(name: str, weights: Weights) -> str | None:
-    """Sentence for a strategy whose estimator has not learned from the outputs of these weights; None for all others.
+    """Warning for a strategy whose estimator was trained on outputs of other weights; None for all others.
 
-    name: of the strategy. weights: PatchNet's in use.
+    name: of the strategy. weights: PatchNet weights in use.
     """
     from .plus.weights import estimators_of
 
@@ -63,7 +63,7 @@ def estimators_warning(name: str, weights: Weights) -> str | None:
 def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str, description: str) -> Strategy:
     """Strategy that ranks by the expected error of the picture that is shown.
 
-    form: estimates errors of the preview. predicted: those of the predicted picture; None: of the preview always.
+    form: estimates errors of the preview. predicted: form for the predicted picture; None: always the preview.
     """
 
     def score(buffers: PixelBuffers) -> np.ndarray:
@@ -85,7 +85,7 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
     )
 
 
-# For the predicted picture, the finer ray and what lies behind are traced anyway.
+# The predicted picture needs the finer ray and the one behind anyway.
 STRATEGIES = (
     estimator_strategy(
         FORMS["plus-4"],

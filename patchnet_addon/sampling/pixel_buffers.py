@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixel buffers of one view of a scene, with everything that strategies may look at, pure data."""
+"""Pixel buffers of one view of a scene: all inputs of strategies, pure data."""
 
 from __future__ import annotations
 
@@ -24,22 +24,21 @@ class PixelBuffers:
     hits: first hits of the pixel-centre rays; their luminance is the preview L1.
     behind: (P,) float32, L_B, luminance behind the patch (methods 3.12).
     fine: (P,) float32, luminance of the pixel's centre with a footprint finer by the look-ahead (methods 10).
-    fine_rays: (P, 4) float32, luminances of 2x2 such rays in the pixel, the lower two first, of each two the left one.
-    prediction: coverage and luminance that the network decodes (methods 4.1b).
+    fine_rays: (P, 4) float32, luminances of 2x2 such rays in the pixel, lower row first, left to right.
+    prediction: coverage and luminance decoded by the network (methods 4.1b).
     exact: the same two, rendered from the patch itself (methods 9).
-    reference: (P,) float32, L32, 32x32 samples (methods 7.5). reference_alpha: (P,) float32, share of them that met
-    something.
+    reference: (P,) float32, L32, 32x32 samples (methods 7.5). reference_alpha: (P,) float32, share of them that hit.
     preview_color, reference_color: (P, 3) float32, linear, of those luminances, for display; None without colour.
-    Everything that is scored and measured is luminance.
-    behind_color: (P, 3) float32, linear, of `behind`. behind_hit: (P,) bool, something is met there.
-    unrefined: what pixels show that are not refined, PREVIEW or PREDICTED; errors and scores are of that picture.
-    exact_1: as `exact`, of the patch one level ahead, which is the voxel's children and its neighbours' (methods 3.8).
-    normal: (P, 3) float32, mean normal of the hit voxel, made unit length; 0 for a miss, and where normals cancel.
+    Scores and errors use luminance only.
+    behind_color: (P, 3) float32, linear, of `behind`. behind_hit: (P,) bool, that ray hits.
+    unrefined: picture shown in unrefined pixels, PREVIEW or PREDICTED; errors and scores refer to it.
+    exact_1: as `exact`, of the patch one level ahead: the children of the voxel and of its neighbours (methods 3.8).
+    normal: (P, 3) float32, normalized mean normal of the hit voxel; 0 for a miss, and where normals cancel.
     child_mask: (P,) uint8, children of the hit voxel, bit x + 2y + 4z; 0 for a leaf and for a miss.
-    cube_side_world: side of the octree's cube, which makes distances comparable between scenes.
-    scene_luminance: mean luminance of the octree's surfaces, which its root has.
-    estimators: of pixel errors, that came with the weights; None: those that are shipped.
-    importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: every pixel matters alike.
+    cube_side_world: side of the octree's cube, the unit of distances.
+    scene_luminance: mean luminance of the octree's surfaces, from its root.
+    estimators: error estimators from the weights file; None: the shipped ones.
+    importance: (P,) float32 in [0, 1], multiplies priorities; 0 is never refined. None: 1 everywhere.
     """
 
     hits: Hits
@@ -75,7 +74,7 @@ class PixelBuffers:
 
     @property
     def hit(self) -> np.ndarray:
-        """(P,) bool: the pixel's ray met a voxel."""
+        """(P,) bool: the pixel's ray hits a voxel."""
         return self.hits.hit
 
     @property
@@ -85,7 +84,7 @@ class PixelBuffers:
 
     @cached_property
     def predicted(self) -> np.ndarray | None:
-        """(P,) float32: luminance that the network expects, see `expected_luminance`; None without what it needs."""
+        """(P,) float32: luminance expected by the network, see `expected_luminance`; None if its inputs are missing."""
         if self.prediction is None or self.behind is None:
             return None
         return expected_luminance(self.prediction, self.behind)
@@ -99,7 +98,7 @@ class PixelBuffers:
 
     @property
     def shows_predicted(self) -> bool:
-        """Whether pixels that are not refined show what the network expects."""
+        """Whether unrefined pixels show the predicted picture."""
         return self.unrefined == PREDICTED
 
     @property
@@ -107,7 +106,7 @@ class PixelBuffers:
         """(P,) float32: luminance of the picture without refinement."""
         if not self.shows_predicted:
             return self.preview
-        assert self.predicted is not None  # who asks for it traces what it needs
+        assert self.predicted is not None  # callers trace its inputs first
         return self.predicted
 
     @property
@@ -117,12 +116,12 @@ class PixelBuffers:
 
     @property
     def preview_alpha(self) -> np.ndarray:
-        """(P,) float32: 1 where the pixel's ray met something, else 0."""
+        """(P,) float32: 1 where the pixel's ray hits, else 0."""
         return self.hit.astype(np.float32)
 
     @property
     def predicted_alpha(self) -> np.ndarray | None:
-        """(P,) float32: share of each pixel in which the network expects something; None without what it needs."""
+        """(P,) float32: share of each pixel that the network expects to be covered; None if its inputs are missing."""
         if self.prediction is None or self.behind_hit is None:
             return None
         coverage = self.prediction.coverage
@@ -130,7 +129,7 @@ class PixelBuffers:
 
     @property
     def shown_alpha(self) -> np.ndarray:
-        """(P,) float32: share of each pixel of `shown` in which something is met."""
+        """(P,) float32: covered share of each pixel of `shown`."""
         if not self.shows_predicted:
             return self.preview_alpha
         assert self.predicted_alpha is not None
@@ -143,7 +142,7 @@ class PixelBuffers:
 
     @property
     def lookahead_share(self) -> float | None:
-        """Share of hit pixels whose voxel has real descendants to look at (methods 4.1b).
+        """Share of hit pixels whose voxel has descendants to look ahead to (methods 4.1b).
 
         None without a prediction, 0 without a hit.
         """

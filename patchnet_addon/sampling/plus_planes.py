@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Planes of a view that the error estimator's features are made of (methods 12.1)."""
+"""Planes of a view, the inputs of the error estimator's features (methods 12.1)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Pixels = slice | np.ndarray
 
 
 def window_pixels(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Pixels (9, N) int64 of the windows of pixels (N,), the lowest row first; beyond the picture those at its edge."""
+    """Pixels (9, N) int64 of the windows of pixels (N,), the lowest row first, clamped to the picture's edge."""
     row, column = np.divmod(pixels, width)
     rows = np.clip(row + np.array([-1, 0, 1])[:, None], 0, height - 1) * width  # (3, N)
     columns = np.clip(column + np.array([-1, 0, 1])[:, None], 0, width - 1)
@@ -23,9 +23,9 @@ def window_pixels(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def chosen_windows(buffers: PixelBuffers, form: Form, around: np.ndarray) -> np.ndarray:
-    """Windows (C, 9, N) float32 of a form's planes about some pixels, whose neighbours `around` (9, N) names.
+    """Windows (C, 9, N) float32 of a form's planes about some pixels, whose neighbours are `around` (9, N).
 
-    Of planes that are read in the pixels themselves alone, nothing else is filled.
+    Planes read only at the pixels themselves are filled only there.
     """
     found = np.empty((len(form.planes), *around.shape), np.float32)
     for values, plane in zip(found, form.planes, strict=True):
@@ -37,8 +37,8 @@ def chosen_windows(buffers: PixelBuffers, form: Form, around: np.ndarray) -> np.
 def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, last: int | None = None) -> np.ndarray:
     """Planes (C, n + 2, W + 2) float32 of rows `first` to `last` - 1 of a view, n of them, with a border of one pixel.
 
-    The border holds the pixels that are there, beyond the picture's edges the pixels at the edge. The view must have
-    what the planes are made of (`Form.planes`).
+    The border holds adjacent pixels, clamped to the picture's edge. The view must have the inputs of the planes
+    (`Form.planes`).
     """
     height, width = buffers.height, buffers.width
     last = height if last is None else last
@@ -57,7 +57,7 @@ def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, 
 
 
 def _at(values: np.ndarray, pixels: Pixels) -> np.ndarray:
-    """Values of pixels; of indices, which are in the picture, without looking at them twice."""
+    """Values of pixels; indices are known to be in range, so they are not checked again."""
     return values[pixels] if isinstance(pixels, slice) else values.take(pixels, axis=0, mode="clip")
 
 
@@ -68,7 +68,7 @@ def _depth(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
 
 
 def _per_pixel(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
-    """1 / SLOPE pixel sides, per cube side: the voxel's side, which is the cube's / 2^level, tells the pixel's."""
+    """1 / SLOPE pixel sides, per cube side, from the voxel's side, which is the cube's / 2^level."""
     hits = buffers.hits
     return np.ldexp(np.float32(1.0 / SLOPE), _at(hits.level, pixels)) / _at(hits.ratio, pixels)
 
@@ -90,7 +90,7 @@ def _open(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
 
 
 def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, Pixels], np.ndarray]:
-    """Plane that stands in a part of the view."""
+    """Plane stored in a part of the view."""
 
     def plane(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
         values = getattr(buffers, name)

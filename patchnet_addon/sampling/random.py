@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random strategy: pixels in an order without meaning, to check every other measurement (methods 3.2)."""
+"""Random strategy: pixels in a fixed pseudo-random order, the baseline of all measurements (methods 3.2)."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from .strategy import Strategy
 
 
 def _score(buffers: PixelBuffers) -> np.ndarray:
-    # 24 bits: exact in float32, so that no two hashes are rounded to one by chance of the type.
+    # 24 bits: exact in float32, so that rounding makes no two hashes equal.
     return (pixel_hash(buffers.height * buffers.width) >> np.uint64(40)).astype(np.float64) * 2.0**-24
 
 

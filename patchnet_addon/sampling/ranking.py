@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ranking of a view's pixels by a strategy, and what a budget refines of them (methods 3, 7.25)."""
+"""Ranking of a view's pixels by a strategy, and the pixels that a budget refines (methods 3, 7.25)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Ranking:
     """Pixels of a view in the order of a strategy, scored and sorted once.
 
     score: (P,) float32. priority: (P,) scores times importance. order: (A,) int64 indices of the active pixels, first
-    refined first. budget: share of them, 0 to 1. mask: (P,) bool, those that the budget refines.
+    refined first. budget: share of them, 0 to 1. mask: (P,) bool, pixels refined by the budget.
     """
 
     strategy: Strategy
@@ -36,7 +36,7 @@ class Ranking:
     def urgency(self, count: int) -> np.ndarray:
         """(P,) float32: 1 for the pixel that is refined first, falling to 0 after `count` pixels, 0 beyond them.
 
-        Pixels of score 0 stay 0: nothing is known to be wrong there, though the budget may reach them.
+        Pixels of score 0 stay 0, even within the budget.
         """
         amount = np.zeros(len(self.score), np.float32)
         amount[self.order[:count]] = 1.0 - np.arange(count, dtype=np.float32) / max(count, 1)
@@ -45,9 +45,9 @@ class Ranking:
     def samples(self, mean: float) -> np.ndarray:
         """(P,) int32: samples of each pixel where `mean`, over the active ones, is spread by priority (methods 7.25b).
 
-        Pixels of importance 0, and those that are not active, have one. A score of 0 counts as very little: it says
-        that nothing is known to be wrong, as where there is no look-ahead, and such pixels may hold a third of all
-        error. Raises SettingError for a mean outside 1 to 1024.
+        Pixels of importance 0 and inactive pixels get one. A score of 0 counts as a tiny priority: without look-ahead
+        it means "unknown", and such pixels may hold a third of all error. Raises SettingError for a mean outside 1 to
+        1024.
         """
         ranked, matter = self.priority[self.order].astype(np.float64), refinable(self.buffers)
         ranked[:matter], ranked[matter:] = np.maximum(ranked[:matter], LITTLE), 0.0
@@ -56,10 +56,10 @@ class Ranking:
         return samples
 
     def refined_samples(self, mean: float, budget: float | None = None) -> np.ndarray:
-        """(P,) int32: samples of each pixel where those of `mask` have `mean` on average, by priority (methods 7.25b).
+        """(P,) int32: samples of each pixel; those of `mask` have `mean` on average, by priority (methods 7.25b).
 
-        All others have one. budget: another one than the ranking's. Raises SettingError for a budget outside 0 to 1, or
-        a mean outside 16 to 1024.
+        All others have one. budget: overrides the ranking's. Raises SettingError for a budget outside 0 to 1, or a mean
+        outside 16 to 1024.
         """
         refined = self.order[: refined_count(self.buffers, self.budget if budget is None else budget, len(self.order))]
         urgent = np.maximum(self.priority[refined].astype(np.float64), LITTLE)
@@ -70,9 +70,8 @@ class Ranking:
     def chosen(self, first: np.ndarray, budget: float) -> np.ndarray:
         """(P,) bool: pixels that an expensive renderer samples, a budget's share of all P, rounded down.
 
-        first: (P,) bool, pixels that come before all others, those of highest priority first. Pixels that are not
-        active come last; those of importance 0 are chosen only where they are of the first. Raises SettingError for a
-        budget outside 0 to 1.
+        first: (P,) bool, pixels chosen before all others. Both groups go by falling priority; inactive pixels come
+        last; pixels of importance 0 are chosen only if in `first`. Raises SettingError for a budget outside 0 to 1.
         """
         if not 0.0 <= budget <= 1.0:
             raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of pixels to render")
@@ -95,11 +94,10 @@ class Ranking:
 def rank(strategy: Strategy, buffers: PixelBuffers, budget: float | None, looks: Looks | None = None) -> Ranking:
     """Score and sort the pixels of a view.
 
-    budget: None refines no share, and all pixels are looked at alike. looks: at chosen pixels, for a view that lacks
-    what a strategy in stages reads of them. Raises SettingError for a budget outside 0 to 1, or a view that lacks what
-    the strategy reads.
+    budget: None refines no share, without stages. looks: computes missing inputs of chosen pixels for a strategy in
+    stages. Raises SettingError for a budget outside 0 to 1, or a view without the strategy's inputs.
     """
-    # Stages are of the preview's errors.
+    # Stages estimate errors of the preview.
     if budget is not None and isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:
         if looks is None:
             strategy.check(buffers)

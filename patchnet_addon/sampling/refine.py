@@ -10,14 +10,14 @@ from .pixel_buffers import PixelBuffers
 
 
 def priority(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
-    """(P,): scores times importance to the user."""
+    """(P,): scores times importance."""
     return score if buffers.importance is None else score * buffers.importance
 
 
 def refinement_order(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
     """(A,) int64 indices of the active pixels, first refined first; ties go by a fixed hash of the index.
 
-    Pixels of importance 0 come last: they are the ones beyond `refinable`.
+    Pixels of importance 0 come last, after the `refinable` ones.
     """
     active = np.flatnonzero(buffers.active)
     ties = pixel_hash(len(score))[active]
@@ -29,10 +29,10 @@ def refinement_order(buffers: PixelBuffers, score: np.ndarray) -> np.ndarray:
 
 
 def _falling(values: np.ndarray, ties: np.ndarray) -> np.ndarray:
-    """Order (N,) int64 of falling values (N,), and of rising `ties` (N,) uint64, all different, among equal ones.
+    """Order (N,) int64 of falling values (N,), equal ones by rising `ties` (N,) uint64, all different.
 
-    As np.lexsort((ties, -values)), in less time: only what is equal is sorted twice, and mostly that is one
-    long run of zeros.
+    Equals np.lexsort((ties, -values)), but faster: only runs of equal values are sorted twice, mostly one long run of
+    zeros.
     """
     order = np.argsort(-values)
     found = values[order]
@@ -52,21 +52,21 @@ def _falling(values: np.ndarray, ties: np.ndarray) -> np.ndarray:
 
 
 def refinable(buffers: PixelBuffers) -> int:
-    """Count the active pixels that may be refined at all."""
+    """Count the active pixels of positive importance."""
     if buffers.importance is None:
         return int(np.count_nonzero(buffers.active))
     return int(np.count_nonzero(buffers.active & (buffers.importance > 0)))
 
 
 def budget_count(budget: float, active: int) -> int:
-    """Pixels that a budget X in [0, 1] pays for: round(X |A|); raises SettingError outside that range."""
+    """Pixels that a budget X in [0, 1] covers: round(X |A|); raises SettingError outside that range."""
     if not 0.0 <= budget <= 1.0:
         raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
     return round(budget * active)
 
 
 def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
-    """Count the `active` pixels, in their order, that a budget refines: those that it pays for and that matter."""
+    """Count the `active` pixels that a budget refines: those that it covers, without importance 0."""
     return min(budget_count(budget, active), refinable(buffers))
 
 
@@ -78,7 +78,7 @@ def refined_mask(buffers: PixelBuffers, order: np.ndarray, budget: float) -> np.
 
 
 def refined_picture(buffers: PixelBuffers, mask: np.ndarray) -> np.ndarray:
-    """(P,) float32: the reference where `mask` (P,) is set, what is `shown` elsewhere; the view needs its reference."""
+    """(P,) float32: the reference where `mask` (P,) is set, `shown` elsewhere; the view needs its reference."""
     assert buffers.reference is not None
     return np.where(mask, buffers.reference, buffers.shown)
 

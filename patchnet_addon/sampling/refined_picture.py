@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refined picture of a view: a share of its pixels, or all by samples per pixel, traced as its ranking says."""
+"""Refined picture of a view: a share of its pixels, or all by samples per pixel, traced by its ranking."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .sample_counts import COUNTS, pixels_by_side
 
 @dataclass(frozen=True, eq=False)
 class RefinedPicture:
-    """Picture of P pixels after its budget is spent.
+    """Picture of P pixels after refinement.
 
-    luminance: (P,) float32. colors: (P, 3) float32 linear, None without colour. alpha: (P,) float32, share of the pixel
-    in which something is met. samples: (P,) int32, rays per pixel.
+    luminance: (P,) float32. colors: (P, 3) float32 linear, None without colour. alpha: (P,) float32, covered share of
+    the pixel. samples: (P,) int32, rays per pixel.
     """
 
     luminance: np.ndarray
@@ -45,9 +45,9 @@ def refined_view(
     pace: Pace | None = None,
     begun: Callable[[RefinedPicture], None] | None = None,
 ) -> Steps[RefinedPicture]:
-    """Trace `samples` (P,) of the pixels of a ranked view, which fall in its order; pixels of one sample are left.
+    """Trace `samples` (P,) of the pixels of a ranked view, falling in its order; pixels of one sample are skipped.
 
-    begun: is given the picture at first, whose pixels then are refined in place.
+    begun: called with the initial picture, whose pixels are then refined in place.
     """
     from ..tracing.supersample import supersample_pixels
 
@@ -71,8 +71,8 @@ def refined_view(
 def samples_report(ranking: Ranking, refined: RefinedPicture) -> dict[str, Any]:
     """Figures of a refined picture, as plain JSON values; over active pixels.
 
-    spent: mean samples. pixels: with each number of samples. With a reference, mse: the error left; mse_of_share: what
-    is left by 32x32 rays in as many pixels as the same rays pay for, the preview's own not counted.
+    spent: mean samples. pixels: count for each number of samples. With a reference, mse: error after refinement;
+    mse_of_share: error after spending the same rays, without the preview's, at 32x32 per pixel.
     """
     buffers, order = ranking.buffers, ranking.order
     samples, active = refined.samples[order], max(len(order), 1)

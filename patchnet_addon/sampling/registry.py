@@ -6,7 +6,7 @@ from . import optimal, patchnet, patchnet_behind, patchnet_plus, patchnet_plus_s
 from .strategy import Strategy
 
 DEFAULT = "patchnet-plus"
-FOR_USERS = (DEFAULT, "patchnet-plus-1", "ss-variance")  # the best, a quicker one, and one without look-ahead
+FOR_USERS = (DEFAULT, "patchnet-plus-1", "ss-variance")  # the best, a faster one, and one without look-ahead
 
 STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy

@@ -13,23 +13,23 @@ from .pixel_buffers import PixelBuffers
 from .predicted import PREDICTED
 from .ranking import Ranking
 
-ERROR_UNIT = "mean squared error of linear luminance, in which white is 1"  # of all errors in JSON files
+ERROR_UNIT = "mean squared error of linear luminance, in which white is 1"  # unit of all errors in JSON files
 
 
 def shown_errors(report: dict[str, Any]) -> tuple[float, float] | None:
-    """Errors in a view's report of the picture that was asked for: unrefined, and refined; None without a reference."""
+    """Errors of the requested picture in a view's report: unrefined and refined; None without a reference."""
     if not has_errors(report):
         return None
     return float(shown_figures(report)["mse_unrefined"]), float(report["refined"]["mse"])
 
 
 def has_errors(report: dict[str, Any]) -> bool:
-    """Return whether a view's report states errors, which its reference tells."""
+    """Return whether a view's report has errors, which need a reference."""
     return "mse" in report
 
 
 def shown_figures(report: dict[str, Any]) -> dict[str, Any]:
-    """Part of a view's report with `mse_unrefined` and `mse` of the picture that unrefined pixels show."""
+    """Part of a view's report that holds `mse_unrefined` and `mse` of the shown picture."""
     figures: dict[str, Any] = report["predicted"] if report.get("unrefined") == PREDICTED else report
     return figures
 
@@ -51,7 +51,7 @@ def _unrefined_mse(buffers: PixelBuffers) -> float:
 def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:
     """Figures of one view; with a reference its errors, unrefined and after `budget` by every strategy (methods 5).
 
-    mse values are over active pixels, and refined ones have the reference; psnr_db belongs to the unrefined picture.
+    mse values are over active pixels; refined pixels take the reference; psnr_db is of the unrefined picture.
     """
     report = {
         "camera": camera_name,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Allocation of samples: a mean number of samples per active pixel, spread over them by priority (methods 7.25b).
 
-A pixel gets 1, 4, 16, 64, 256 or 1024 samples: one, or a square of 2 to 32 a side. Going from one count to the next is
-an upgrade, and the budget buys those upgrades that are expected to lower the squared error most per sample. Where a
-share of the pixels is refined, their samples are bought alike, from 16 each.
+A pixel gets 1, 4, 16, 64, 256 or 1024 samples, a square of 1 to 32 a side. A step from one count to the next is an
+upgrade; the budget pays for the upgrades with the largest expected drop of squared error per sample. Refined pixels of
+a share get samples in the same way, at least 16 each.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ COUNTS = np.array(SIDES, np.int32) ** 2
 
 
 class _Upgrades:
-    """Upgrades from one count of samples to the next, of a picture whose pixels have one sample at first.
+    """Upgrades from one count of samples to the next, starting at one sample per pixel.
 
     counts: samples before the first upgrade and after each. cost: samples of each. Worth of one of these samples is
-    base + slope * priority, in units of the mean priority. Both fall from upgrade to upgrade, so that no pixel wants
-    one without those before.
+    base + slope * priority, in units of the mean priority. Both fall from upgrade to upgrade, so that a pixel takes
+    them in order.
     """
 
     def __init__(self, counts: np.ndarray, error: list[float], by_priority: list[float]) -> None:
-        """Upgrades by the squared error of each count over that of the first, and the part of it that priority tells.
+        """Upgrades from the squared error of each count relative to the first, and the part of it explained by
+        priority.
 
-        The rest is alike in all pixels. Errors are those against the last count, the reference.
+        The rest is equal in all pixels. Errors are relative to the last count, the reference.
         """
         left, told = np.array(error), np.array(by_priority)
         self.counts, self._error, self._told = counts, error, by_priority
@@ -38,37 +39,37 @@ class _Upgrades:
         self.slope = -np.diff(left * told) / self.cost
 
     def between(self, least: int, most: int) -> _Upgrades:
-        """Upgrades of pixels that have `least` samples at first, and `most` at last."""
+        """Upgrades of pixels from `least` to `most` samples."""
         part = slice(*np.searchsorted(self.counts, [least, most + 1]))
         return _Upgrades(self.counts[part], self._error[part], self._told[part])
 
 
-# Measured on octrees. Four samples are no better than what the network expects, so a predicted pixel gets 16 or none.
+# Measured on octrees. Four samples are no better than the prediction, so a predicted pixel gets 16 or none.
 _OF_PREVIEW = _Upgrades(COUNTS, [1.0, 0.33, 0.055, 0.004, 0.0005, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0625, 0.0])
 _OF_PREDICTED = _Upgrades(np.delete(COUNTS, 1), [1.0, 0.2, 0.015, 0.002, 0.0], [0.75, 0.5, 0.25, 0.125, 0.0])
-LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 by choice
-LITTLE = np.finfo(np.float64).tiny  # below every priority that a score gives
+LEAST_REFINED, MOST_REFINED = int(REFINED_SAMPLES.low), 256  # samples of refined pixels; 1,024 on request
+LITTLE = np.finfo(np.float64).tiny  # below every priority from a score
 _LARGEST = 1e100  # of priorities, so that their sum is finite
-_ROUNDED = 1.0 + 1e-12  # gives back what rounding took from a mean that is a total over a count
+_ROUNDED = 1.0 + 1e-12  # tolerates rounding of a mean computed as total / count
 
 
 def sample_counts(priorities: np.ndarray, mean: float, *, predicted: bool = False) -> np.ndarray:
-    """(A,) int32: samples of A pixels whose `priorities` (A,) fall, for at most `mean` samples per pixel on average.
+    """(A,) int32: samples of A pixels with falling `priorities` (A,), for at most `mean` samples per pixel on average.
 
-    predicted: pixels of one sample show what the network expects.
+    predicted: pixels of one sample show the prediction.
 
-    No pixel has fewer samples than one after it; pixels whose priority is not above 0 have one. What is left of the
-    budget pays for no further upgrade. Raises SettingError for a mean outside 1 to 1024.
+    Samples fall with priority; pixels of priority 0 have one. The rest of the budget is too small for a further
+    upgrade. Raises SettingError for a mean outside 1 to 1024.
     """
     SPP.check(mean)
     return _bought(priorities, mean, _OF_PREDICTED if predicted else _OF_PREVIEW)
 
 
 def refined_counts(priorities: np.ndarray, mean: float, *, predicted: bool = False) -> np.ndarray:
-    """(N,) int32: samples of N refined pixels whose `priorities` (N,) fall, for at most `mean` each on average.
+    """(N,) int32: samples of N refined pixels with falling `priorities` (N,), for at most `mean` each on average.
 
-    As `sample_counts`, but each has 16 at least, and 256 at most unless the mean is above that. Raises SettingError
-    for a mean outside 16 to 1024.
+    As `sample_counts`, but at least 16 each, and at most 256 unless the mean is higher. Raises SettingError for a mean
+    outside 16 to 1024.
     """
     REFINED_SAMPLES.check(mean)
     most = MOST_REFINED if mean <= MOST_REFINED else int(COUNTS[-1])
@@ -76,7 +77,7 @@ def refined_counts(priorities: np.ndarray, mean: float, *, predicted: bool = Fal
 
 
 def _bought(priorities: np.ndarray, mean: float, upgrades: _Upgrades) -> np.ndarray:
-    """(A,) int32: samples of pixels after those `upgrades` that at most `mean` samples a pixel pay for."""
+    """(A,) int32: samples of pixels after the `upgrades` that `mean` samples per pixel pay for."""
     least = int(upgrades.counts[0])
     counts = np.full(len(priorities), least, np.int32)
     urgent = np.minimum(priorities[: np.count_nonzero(priorities > 0)].astype(np.float64), _LARGEST)
@@ -88,9 +89,9 @@ def _bought(priorities: np.ndarray, mean: float, upgrades: _Upgrades) -> np.ndar
 
 
 def pixels_by_side(samples: np.ndarray, order: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Samples per pixel side, and those pixels of an `order` (A,) that have so many of the `samples` (P,); not one.
+    """Yield samples per pixel side, and the pixels of an `order` (A,) that have as many in `samples` (P,), most first.
 
-    Samples fall in that order, so the most come first.
+    Pixels of one sample are skipped.
     """
     falling = -samples[order]
     for side in SIDES[:0:-1]:
@@ -100,19 +101,19 @@ def pixels_by_side(samples: np.ndarray, order: np.ndarray) -> Iterator[tuple[int
 
 
 def _upgraded(relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarray:
-    """(U,) int64: how many of the first pixels take each upgrade, those of most worth within `spare` samples.
+    """(U,) int64: number of first pixels that take each upgrade, by falling worth within `spare` samples.
 
-    relative: (E,) priorities over their mean, which fall. The best choice for a budget is all upgrades of more worth
-    than a Lagrange multiplier: the smallest one that the budget pays for.
+    relative: (E,) falling priorities over their mean. The optimum takes all upgrades worth more than a Lagrange
+    multiplier, the smallest within the budget.
     """
-    rising = -relative  # as searchsorted wants it
+    rising = -relative  # for searchsorted
 
     def above(bits: int) -> np.ndarray:
         multiplier = np.int64(bits).view(np.float64)
         lowest = (multiplier - upgrades.base) / upgrades.slope
         return np.searchsorted(rising, -lowest, "right")
 
-    # Bits of positive doubles are in the order of their values, so halving them finds the very number.
+    # Positive doubles sort like their bits, so bisection over the bits is exact.
     greatest = upgrades.base[0] + 2.0 * upgrades.slope[0] * relative[0]
     low, high = 0, int(greatest.view(np.int64))  # everything, and nothing
     while low < high:
@@ -126,10 +127,10 @@ def _upgraded(relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarr
 
 
 def _rest_spent(taken: np.ndarray, relative: np.ndarray, spare: int, upgrades: _Upgrades) -> np.ndarray:
-    """Spend what is left on upgrades that it still pays for, those of most worth first, until none is left."""
+    """Spend the rest of the budget on affordable upgrades, by falling worth."""
     taken = taken.copy()
     while True:
-        most = np.concatenate([[len(relative)], taken[:-1]])  # a pixel takes an upgrade after the one before
+        most = np.concatenate([[len(relative)], taken[:-1]])  # a pixel takes its upgrades in order
         possible = np.flatnonzero((taken < most) & (spare >= upgrades.cost))
         if not len(possible):
             return taken

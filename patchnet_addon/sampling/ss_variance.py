@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Variance of the 1-sample picture in a 3x3 window: what the screen alone can tell (methods 3.3)."""
+"""Variance of the 1-sample picture in a 3x3 window: the screen-space strategy (methods 3.3)."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""View of which some pixels were looked at more closely, and the estimator's scores of these."""
+"""View with further inputs for some of its pixels, and the estimator's scores of these."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..tracing.render import Hits
     from .plus.weights import Estimators
 
-# What a look finds, as parts of `PixelBuffers`.
+# Results of each look, as parts of `PixelBuffers`.
 _FOUND = {
     NORMAL: (NORMAL,),
     CHILD_MASK: (CHILD_MASK,),
@@ -30,14 +30,14 @@ _FOUND = {
     FINE_RAYS: (FINE_RAYS,),
     PREDICTION: (PREDICTION,),
 }
-_MOST = 10  # times fewer pixels than the picture has are scored by themselves, more with the whole picture
+_MOST = 10  # up to 1/10 of the pixels are scored individually, more with the whole picture
 
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """Closer looks at chosen pixels (N,) of a view by their indices, traced and decoded for them alone.
+    """Closer looks at chosen pixels (N,) of a view by index, traced and decoded for these only.
 
-    coded: codes of the octree, None where nobody asks for a prediction.
+    coded: codes of the octree; None if no prediction is needed.
     """
 
     octree: Octree
@@ -45,7 +45,7 @@ class Looks:
     coded: CodedOctree | None
 
     def look(self, part: str, hits: Hits, pixels: np.ndarray) -> Sequence[Any]:
-        """Look for a part of `PixelBuffers`, and for what is found with it (`_FOUND`)."""
+        """Compute a part of `PixelBuffers`, with those of the same look (`_FOUND`)."""
         from ..codes.predict import predict  # compiled code, which registration must not load
         from ..tracing.chosen import behind_of, fine_rays
         from ..tracing.render import seen_luminance
@@ -55,7 +55,7 @@ class Looks:
         if part == CHILD_MASK:
             return (seen_children(self.octree, hits.node[pixels]),)
         if part == PREDICTION:
-            assert self.coded is not None  # whoever plans stages asks for codes
+            assert self.coded is not None  # plans of stages require codes
             return (predict(self.coded, hits.part(pixels)),)
         lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
         if part == FINE_RAYS:
@@ -65,17 +65,16 @@ class Looks:
 
 
 class KnownPixels:
-    """View of which some pixels are known better than others.
+    """View with further inputs for some pixels and defaults for all others.
 
-    Where nobody has looked, stand-ins say what is likeliest there: a patch that is whole and as bright as its voxel,
-    nothing behind it, and finer rays that meet what the one in the pixel's centre met. The estimator reads them around
-    pixels that it scores, of which nearly all that matter have been looked at themselves.
+    Defaults: a whole patch as bright as its voxel, nothing behind it, and finer rays equal to the one in the pixel's
+    centre. The estimator reads them in the windows of scored pixels; most relevant neighbours have real values.
     """
 
     def __init__(self, buffers: PixelBuffers, looks: Looks | None) -> None:
-        """Begin with a view that has hits and the finer ray in each pixel's center.
+        """Start from a view with hits and the finer ray in each pixel's centre.
 
-        What else it has of all pixels is read where another view would be looked at. looks: None if it has everything.
+        Other buffers of the view are read instead of a look. looks: None if the view has everything.
         """
         self._buffers, self._looks = buffers, looks
         self._view = PixelBuffers(
@@ -87,7 +86,7 @@ class KnownPixels:
         self._looked: dict[str, np.ndarray] = {}
 
     def estimate(self, form: Form, pixels: np.ndarray, estimators: Estimators) -> np.ndarray:
-        """Expected errors (N,) float32 of the preview in pixels (N,), after a look at what `form` reads there."""
+        """Expected errors (N,) float32 of the preview in pixels (N,), after looking up the inputs of `form` there."""
         from .plus.compiled import estimate, estimate_chosen  # compiled code, as above
         from .plus_planes import chosen_windows, view_planes, window_pixels
 
@@ -106,7 +105,7 @@ class KnownPixels:
         return estimate(planes_of, there, estimators, form).ravel()[pixels]
 
     def _look_at(self, form: Form, pixels: np.ndarray, around: np.ndarray) -> None:
-        """Look at pixels (N,), and at normals of those in their windows (9, N)."""
+        """Look at pixels (N,), and at the normals in their windows (9, N)."""
         if form.surface:
             there = np.zeros(len(self._view.preview), bool)
             there[around.ravel()] = True
@@ -118,10 +117,10 @@ class KnownPixels:
             self._look_for(FINE_RAYS, pixels)
         if form.network:
             self._look_for(PREDICTION, pixels)
-            self._view = replace(self._view)  # a new one has computed nothing of the old prediction yet
+            self._view = replace(self._view)  # a new object has no cached prediction
 
     def _look_for(self, part: str, pixels: np.ndarray) -> None:
-        """Put a part, and what is found with it, into the view at those of pixels (N,) that have only stand-ins."""
+        """Write a part, and those of the same look, into the view at those of pixels (N,) that have only defaults."""
         if part not in self._looked:
             self._looked[part] = np.zeros(len(self._view.preview), bool)
             self._view = replace(self._view, **self._stand_ins(part))
@@ -139,7 +138,7 @@ class KnownPixels:
             getattr(self._view, name)[new] = values
 
     def _stand_ins(self, part: str) -> dict[str, Any]:
-        """Stand-ins of all pixels for a part, and for what is found with it."""
+        """Defaults of all pixels for a part, and for those of the same look."""
         from ..codes.predict import Prediction  # compiled code, as above
 
         view, count = self._view, len(self._view.preview)

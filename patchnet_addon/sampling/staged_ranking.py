@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ranking in stages: one finer ray for all pixels, then closer looks at those that are near the budget's cut.
+"""Ranking in stages: one finer ray for all pixels, then closer looks at those near the budget's cut.
 
-What a pixel's score costs has to be worth it. A finer ray tells already which pixels are surely refined within a
-budget, and which surely are not. Only those between get the ray behind their patch, the network, four more rays
-(methods 12.5).
+A finer ray already separates pixels that are surely refined within a budget from those that surely are not. Only pixels
+between get the ray behind their patch, the network, four more rays (methods 12.5).
 """
 
 from __future__ import annotations
@@ -25,16 +24,15 @@ if TYPE_CHECKING:
 VARIANCE_SHARE = 1 / 16
 """Share of the variance of 3x3 pixels beside the finer ray's squared difference in the first score."""
 _TINY = np.finfo(np.float32).tiny
-_BESIDE = 1e-6  # relative distance from the cut of scores that have to be above or below it
+_BESIDE = 1e-6  # relative distance from the cut of scores moved above or below it
 
 
 @dataclass(frozen=True)
 class Stage:
     """Stage of a ranking.
 
-    form: of the estimator that scores the pixels that take part. sure, reached: they are those whose place by the
-    scores before is between sure and reached times the number of pixels that the budget refines. Those before are
-    refined.
+    form: of the estimator that scores the pixels that take part. sure, reached: bounds of their rank by the previous
+    scores, over the number of pixels that the budget refines. Pixels before `sure` are refined.
     """
 
     form: Form
@@ -46,8 +44,8 @@ class Stage:
 class Plan:
     """Plan of a ranking.
 
-    stages: those after the first score, by one finer ray of each pixel. around: that score has a share of the variance
-    of the pixels around.
+    stages: those after the first score, by one finer ray per pixel. around: the first score includes a share of the
+    window's variance.
     """
 
     stages: tuple[Stage, ...]
@@ -59,10 +57,9 @@ def staged_scores(
 ) -> np.ndarray:
     """Scores (P,) float32 of the preview's pixels, by which a share `budget` of the active ones is refined.
 
-    Pixels that the last stage looked at have the error that they are expected to have. All others have the score of an
-    earlier one, and are above or below the cut as that has decided: only the order about the cut decides what a budget
-    leaves. buffers: hits, the first finer ray, importance, and what `KnownPixels` reads. looks: None if that is all.
-    Raises SettingError for a budget outside 0 to 1.
+    Pixels of the last stage have their expected error. All others keep the score of an earlier stage, above or below
+    the cut: only the order about the cut affects the error. buffers: hits, the first finer ray, importance, and the
+    inputs of `KnownPixels`. looks: None if these suffice. Raises SettingError for a budget outside 0 to 1.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
@@ -84,7 +81,7 @@ def staged_scores(
 def first_scores(buffers: PixelBuffers, *, around: bool = True) -> np.ndarray:
     """Scores (P,) float32 of all active pixels by their finer ray's difference.
 
-    A share of the window's variance is in it if `around`.
+    Includes a share of the window's variance if `around`.
     """
     from .window_variance import window_variance  # compiled code, which registration must not load
 
@@ -102,7 +99,7 @@ def first_scores(buffers: PixelBuffers, *, around: bool = True) -> np.ndarray:
 
 
 def _between(pixels: np.ndarray, urgency: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-    """The `first` of pixels (N,) by falling urgency (P,), and those after them up to the `last`, in rising order."""
+    """Split pixels (N,) by falling urgency (P,): the `first`, and those up to the `last`, each in rising order."""
     last = min(max(last, 0), len(pixels))
     first = min(max(first, 0), last)
     cuts = [cut for cut in (first, last) if 0 < cut < len(pixels)]
@@ -112,7 +109,7 @@ def _between(pixels: np.ndarray, urgency: np.ndarray, first: int, last: int) -> 
 
 
 def _keep_apart(score: np.ndarray, urgency: np.ndarray, sure: np.ndarray, pool: np.ndarray, refined: int) -> None:
-    """Change scores (P,) so that the budget refines the pixels `sure`, and of all others only some of the `pool`.
+    """Change scores (P,) so that the budget refines the pixels `sure`, and otherwise only pixels of the `pool`.
 
     urgency: (P,) scores times importance.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies that rank in stages where a budget is known (methods 12.5)."""
+"""Strategies that rank in stages within a budget (methods 12.5)."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ SUFFIX = "-staged"  # of names
 
 @dataclass(frozen=True)
 class StagedStrategy(Strategy):
-    """Strategy of the error estimator whose pixels are looked at in stages where a budget is known.
+    """Strategy of the error estimator that ranks in stages within a budget.
 
-    plan: stages for a budget. Without one, `scores` looks at all pixels alike.
+    plan: stages for a budget. Without a budget, `scores` treats all pixels alike.
     """
 
     plan: Callable[[float], Plan] = lambda _budget: Plan(())
 
     @property
     def cost(self) -> str:
-        """Cost of the score in words: rays of pixels that are looked at once, and of those that get all looks."""
+        """Cost of the score in words: rays of pixels with the fewest and with all looks."""
         return f"2 to {1 + self.extra_rays} rays a pixel"
 
     def first_look(self) -> Strategy:
-        """Strategy that needs what the first score within a budget does, the finer ray of every pixel."""
+        """Strategy with the needs of the first score within a budget: the finer ray of every pixel."""
         return replace(self, needs=frozenset({FINE}))
 
     def scores_within(self, buffers: PixelBuffers, budget: float, looks: Looks | None = None) -> np.ndarray:
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
 
-        buffers: as of `first_look`; where it knows more of all pixels, nobody looks again. looks: None if it has all
-        that the strategy needs. Raises SettingError for a budget outside 0 to 1.
+        buffers: as of `first_look`; buffers that hold all pixels are not computed again. looks: None if they hold all
+        needs of the strategy. Raises SettingError for a budget outside 0 to 1.
         """
         from .plus.weights import shipped_estimators
 
@@ -47,7 +47,7 @@ class StagedStrategy(Strategy):
 
 
 def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrategy:
-    """The same strategy with a plan for budgets, as `NAME-staged`."""
+    """Copy of a strategy with a plan for budgets, named `NAME-staged`."""
     same = {field.name: getattr(strategy, field.name) for field in fields(Strategy)}
     staged = {
         "name": strategy.name + SUFFIX,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategy interface of a refinement: a name, what it needs to know, and a score per pixel."""
+"""Strategy interface of a refinement: a name, its inputs, and a score per pixel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..runtime.errors import SettingError
 from .pixel_buffers import PixelBuffers
 
-# What a score may read beyond the 1-sample picture; a caller computes only what the chosen strategies need.
+# Inputs of a score beyond the 1-sample picture; callers compute only those of the chosen strategies.
 PREDICTION = "prediction"
 BEHIND = "behind"
 FINE = "fine"
@@ -30,15 +30,16 @@ Group = Literal["network", "screen-space", "world-space", "rays", "oracle"]
 
 @dataclass(frozen=True)
 class Strategy:
-    """Strategy to decide which pixels are refined first.
+    """Strategy that orders pixels for refinement.
 
     name: as on the command line. title: as in a menu. description: one sentence for a tooltip.
     needs: the parts of a `PixelBuffers` that must be filled in, by the names above.
     score: (P,) float32, higher is refined earlier.
     quantity: what the score measures, for legends. maximum: the score that a legend ends at by default.
-    group: what it knows of a pixel: the network's prediction, what the centre rays have met (screen-space), the octree
-    below the hit voxel (world-space), more rays, or what a renderer could not know at that price (oracle).
-    extra_rays: rays per pixel beyond the one through its centre that a score costs; 0 for oracles, which have no price.
+    group: its inputs: the network's prediction, the centre rays' hits (screen-space), the octree below the hit voxel
+    (world-space), more rays, or values too expensive for a renderer (oracle).
+    extra_rays: rays per pixel beyond the one through its centre that a score costs; 0 for oracles, whose cost is not
+    counted.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Strategy:
 
     @property
     def cost(self) -> str:
-        """Cost of the score in words: its rays per pixel, or what an oracle reads."""
+        """Cost of the score in words: its rays per pixel, or the inputs of an oracle."""
         if self.group == "oracle":
             return f"oracle: needs the {'reference' if REFERENCE in self.needs else 'exact patch'}"
         return f"{1 + self.extra_rays} rays a pixel" if self.extra_rays else "1 ray a pixel"
@@ -64,7 +65,7 @@ class Strategy:
         return np.asarray(self.score(buffers), np.float32)
 
     def check(self, buffers: PixelBuffers) -> None:
-        """Raise SettingError if a view lacks something that this strategy reads."""
+        """Raise SettingError if a view lacks an input of this strategy."""
         missing = sorted(need for need in self.needs if getattr(buffers, need) is None)
         if missing:
             raise SettingError(f"Strategy {self.name!r} needs the view's {', '.join(missing)}: compute it first")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trace pixel buffers from octree and camera: everything that the chosen strategies look at."""
+"""Trace pixel buffers from octree and camera: all inputs of the chosen strategies."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def trace_view(
     lookahead: int | None = None,
     unrefined: str = PREVIEW,
 ) -> Steps[PixelBuffers]:
-    """Picture at 1 sample per pixel, what `strategies` need of the rest, and the 32x32 reference if wanted.
+    """Picture at 1 sample per pixel, further inputs of `strategies`, and optionally the 32x32 reference.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
     ahead, 1 to 3; None: those of the weights of `coded`, or two without codes.
-    unrefined: what pixels show that are not refined, see `PixelBuffers`; what the predicted picture needs is traced.
-    Raises SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, or if their weights
-    look another number of levels ahead.
+    unrefined: picture in unrefined pixels, see `PixelBuffers`; inputs of the predicted picture are traced. Raises
+    SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, or if their weights look
+    another number of levels ahead.
     """
     from ..codes.exact import exact_prediction
     from ..codes.predict import predict
@@ -96,7 +96,7 @@ def trace_view(
 
 
 def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:
-    """Levels to look ahead; raises SettingError where the codes do not do what is needed, see `trace_view`."""
+    """Levels to look ahead; raises SettingError if codes are missing or do not match, see `trace_view`."""
     if PREDICTION in needs and coded is None:
         raise SettingError("Strategy or predicted picture needs the octree's patch codes: precompute them first")
     if lookahead is None:
@@ -110,7 +110,7 @@ def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int 
 
 
 def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahead: int) -> PatchHits:
-    """Hits of the pixels' own rays, and what is met of the finer voxel and behind the patch where it is needed."""
+    """Hits of the pixels' own rays, and of the finer rays and those behind the patch where needed."""
     from ..tracing.render import PatchHits, first_hits, patch_hits
 
     if not needs & {BEHIND, FINE}:
@@ -119,7 +119,7 @@ def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahea
 
 
 def seen_normal(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    """Unit normals (N, 3) float32 of nodes (N,); 0 where there is none, -1, and where the normals in a voxel cancel."""
+    """Unit normals (N, 3) float32 of nodes (N,); 0 for -1 (no node), and where the normals in a voxel cancel."""
     met = nodes >= 0
     mean = np.zeros((len(nodes), 3), np.float32)
     mean[met] = octree.normal_float(nodes[met])
@@ -128,5 +128,5 @@ def seen_normal(octree: Octree, nodes: np.ndarray) -> np.ndarray:
 
 
 def seen_children(octree: Octree, nodes: np.ndarray) -> np.ndarray:
-    """Child masks (N,) uint8 of nodes (N,), bit x + 2y + 4z; 0 for a leaf and where there is none, -1."""
+    """Child masks (N,) uint8 of nodes (N,), bit x + 2y + 4z; 0 for a leaf and for -1 (no node)."""
     return np.where(nodes >= 0, octree.child_mask[np.maximum(nodes, 0)], np.uint8(0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Uniform pictures, with as many rays in every pixel: the peers of previews and predicted pictures (methods 3.12b)."""
+"""Uniform pictures, with equally many rays per pixel: rivals of previews and predicted pictures (methods 3.12b)."""
 
 from __future__ import annotations
 

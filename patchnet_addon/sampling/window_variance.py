@@ -8,7 +8,7 @@ from ..runtime.threads import run_parts
 
 
 def window_variance(picture: np.ndarray) -> np.ndarray:
-    """Variance (H, W) float64 of the windows of a picture (H, W); at its borders, of what lies in the picture."""
+    """Variance (H, W) float64 of the windows of a picture (H, W); at borders, only pixels of the picture count."""
     values = np.ascontiguousarray(picture, np.float32)
     variances = np.empty(values.shape)
     run_parts(_write_variances, len(values), values, variances)
@@ -30,7 +30,7 @@ def _write_variances(first, last, values, variances):  # type: ignore[no-untyped
 
 @lean_device
 def _write_inner(below, here, above, variances):  # type: ignore[no-untyped-def]
-    """Variances of whole windows of a row, without a branch, so that several are computed at once."""
+    """Variances of whole windows of a row, without branches, so that they vectorize."""
     for x in range(1, len(here) - 1):
         total = np.float64(below[x - 1]) + below[x] + below[x + 1] + here[x - 1] + here[x] + here[x + 1]
         mean = (total + above[x - 1] + above[x] + above[x + 1]) / 9.0
@@ -42,7 +42,7 @@ def _write_inner(below, here, above, variances):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _at_border(values, row, column):  # type: ignore[no-untyped-def]
-    """Variance of a window of which a part may lie outside of the picture."""
+    """Variance of a window that may reach outside of the picture."""
     low, high = max(row - 1, 0), min(row + 2, values.shape[0])
     left, right = max(column - 1, 0), min(column + 2, values.shape[1])
     count = (high - low) * (right - left)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Perspective and orthographic cameras, and what kernels need of them."""
+"""Perspective and orthographic cameras, and their form for kernels."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Camera:
     right, up, forward: (3,) float64, orthonormal; forward points into the picture.
     half_x, half_y: PERSP: tangents of the half angles; ORTHO: half extents in world units.
     shift_x, shift_y: offset of the picture's centre, in half extents.
-    clip_start, clip_end: what is nearer or farther along `forward` is not seen, to the accuracy of a voxel.
-    Pixels are square in the sense of methods 4.1b: the pixel side follows from the height.
+    clip_start, clip_end: bounds of the visible distance along `forward`, to the accuracy of a voxel. Pixels are square:
+    the pixel side follows from the height (methods 4.1b).
     """
 
     position_world: np.ndarray
@@ -65,7 +65,7 @@ class Camera:
         forward = np.asarray(target_world, np.float64) - position_world
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, up_world)
-        if np.linalg.norm(right) < 1e-9:  # looking along up: any right will do
+        if np.linalg.norm(right) < 1e-9:  # view direction parallel to up: any right vector fits
             right = np.cross(forward, np.roll(forward, 1) + [0.0, 1.0, 0.0])
         right /= np.linalg.norm(right)
         width, height = size_px
@@ -96,7 +96,7 @@ class CameraUnit(NamedTuple):
     pose: (4, 3) float64 position, right * half_x, up * half_y, forward.
     shift_x, shift_y: offset of the picture's centre, in half extents.
     side_at_0, side_per_z: side of a pixel at axial distance z is side_at_0 + side_per_z * z (methods 4.1b).
-    nearest, farthest: axial distances where sight begins and ends.
+    nearest, farthest: axial clipping distances.
     side_world: side of the cube.
     """
 
@@ -146,7 +146,7 @@ def camera_in_unit_cube(camera: Camera, grid: Grid) -> CameraUnit:
 
 
 def camera_part(camera: Camera, left_px: int, bottom_px: int, width_px: int, height_px: int) -> Camera:
-    """Camera whose pixels are those of `camera` from (left, bottom) on, with the same rays and the same sides.
+    """Camera for the pixels of `camera` from (left, bottom) on, with the same rays and pixel sides.
 
     Raises SettingError if the rectangle is empty or reaches beyond the picture.
     """

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays of chosen pixels alone, so that looking closer at some costs what these cost (methods 12.5).
+"""Rays of chosen pixels only, so that the cost grows with their number (methods 12.5).
 
-Pixels of a block of the picture share a tile, as in whole pictures: rays from all over it would visit all nodes
-between them. They meet the same voxels as those of whole pictures (`render.py`), bit for bit.
+Pixels of a block of the picture share a tile, as in whole pictures, so that a tile's rays visit few nodes. They hit the
+same voxels as those of whole pictures (`render.py`), bit for bit.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from .tile_walk import trace_tile
 
 
 def behind_of(octree: Octree, camera: Camera, pixels: np.ndarray, *, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
-    """Nodes (N,) int64 that show behind the patches of pixels (N,), -1 for none: `behind_node` of `patch_hits`."""
+    """Nodes (N,) int64 visible behind the patches of pixels (N,), -1 for none: `behind_node` of `patch_hits`."""
     unit = camera_in_unit_cube(camera, octree.grid)
     search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND, octree.depth)
     return _traced(octree, unit, pixels, search, 1)[0][:, 0]
@@ -48,7 +48,7 @@ def fine_rays(
 ) -> np.ndarray:
     """Luminances (N, 4) float32 of 2x2 rays in each of the pixels (N,) with a finer footprint (`finer_than_pixel`).
 
-    The lower two come first, of each two the left one. pixels: None for all of the picture.
+    Lower row first, left to right. pixels: None for the whole picture.
     """
     if pixels is None:
         pixels = np.arange(camera.pixel_count)
@@ -59,9 +59,9 @@ def fine_rays(
 
 
 def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Order (N,) of pixels (N,) by blocks of the picture whose side x side rays have room in a tile.
+    """Order (N,) of pixels (N,) by blocks of the picture whose side x side rays fit a tile.
 
-    And where in it each block begins and the last ends (B + 1,); where a pixel has no room, it is a block.
+    Also the bounds (B + 1,) of the blocks in it. A pixel that does not fit is a block by itself.
     """
     across = TILE // side
     if across < 2:
@@ -76,9 +76,9 @@ def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np
 def _traced(
     octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, side * side) int64 that the rays of pixels (N,) end with, the lowest row first, -1 for a miss.
+    """Nodes (N, side * side) int64 hit by the rays of pixels (N,), the lowest row first, -1 for a miss.
 
-    And their luminances, float32, 0 for a miss.
+    Also their luminances, float32, 0 for a miss.
     """
     pixels = np.asarray(pixels, np.int64)
     order, starts = blocks(pixels, unit.width_px, side)
@@ -91,7 +91,7 @@ def _traced(
 
 @kernel
 def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # type: ignore[no-untyped-def]
-    """Write the nodes that rays of pixels end with, and their luminances, a block in one tile. chosen: of `_traced`."""
+    """Write the nodes hit by rays of pixels, and their luminances, one block per tile. chosen: of `_traced`."""
     nodes, light = scene
     pixels, places, starts, side = chosen
     tile, levels = make_tile(), make_levels()
@@ -112,8 +112,7 @@ def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # t
 
 @lean_device
 def aim_pixels(camera, tile, pixels, corner, side):  # type: ignore[no-untyped-def]
-    """Set the rays of a tile to samples of pixels of a block, of each those from row and column `corner` on that have
-    room.
+    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit.
     """
     tile.lanes[WANTED, :] = 0
     for pixel in pixels:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walk of a packet of 4x4 rays through the subtree of one node: each ray is tested on its own, all at once.
+"""Walk of a packet of 4x4 rays through the subtree of one node: each ray is tested by itself, all in vector lanes.
 
 A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
-the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). A ray that looks for more goes on from there: to the
-first voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12). A leaf with a box ends
-rays that meet the box; others pass it (methods 4.1d).
+the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). Depending on its phases, the ray continues to the first
+voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12). A leaf with a box ends rays
+that hit the box; others pass it (methods 4.1d).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from .tile import (
     START,
 )
 
-PATCH_SIDES = 1.5  # of the voxel that fits the pixel, from its entry on: where sight behind the patch begins
+PATCH_SIDES = 1.5  # voxel sides from the entry to the start of the ray behind the patch
 _FAR = 1e300
 _SAFE = 1e-12  # relative
 
@@ -69,7 +69,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     visits = 1
     level = top - 1
     while True:
-        # The node at level + 1, of side `size`, is met by `lanes`.
+        # Rays of `lanes` hit the node at level + 1, of side `size`.
         if lanes != 0:
             if size < largest_side or nodes.child_mask[levels.state[level + 1, HERE]] == 0:
                 lanes = _end_phases(nodes, search, tile, packet, mirror, levels, level + 1, lanes)
@@ -100,8 +100,8 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
 
 @lean_device
 def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
-    """Sides below which a node fits all rays and from which on it fits none, for nodes that rays enter and leave
-    within the lengths `through`; with a margin for rounding.
+    """Node sides below which all rays fit and from which none does, for nodes entered and left within the lengths
+    `through`; with a margin for rounding.
     """
     speed = load(tile.numbers, SPEED * RAYS + packet * LANES)
     nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
@@ -162,7 +162,7 @@ def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-untyped-def]
-    """Lengths at which a packet's rays enter and leave the box of a level's node, which has one."""
+    """Lengths at which a packet's rays enter and leave the box of a level's node; the node must have one."""
     box = nodes.boxes[levels.state[level, HERE] - nodes.first_boxed]
     step = 1.0 / (STEPS * (np.int64(1) << level))
     near_x, far_x = _box_planes(tile, 0, first, levels.state[level, AT], step, mirrored_span(box[0], mirror & 1))
@@ -181,7 +181,7 @@ def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped
 
 @lean_device
 def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
-    """End the phases of rays among `lanes` that the node of a level stops; returns the lanes that go on inside it."""
+    """End the phases of rays among `lanes` that the node of a level stops; returns lanes that continue inside it."""
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
     leaf = nodes.child_mask[levels.state[level, HERE]] == 0
@@ -194,7 +194,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
         if boxed:
             enter, leave = _box_span(nodes, tile, first, mirror, levels, level)
             stopped &= less(enter, leave)
-        elif behind != 0:  # these may begin beyond the node
+        elif behind != 0:  # these may start beyond the node
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
@@ -202,7 +202,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
                 passed = tested & ~stopped & tile.lanes[PHASE + FINE, packet]
                 _fit_restart(search, tile, packet, levels, level, passed)
         tested = np.int64(0)
-        for phase in range(BEHIND, -1, -1):  # the last first, so that a phase that begins does not end with the others
+        for phase in range(BEHIND, -1, -1):  # in reverse, so that a phase does not begin and end here
             ended = stopped & tile.lanes[PHASE + phase, packet]
             if ended != 0:
                 _record(tile, packet, phase, levels, level, ended, enter)
@@ -212,7 +212,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
 
 @lean_device
 def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
-    """Sides of the pixels, or of what is finer, of a packet's rays at a length."""
+    """Pixel sides, or sides of the finer footprint, of a packet's rays at a length."""
     pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.numbers, SPEED * RAYS + packet * LANES))
     if search.last == COARSE:
         return pixel
@@ -221,7 +221,7 @@ def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[no-untyped-def]
-    """Record the node of a level as what rays found in a phase."""
+    """Record the node of a level as the hit of a phase."""
     first = packet * LANES
     here = phase * RAYS + first
     _put(tile.numbers, LENGTH * RAYS + here, ended, enter)
@@ -246,7 +246,7 @@ def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def
 
 @lean_device
 def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ignore[no-untyped-def]
-    """Begin the phase after that which ended for some lanes; returns them without those that are done."""
+    """Begin the next phase of lanes whose phase ended; returns those that are not done."""
     first = packet * LANES
     tile.lanes[PHASE + phase, packet] &= ~ended
     done = ended if phase >= search.last else ended & tile.lanes[ANSWERED, packet]
@@ -269,10 +269,10 @@ def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ign
 
 @lean_device
 def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
-    """Answer the phase BEHIND of rays among `lanes` for which the node of a level holds what they see there.
+    """End the phase BEHIND of rays among `lanes` that begin again in the node of a level, if it fits there.
 
     Pixels grow with the distance, so a node that was too large where the ray entered it may fit where the ray is to
-    begin again. Nodes that a ray has passed are not visited again, so each is asked as it is passed.
+    begin again. Passed nodes are not visited again, so each is tested as the ray passes it.
     """
     first = packet * LANES
     size = 1.0 / (np.int64(1) << level)
@@ -289,7 +289,7 @@ def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no
 
 @lean_device
 def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
-    """Find the children of a level's node that each ray among `lanes` meets."""
+    """Find the children of a level's node hit by each ray among `lanes`."""
     x, y, z = _child_planes(tile, first, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
     found = levels.state[level]
@@ -328,9 +328,9 @@ def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-de
 
 @lean_device
 def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ignore[no-untyped-def]
-    """Write the lanes that meet an octant and its neighbour along x; returns the bits of those that some lane meets.
+    """Write the lanes that hit an octant and its neighbour along x; returns the bits of the octants hit by any lane.
 
-    along: lengths at which rays enter the lower and the upper of both, and at which they leave them.
+    along: lengths at which rays enter the lower and the upper one, and at which they leave them.
     """
     pending = np.int64(0)
     if (existing >> octant) & 1:
@@ -348,9 +348,9 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
 
 @lean_device
 def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
-    """Stop rays among `lanes` at the first child of a level's node that they meet; returns the visited children.
+    """Stop rays among `lanes` at the first child of a level's node that they hit; returns the visited children.
 
-    For children that stop every ray: nothing of theirs is read but boxes.
+    For children that stop every ray: only their boxes are read.
     """
     x, y, z = _child_planes(tile, packet * LANES, levels, level)
     existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)

@@ -41,9 +41,9 @@ from .tile_walk import trace_block
 
 
 class TracedPixels(NamedTuple):
-    """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes that finer rays met, -1 for none.
+    """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes hit by finer rays, -1 for none.
 
-    fine, behind: (P,) int64, or (0,) where they are not wanted.
+    fine, behind: (P,) int64, or (0,) if not requested.
     """
 
     node: np.ndarray
@@ -89,7 +89,7 @@ class Hits:
         return self.node >= 0
 
     def part(self, pixels: np.ndarray) -> Hits:
-        """Hits of some of the pixels, given by their indices (N,), as a picture of one row."""
+        """Hits of pixels by index (N,), as a picture of one row."""
         arrays = {name: value[pixels] for name, value in vars(self).items() if name in _OF_PIXELS}
         return replace(self, width_px=len(pixels), height_px=1, **arrays)
 
@@ -104,11 +104,11 @@ _OF_PIXELS = {field.name for field in fields(Hits)} - {"width_px", "height_px", 
 
 @dataclass(frozen=True, eq=False)
 class PatchHits:
-    """Hits of the centre ray of each pixel, and what the same ray meets with a finer footprint.
+    """Hits of the centre ray of each pixel, and of the same ray with a finer footprint.
 
     hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
     behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), and behind_node: (P,)
-    int64, that voxel, -1 for none. Luminances are 0 where nothing is met; None is not asked for.
+    int64, that voxel, -1 for none. Luminances are 0 for a miss; None if not requested.
     """
 
     hits: Hits
@@ -118,10 +118,10 @@ class PatchHits:
 
 
 def finer_than_pixel(lookahead: int) -> float:
-    """Side of a pixel over the finer footprint, of rays that look further than the pixel's own.
+    """Side of a pixel over the footprint of finer rays.
 
-    They see one level more than a patch that looks `lookahead` levels ahead (methods 3.12): bars and wires that fill a
-    voxel of the patch are then as thin as they are.
+    They reach one level deeper than a patch that looks `lookahead` levels ahead (methods 3.12), so that bars and wires
+    that fill a voxel of the patch keep their real width.
     """
     return 2.0 ** (lookahead + 1)
 
@@ -132,10 +132,10 @@ def first_hits(octree: Octree, camera: Camera) -> Hits:
 
 
 def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD, behind: bool = True) -> PatchHits:
-    """Trace a ray through every pixel centre, which goes on to the finer voxel and to what shows behind the patch.
+    """Trace a ray through every pixel centre, continued to the finer voxel and behind the patch.
 
-    The finer footprint is the pixel over `finer_than_pixel`. One walk answers all three. behind: whether rays go on
-    behind the patch, which costs as much again.
+    The finer footprint is the pixel over `finer_than_pixel`. One walk finds all three hits. behind: whether rays
+    continue behind the patch, which doubles the cost.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     search = Search(
@@ -151,12 +151,12 @@ def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKA
 
 
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
-    """Nodes that tiles and packets visit in `first_hits`, over the number of rays; the same on every machine."""
+    """Nodes visited by tiles and packets in `first_hits` per ray; equal on every machine."""
     return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)
 
 
 def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -> tuple[TracedPixels, np.ndarray]:
-    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; None searches as `first_hits` does."""
+    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; search None: as `first_hits`."""
     unit = camera_in_unit_cube(camera, octree.grid)
     if search is None:
         search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
@@ -189,14 +189,14 @@ def _hits(octree: Octree, camera: Camera, traced: TracedPixels) -> Hits:
 
 
 def seen_luminance(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Luminance (P,) float32 of nodes (P,) along directions (P, 3) float32, 0 where there is none (-1)."""
+    """Luminance (P,) float32 of nodes (P,) along directions (P, 3) float32, 0 for -1 (no node)."""
     seen = np.empty(len(nodes), np.float32)
     run_parts(see_luminance, len(nodes), octree.light, nodes, directions, seen)
     return seen
 
 
 def seen_color(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Linear colours (P, 3) float32 of nodes (P,) along directions (P, 3), 0 where there is none (-1).
+    """Linear colours (P, 3) float32 of nodes (P,) along directions (P, 3), 0 for -1 (no node).
 
     They are gray without colour.
     """
@@ -210,7 +210,7 @@ def seen_color(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.
 
 
 def seen_above_white(octree: Octree, hits: Hits) -> np.ndarray:
-    """Linear colours (P, 3) float32 above white of what is hit: the node's, as much as its side is bright."""
+    """Linear colours (P, 3) float32 above white of the hit nodes, scaled by the brightness of the visible side."""
     above = octree.color_above_white(hits.node)
     bright = np.flatnonzero(above.any(axis=1))
     if octree.side_nodes is not None and len(bright):
@@ -263,7 +263,7 @@ def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: igno
 
 @lean_device
 def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped-def]
-    """Write what a ray of a tile has met into `traced`."""
+    """Write the hits of a ray of a tile into `traced`."""
     node = node_seen(camera, tile, COARSE, ray)
     traced.node[pixel] = node
     for axis in range(3):

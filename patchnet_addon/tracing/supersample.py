@@ -32,8 +32,7 @@ _ROWS_PER_STEP = 8
 class PixelMeans(NamedTuple):
     """Means over side x side rays of N pixels, over a black background.
 
-    luminance: (N,) float32. colors: (N, 3) float32 linear. coverage: (N,) float32, share of the rays that met
-    something.
+    luminance: (N,) float32. colors: (N, 3) float32 linear. coverage: (N,) float32, share of the rays that hit.
     """
 
     luminance: np.ndarray
@@ -42,7 +41,7 @@ class PixelMeans(NamedTuple):
 
 
 class _Light(NamedTuple):
-    """Light of nodes: luminance with sides, chroma, none of which for gray, and what is above white."""
+    """Light of nodes: luminance with sides, chroma (empty for gray), and light above white."""
 
     nodes: NodeLight
     chroma: np.ndarray
@@ -60,7 +59,7 @@ def supersample(
 
 
 def supersample_all(octree: Octree, camera: Camera, side: int = MAX_SIDE) -> Steps[PixelMeans]:
-    """All means of side x side rays a pixel, as of `supersample`; colours have no rows if the octree is gray."""
+    """All means of side x side rays per pixel, as in `supersample`; colours have no rows if the octree is gray."""
     return (yield from _supersampled(octree, _chroma(octree), camera, side, side))
 
 
@@ -69,9 +68,8 @@ def supersample_pixels(
 ) -> PixelMeans:
     """Pixels (N,) of `camera`, by their indices row * width + column, with side x side rays each.
 
-    Each ray has the footprint pixel / side; with `finer`, pixel / finer. Luminance is as `supersample` computes it;
-    colours, which are gray without colour, have what is above white too. Raises SettingError for sample counts outside
-    1 to 32.
+    Each ray has the footprint pixel / side; with `finer`, pixel / finer. Luminance is as in `supersample`; colours,
+    gray without colour, include light above white. Raises SettingError for sample counts outside 1 to 32.
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
@@ -88,7 +86,7 @@ def _supersampled(octree: Octree, chroma: np.ndarray, camera: Camera, side: int,
     """Means of the rays of all pixels; colours unless `chroma` is empty."""
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
-    light = _Light(octree.light, chroma, NO_HIGHLIGHTS)  # errors are of what is clamped
+    light = _Light(octree.light, chroma, NO_HIGHLIGHTS)  # errors use clamped luminance
     luminance, coverage = (np.empty(camera.pixel_count, np.float32) for _ in range(2))
     colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
@@ -103,10 +101,10 @@ def _supersampled(octree: Octree, chroma: np.ndarray, camera: Camera, side: int,
 
 
 def _mean_of_rays(octree: Octree, light: _Light, camera: CameraUnit, pixels: np.ndarray, side: int) -> np.ndarray:
-    """Means (N, MEANS) float32 of what side x side rays of each pixel (N,) int64 see.
+    """Means (N, MEANS) float32 over side x side rays of each pixel (N,) int64: luminance, red, green, blue, and the
+    share of the rays that hit.
 
-    They are those of luminance, red, green, blue, and the share of the rays that met something. Without chroma, red,
-    green and blue are the luminance. What is above white is added to red, green and blue alone.
+    Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
     """
     order, starts = blocks(pixels, camera.width_px, side)
     search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, octree.depth)
@@ -118,7 +116,7 @@ def _mean_of_rays(octree: Octree, light: _Light, camera: CameraUnit, pixels: np.
 
 @kernel
 def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):  # type: ignore[no-untyped-def]
-    """Write the means of pixels, a block in one tile, or a pixel in several tiles. chosen: of `_mean_of_rays`."""
+    """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_mean_of_rays`."""
     pixels, places, starts, side = chosen
     scratch = make_tile(), make_levels(), np.empty((TILE * TILE, MEANS))
     for block in range(first, last):
@@ -131,7 +129,7 @@ def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means): 
 
 @lean_device
 def _sum_rays(nodes, light, camera, search, pixels, side, scratch):  # type: ignore[no-untyped-def]
-    """Trace the rays of a block's pixels, and sum up what each pixel's have met."""
+    """Trace the rays of a block's pixels, and sum up the hits of each pixel."""
     tile, levels, sums = scratch
     sums[:] = 0.0
     for first_j in range(0, side, TILE):
@@ -148,7 +146,7 @@ def _sum_rays(nodes, light, camera, search, pixels, side, scratch):  # type: ign
 
 @lean_device
 def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
-    """Add what a ray has met to the sums: luminance, colours, and the number of hits."""
+    """Add the hit of a ray to the sums: luminance, colours, and the number of hits."""
     nodes, chroma, above = light
     node = node_seen(camera, tile, COARSE, ray)
     if node >= 0:
@@ -171,7 +169,7 @@ def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _add_above_white(above, node, scale, sums):  # type: ignore[no-untyped-def]
-    """Add the light above white of a node that has some; scale: how bright the side is that is seen, over the mean."""
+    """Add a node's light above white; scale: brightness of the visible side over the mean."""
     first, last = 0, len(above.nodes) - 1
     while first < last:
         middle = (first + last) >> 1

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tile of 8x8 rays that walk through the octree together, in four packets with a ray in each lane of a vector.
+"""Tile of 8x8 rays that traverse the octree together, in four packets with a ray in each vector lane.
 
-Rays are mirrored so that they run upwards on every axis; each packet says which of its lanes are.
+Rays are mirrored to run upwards on every axis; each packet marks its mirrored lanes.
 """
 
 from __future__ import annotations
@@ -20,44 +20,44 @@ TILE = 8  # pixels a side
 RAYS = TILE * TILE
 PACKETS = RAYS // LANES
 EVERY_LANE = (1 << LANES) - 1
-COARSE, FINE, BEHIND = 0, 1, 2  # what a ray looks for: voxels that fit its pixel, then finer ones, then those behind
+COARSE, FINE, BEHIND = 0, 1, 2  # targets of a ray: voxels that fit its pixel, then finer ones, then those behind
 PHASES = 3
 _PACKET = 4  # pixels a side
 _TINY = 1e-150
 
 
 class Tile(NamedTuple):
-    """Rays of a tile and what they have met so far; ray 16 p + 4 y + x is that of a pixel of packet p.
+    """Rays of a tile and their hits so far; ray 16 p + 4 y + x belongs to pixel (x, y) of packet p.
 
     numbers: (30, 64) float64, a row for each number of a ray, as named below.
     lanes: (9, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
-    Two arrays and not one for each name, since each takes seconds to compile wherever it is passed on.
+    Two arrays instead of one per name: each argument adds seconds of compilation in every function that takes it.
     """
 
     numbers: np.ndarray
     lanes: np.ndarray
 
 
-# Rows of `numbers`; those of x, y and z follow each other. In the unit cube, mirrored: where a ray comes from, and
-# 1 / direction. Then its direction as it is, axial distance per length, lengths where it begins, or begins again, and
+# Rows of `numbers`; those of x, y and z follow each other. In the unit cube, mirrored: the origin of a ray, and 1 /
+# direction. Then its unmirrored direction, axial distance per length, lengths where it starts, or starts again, and
 # where its patch ends.
 ORIGIN, INVERSE, DIRECTION, SPEED, START, RESTART = 0, 3, 6, 9, 10, 11
-# What each phase ended with: node, -1 for a miss, and the length to it.
+# Hit of each phase: node, -1 for a miss, and the length to it.
 NODE, LENGTH = 12, 15
-# Of the voxel that fits the pixel: 2^level, its mirrored cell, and where the ray enters it, [0, 1]^3 (`find_entries`).
+# Of the voxel that fits the pixel: 2^level, its mirrored cell, and the ray's entry point, [0, 1]^3 (`find_entries`).
 CELLS, CELL, ENTRY = 18, 19, 22
 # Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several;
 # picture coordinates of the tile's columns and rows.
 PICTURE, PIXEL, XS, YS = 25, 27, 28, 29
 _NUMBERS = 30
-# Rows of `lanes`: to be traced, still on their way, knowing what is behind their patch before they are there; in each
-# phase; mirrored on each axis.
+# Rows of `lanes`: to be traced, still alive, with the hit behind their patch already found; in each phase; mirrored on
+# each axis.
 WANTED, ALIVE, ANSWERED, PHASE, MIRRORED = 0, 1, 2, 3, 6
 _LANE_SETS = 9
 
 
 class Levels(NamedTuple):
-    """Nodes on the way down to the present one, by level, and which of their children are still to be visited.
+    """Nodes on the path to the present one, by level, with their children still to be visited.
 
     state: (MAX_LEVELS, 13) int64; its columns are named below.
     exits: (MAX_LEVELS, 8) float64, largest axial distance at which a ray of the tile leaves a child.
@@ -76,9 +76,8 @@ _COLUMNS = 13
 class Search(NamedTuple):
     """Search of a tile's rays.
 
-    at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: side of the footprint of rays in
-    the phases FINE and BEHIND over that, a power of two. last: the phase after which a ray is done. depth: of the
-    octree, or a level that it does not reach.
+    at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
+    phases FINE and BEHIND, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
     """
 
     at_0: float
@@ -90,25 +89,25 @@ class Search(NamedTuple):
 
 @device
 def make_tile():  # type: ignore[no-untyped-def]
-    """Scratch for a tile."""
+    """Allocate a tile."""
     return Tile(np.empty((_NUMBERS, RAYS)), np.empty((_LANE_SETS, PACKETS), np.int64))
 
 
 @device
 def make_levels():  # type: ignore[no-untyped-def]
-    """Scratch for a walk."""
+    """Allocate the levels of a walk."""
     return Levels(np.empty((MAX_LEVELS, _COLUMNS), np.int64), np.empty((MAX_LEVELS, OCTANTS)))
 
 
 @lean_device
 def ray_of(row, column):  # type: ignore[no-untyped-def]
-    """Index in a tile of the ray of its pixel in a row and column, 0 to 7."""
+    """Index of the ray of a tile's pixel in a row and column, 0 to 7."""
     return (row >> 2) * 32 + (column >> 2) * LANES + (row & 3) * _PACKET + (column & 3)
 
 
 @lean_device
 def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
-    """Set the lanes that are to be traced to the pixels in the first `rows` and `columns` of a tile."""
+    """Mark the pixels in the first `rows` and `columns` of a tile as lanes to be traced."""
     for packet in range(PACKETS):
         if rows >= TILE and columns >= TILE:
             tile.lanes[WANTED, packet] = EVERY_LANE
@@ -134,7 +133,7 @@ def spread_picture(tile):  # type: ignore[no-untyped-def]
 def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
     """Set the rays of a tile to those of the camera through their picture coordinates.
 
-    Packets without a lane that is to be traced are left out.
+    Packets without a lane to trace are skipped.
     """
     for packet in range(PACKETS):
         if tile.lanes[WANTED, packet] == 0:
@@ -179,7 +178,7 @@ def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped
 
 @lean_device
 def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
-    """Node that a ray found in a phase, -1 if that is farther than the camera sees."""
+    """Node hit by a ray in a phase, -1 beyond the far clipping distance."""
     node = np.int64(tile.numbers[NODE + phase, ray])
     if node >= 0 and tile.numbers[LENGTH + phase, ray] * tile.numbers[SPEED, ray] > camera.farthest:
         return np.int64(-1)
@@ -188,14 +187,14 @@ def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
 
 @lean_device
 def luminance_of_ray(light, node, tile, ray):  # type: ignore[no-untyped-def]
-    """Luminance in [0, 1], float32, that a node shows along a ray."""
+    """Luminance in [0, 1], float32, of a node along a ray."""
     x, y, z = tile.numbers[DIRECTION, ray], tile.numbers[DIRECTION + 1, ray], tile.numbers[DIRECTION + 2, ray]
     return luminance_along(light, node, x, y, z) / np.float32(LUMINANCE_SCALE)
 
 
 @lean_device
 def find_entries(tile):  # type: ignore[no-untyped-def]
-    """Find where rays enter the voxel that stopped them, and turn its cell back to that of the octree."""
+    """Find the entry points of rays into the voxels that stopped them, and undo the mirroring of the cells."""
     for packet in range(PACKETS):
         if tile.lanes[WANTED, packet] == 0:
             continue

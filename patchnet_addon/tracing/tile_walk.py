@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walk through the octree with the rays of a tile of 8x8 pixels at once (methods 4.1, 4.1b).
+"""Octree traversal by the rays of a tile of 8x8 pixels at once (methods 4.1, 4.1b).
 
-Neighbouring rays meet the same nodes, so a tile walks down the octree once, nearest children first. Large nodes are
-tested against the whole tile: bounds of the rays' plane distances, as axial distances, say which children none of them
-can meet. A leaf, or a node that is not much wider than a pixel, goes on with packets (`packet_walk.py`). Once all rays
-are done, what lies behind is not visited. Rays that are mirrored differently take turns. The order of visits changes
-no distance, so hits are those of rays that walk one at a time, bit for bit.
+Neighbouring rays hit the same nodes, so a tile descends the octree once, nearest children first. Large nodes are
+tested against the whole tile: bounds of the rays' axial plane distances exclude children that no ray can hit. Leaves,
+and nodes not much wider than a pixel, are left to packets (`packet_walk.py`). The walk ends when all rays are done.
+Rays that are mirrored differently are walked one group after the other. The order of visits changes no distance, so
+hits equal those of single rays, bit for bit.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ from .tile import (
     want_pixels,
 )
 
-_WIDE = 10.0  # voxel sides over pixel sides, from which on a node is tested for the whole tile; 5 and 20 are slower
+_WIDE = 10.0  # voxel side over pixel side from which a node is tested for the whole tile; 5 and 20 are slower
 _FAR = 1e300
-_SAFE = 1e-12  # relative; bounds are rounded otherwise than the rays' own distances
+_SAFE = 1e-12  # relative; bounds round differently from the rays' own distances
 _UPPER_X, _UPPER_Y, _UPPER_Z = 0b10101010, 0b11001100, 0b11110000  # children in the upper half of each axis
 
 
 class _Bounds(NamedTuple):
-    """Bounds of those rays of a tile that are mirrored alike: on each axis origin and axial distance per unit.
+    """Bounds of a tile's rays of equal mirroring: on each axis origin and axial distance per unit.
 
-    start: axial distance where the first of them begins. mirror: a bit per axis.
+    start: smallest axial distance of a ray's start. mirror: a bit per axis.
     """
 
     origin_low: tuple[float, float, float]
@@ -82,8 +82,8 @@ class _Bounds(NamedTuple):
 def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: ignore[no-untyped-def]
     """Trace the rays of neighbouring pixels, with their entry points; returns the number of visits.
 
-    first: row and column of the lowest left pixel. count: rows and columns of pixels from there on, of which a tile
-    takes up to 8. offset: of the rays from the pixels' centres, (x, y) in pixels. scratch: tile and levels.
+    first: row and column of the lowest left pixel. count: rows and columns from there on; a tile takes at most 8 of
+    each. offset: of the rays from the pixels' centres, (x, y) in pixels. scratch: tile and levels.
     """
     tile, levels = scratch
     for k in range(TILE):
@@ -99,7 +99,8 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: 
 
 @lean_device
 def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
-    """First hits of a tile's rays in all phases of a `Search`; returns how many nodes a tile or a packet has visited.
+    """Find first hits of a tile's rays in all phases of a `Search`; returns the number of nodes visited by tile and
+    packets.
 
     nodes: `Nodes`. tile: `Tile` with its rays set. levels: scratch.
     """
@@ -125,7 +126,7 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
-    """Bounds of the rays of a tile that are alive."""
+    """Bounds of the live rays of a tile."""
     x, y, z = _axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2)
     start = _FAR
     for packet in range(PACKETS):
@@ -154,7 +155,7 @@ def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
-    """Walk down with all rays of a tile that are alive; returns the number of visits."""
+    """Walk down with all live rays of a tile; returns the number of visits."""
     level = np.int64(0)
     levels.state[0, HERE] = 0
     for axis in range(3):
@@ -199,7 +200,7 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-
 
 @lean_device
 def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
-    """Find the children of a level's node that rays of the tile may meet."""
+    """Find the children of a level's node that rays of the tile may hit."""
     child = 0.5 / (np.int64(1) << level)
     x0, x1, x2, x3 = _plane_bounds(bounds, levels.state[level, AT], child, 0)
     y0, y1, y2, y3 = _plane_bounds(bounds, levels.state[level, AT + 1], child, 1)

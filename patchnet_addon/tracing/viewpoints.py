@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras that stand in the free space of a lit octree and see much of it, for scenes that bring none.
+"""Cameras in the free space of a lit octree that see much of it, for scenes without cameras.
 
-Framing from outside shows an interior's outer walls only. So cells with room around them are tried, in every direction
-of the compass; each next camera is the one that shows most surface, at middle distances, that none before has shown.
-Nothing is random.
+Framing from outside shows only the outer walls of an interior. So cells with free space around them are tried in
+several headings; each next camera shows the most surface, at middle distances, not shown by the previous ones. The
+choice is deterministic.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from .render import Hits, first_hits
 
 FOV = float(np.radians(60.0))  # vertical
 MAX_VIEWPOINTS = 64
-_LEVEL = 6  # of the cells that a camera may stand in, and of those that are counted as seen
+_LEVEL = 6  # of cells for cameras, and of cells counted as seen
 _MAX_POSITIONS = 192
 _HEADINGS = 8
 _PITCH = float(np.radians(-6.0))  # a little down, as at eye height
 _TRIAL_PX = (32, 24)
 _NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
 _MIDDLE = 0.15
-_BRIGHT = 0.1  # exposed luminance from which a view is bright enough
+_BRIGHT = 0.1  # exposed luminance of a view that is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
-_MIN_BRIGHTNESS = 0.5  # of what the small picture shows
+_MIN_BRIGHTNESS = 0.5  # of the small picture
 _MIN_QUALITY = 0.25  # of the best view's
-_SEES_OUT = 0.02  # of the places; fewer may see through cracks
+_SEES_OUT = 0.02  # of the places; smaller shares may see through cracks
 _ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
 _ENCLOSED = 0.8  # of all directions in which the front of a surface is met: a room with windows
@@ -40,7 +40,7 @@ _INSIDE = 0.5  # of the free places: a room has 0.9, a hall without a roof 0.7, 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Camera that was tried: how good and how bright its view is, and which cells it shows (n,) int64, distinct."""
+    """Tried camera: quality and brightness of its view, and the distinct cells (n,) int64 that it shows."""
 
     camera: Camera
     quality: float
@@ -49,16 +49,16 @@ class _Trial:
 
 
 def encloses(octree: Octree) -> bool:
-    """Return whether most places in the surface's bounds that have room see surfaces that face them all around.
+    """Return whether the surface is an interior: most free places in its bounds see front faces all around.
 
-    It is one seen from inside then. A closed object, such as a ball, shows its free space nothing but backs.
+    A closed object, such as a ball, shows only backs to the free space in it.
     """
     facing, _ = _surroundings(octree, free_positions(octree, _ROUND_POSITIONS))
     return bool(np.mean(facing > _ENCLOSED) > _INSIDE)
 
 
 def _surroundings(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
-    """Shares (2, n) of all directions from positions (n, 3): where a surface faces them, and where there is none."""
+    """Shares (2, n) of all directions from positions (n, 3) in which a front face is hit, and in which nothing is."""
     shares = np.zeros((2, len(positions_world), len(_ROUND)))
     for row, position in enumerate(positions_world):
         for column, side in enumerate(_ROUND):
@@ -68,9 +68,9 @@ def _surroundings(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
 
 
 def _in_rooms(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
-    """(n,) bool: places inside that see out through a window or a hole in a roof, as what is hollow in walls does not.
+    """(n,) bool: places inside that see out through a window or a hole in a roof, which excludes hollows in walls.
 
-    All that are inside if hardly any sees out, and all if none is inside.
+    All places inside if hardly any sees out; all places if none is inside.
     """
     facing, empty = _surroundings(octree, positions_world)
     inside = facing > _ENCLOSED
@@ -79,11 +79,11 @@ def _in_rooms(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
 
 
 def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: bool = True) -> Steps[list[Camera]]:
-    """Choose `count` upright perspective cameras View 1, View 2, ... in free space; none in a voxel or beside one.
+    """Choose `count` upright perspective cameras View 1, View 2, ... in free space, at least one cell from voxels.
 
-    lit: dark views count less; False for an octree without light, where they stand in rooms, see `_in_rooms`. Fewer
-    if no more shows anything new. Raises SettingError for a count outside 1 to 64, SceneError if no place is free or
-    shows anything.
+    lit: dark views count less; False for an octree without light, where cameras stand in rooms, see `_in_rooms`. Fewer
+    if no further camera shows new cells. Raises SettingError for a count outside 1 to 64, SceneError if no place is
+    free or sees the surface.
     """
     if not 1 <= count <= MAX_VIEWPOINTS:
         raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
@@ -102,7 +102,7 @@ def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: boo
 
 
 def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
-    """Centres (n, 3) float64, world units, of at most `most` cells, spread evenly, that touch no occupied cell."""
+    """Centres (n, 3) float64, world units, of at most `most` evenly spread cells that touch no occupied cell."""
     level = min(_LEVEL, octree.depth)
     while True:
         occupied = occupied_cells(octree, level)
@@ -119,7 +119,7 @@ def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
 
 
 def occupied_cells(octree: Octree, level: int) -> np.ndarray:
-    """(n, n, n) bool by x, y, z, also where a leaf of a coarser level is."""
+    """(n, n, n) bool by x, y, z, including cells of coarser leaves."""
     side = 1 << level
     occupied = np.zeros((side, side, side), bool)
     occupied[tuple(octree.cells(level).T)] = True
@@ -175,7 +175,7 @@ def _around(position_world: np.ndarray) -> list[Camera]:
 
 
 def _facing(octree: Octree, hits: Hits) -> np.ndarray:
-    """(n,) bool: of the rays that hit something, whether it is no back."""
+    """(n,) bool: whether a ray that hits does not hit a back face."""
     hit = hits.hit
     facing: np.ndarray = np.einsum("pc,pc->p", octree.normal_float(hits.node[hit]), hits.direction[hit]) < 0.2
     return facing
@@ -199,7 +199,7 @@ def _tried(octree: Octree, camera: Camera, extent: float, *, lit: bool) -> _Tria
 
 
 def _cells_seen(hits: Hits) -> np.ndarray:
-    """Distinct numbers of the cells of level 6 in which rays ended; coarser voxels count as their first cell."""
+    """Distinct numbers of the cells of level 6 hit by rays; coarser voxels count as their first cell."""
     hit = hits.hit
     shift = hits.level[hit].astype(np.int64)[:, None] - _LEVEL
     cells = hits.cell[hit].astype(np.int64)
@@ -208,9 +208,9 @@ def _cells_seen(hits: Hits) -> np.ndarray:
 
 
 def _chosen(octree: Octree, trials: list[_Trial], count: int, *, lit: bool) -> list[_Trial]:
-    """Greedily the trials that show most that is new, weighed by quality; none that is far worse than the best.
+    """Greedily choose the trials with the most new cells, weighted by quality, without those far below the best.
 
-    None in which the finest voxels are dark, either: in a hollow wall, coarse ones shine with the light outside.
+    Trials whose finest voxels are dark are excluded: in a hollow wall, coarse voxels hold light of the outside.
     """
     best_quality = max((trial.quality for trial in trials), default=0.0)
     trials = [trial for trial in trials if trial.quality >= _MIN_QUALITY * best_quality]
@@ -232,7 +232,7 @@ def _chosen(octree: Octree, trials: list[_Trial], count: int, *, lit: bool) -> l
 
 
 def _brightness(octree: Octree, camera: Camera) -> float:
-    """Mean luminance, 1 from _BRIGHT on, of what a camera sees; 0 if it sees nothing."""
+    """Mean luminance of a camera's view, 1 from _BRIGHT on; 0 if it sees nothing."""
     hits = first_hits(octree, camera)
     hit = hits.hit
     return float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if hit.any() else 0.0

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimator of each pixel's squared error, of everything that is known of it (methods 12)."""
+"""Estimator of each pixel's squared error from all its inputs (methods 12)."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimator of errors on all cores: runs of pixels of a row go through features and layers in the nearest caches.
+"""Error estimator on all cores: runs of pixels of a row pass features and layers within the nearest caches.
 
-A feature of a run is a row of the planes, shifted by the place in the window, so it is read from one end to the other.
-Runs without an active pixel are skipped.
+A feature of a run is a row of a plane, shifted by its place in the window, so reads are sequential. Runs without an
+active pixel are skipped.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .features import HIGHEST, LOWEST
 from .forms import CENTRE, FLOOR, Form, Kind, Plane
 from .weights import HIDDEN, Estimators
 
-_BAND_ROWS = 256  # whose planes are made at once
+_BAND_ROWS = 256  # whose planes are built at once
 _DIFFERENCE, _SLOPE, _ANGLE, _SCALE = (int(kind) for kind in (Kind.DIFFERENCE, Kind.SLOPE, Kind.ANGLE, Kind.SCALE))
 _FLOOR, _LOW, _HIGH = np.float32(FLOOR), np.float32(LOWEST), np.float32(HIGHEST)
 assert HIDDEN % OUTPUTS == 0
@@ -33,9 +33,9 @@ class _Network(NamedTuple):
     """Form and its layers as the kernel reads them.
 
     table: (F, 3) int64 and shares: (F,) float32, see `Form`. base, depth, per_pixel, normal: indices of planes.
-    hidden: weights of both layers with ReLU, of each six outputs, for each input its six weights. last: of the outputs,
-    one after the other. skip: of the features in the second output. bias: of all layers. floor: (1,) zero, in memory,
-    from where it is spread over a vector. All float32, flat.
+    hidden: weights of both layers with ReLU, in blocks of six outputs, six weights per input. last: of the last layer,
+    output by output. skip: of the features in the second output. bias: of all layers. floor: (1,) zero, in memory, to
+    be broadcast over a vector. All float32, flat.
     """
 
     table: np.ndarray
@@ -56,15 +56,15 @@ def estimate(
 ) -> np.ndarray:
     """Expected error sqrt(E[e^2]), (H, W) float32, of the picture `form.shown` in each active pixel; 0 elsewhere.
 
-    planes_of: the form's planes (C, n + 2, W + 2) float32 of n rows from a first one to before a last one, with their
-    border of one pixel. active: (H, W) bool.
+    planes_of: the form's planes (C, n + 2, W + 2) float32 of rows first to last - 1, with a border of one pixel.
+    active: (H, W) bool.
     """
     network = _packed(estimators, form)
     scores = np.zeros(active.shape, np.float32)
     for first in range(0, len(active), _BAND_ROWS):
         last = min(first + _BAND_ROWS, len(active))
         planes = planes_of(first, last)
-        # A run that reaches beyond its row reads the next one, and what stands behind the last plane.
+        # A run that exceeds its row reads the next row; the last plane is padded for that.
         flat = np.concatenate([planes.ravel(), np.zeros(TILE, np.float32)])
         shape = planes.shape[1], planes.shape[2]
         run_parts(_estimate, last - first, flat, shape, active[first:last], network, scores[first:last])
@@ -75,7 +75,7 @@ def estimate_chosen(windows: np.ndarray, estimators: Estimators, form: Form) -> 
     """Expected error (N,) float32 of N pixels as `estimate` has it; windows: (C, 9, N) float32 of the form's planes."""
     count = windows.shape[2]
     scores = np.empty(count, np.float32)
-    # A run that reaches beyond the last pixel reads what stands behind the last window.
+    # A run that exceeds the last pixel reads the padding after the last window.
     flat = np.concatenate([windows.ravel(), np.zeros(TILE, np.float32)])
     run_parts(_estimate_chosen, -(-count // TILE), flat, 9 * count, _packed(estimators, form), scores)
     return scores
@@ -92,7 +92,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
         place[form.shown],
         place[Plane.DEPTH],
         place[Plane.PER_PIXEL],
-        place.get(Plane.NORMAL_X, 0),  # nobody asks where there is none
+        place.get(Plane.NORMAL_X, 0),  # unused without a network
         np.concatenate([blocks.ravel() for blocks in hidden]),
         layers[-1][0].ravel(),
         skip,
@@ -145,7 +145,8 @@ def _empty_work(network):  # type: ignore[no-untyped-def]
 
 @device
 def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-def]
-    """Estimate a run of pixels: the squared errors over the squared scales are in the first row of the third of `work`.
+    """Estimate a run of pixels: the first row of the third array of `work` gets the squared errors over the squared
+    scales.
 
     size: of a plane. at: (9,) index in a plane of the first pixel's neighbour at each place of the window.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Features of pixels and their estimate in NumPy: the reference of the compiled estimator (methods 12.1, 12.2)."""
+"""Features of pixels and their estimate in NumPy: the reference for the compiled estimator (methods 12.1, 12.2)."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def features_of(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Features (F, N) float32 of windows (C, 9, N) of `planes`, and the squared scale (N,) float32.
 
-    The scale is the mean size of the differences of luminance that a pixel knows; they are divided by it, so that the
-    same pattern looks the same at any contrast. planes: those of the form unless they are given.
+    The scale is the root mean square of the pixel's luminance differences. They are divided by it, so that features do
+    not depend on contrast. planes: those of the form unless they are given.
     """
     planes = form.planes if planes is None else planes
     there = {plane: windows[number] for number, plane in enumerate(planes)}

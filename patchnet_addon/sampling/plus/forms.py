@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Forms of the error estimator by what their pixels know, and their features as a table (methods 12.1).
+"""Forms of the error estimator by their inputs, and their features as a table (methods 12.1).
 
-A feature is made of one plane of the view: of the pixel itself or of one of the eight around it. The table is read by
-the reference (`features.py`) and by the kernel (`compiled.py`) alike.
+A feature is computed from one plane of the view, at the pixel or at one of its eight neighbours. Both the reference
+(`features.py`) and the kernel (`compiled.py`) read the table.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ import numpy as np
 CENTRE = 4
 WINDOW = tuple(range(9))  # places of the 3x3 window, row by row, the lowest first
 AROUND = tuple(place for place in WINDOW if place != CENTRE)
-# The rays of the pixels around that are next to the pixel's own 2x2: ray (lower left, lower right, ...) and place.
+# Rays of the neighbours that adjoin the pixel's own 2x2: ray (lower left, lower right, ...) and place.
 NEXT_RAYS = (
     (3, 0), (2, 1), (3, 1), (2, 2), (1, 3), (3, 3), (0, 5), (2, 5), (1, 6), (0, 7), (1, 7), (0, 8)
 )  # fmt: skip
 
 
 class Plane(IntEnum):
-    """Planes of a view that features are made of."""
+    """Planes of a view that features are computed from."""
 
     LUMINANCE = 0  # L1
     HIT = 1
-    DEPTH = 2  # axial, in cube sides; FAR where nothing is met
+    DEPTH = 2  # axial, in cube sides; FAR for a miss
     PER_PIXEL = 3  # 1 / SLOPE pixel sides, per cube side
     NORMAL_X = 4  # unit
     NORMAL_Y = 5
@@ -43,7 +43,7 @@ class Plane(IntEnum):
     BEHIND_HIT = 14
     PREDICTED = 15  # P
     FINE = 16  # luminance of the finer ray in the pixel's centre
-    OPEN = 17  # sigma L_N + (1 - sigma) times the mean luminance of the scene: P where no ray has looked behind
+    OPEN = 17  # sigma L_N + (1 - sigma) times the mean luminance of the scene: P without a ray behind the patch
     RAY_0 = 18  # luminances of 2x2 finer rays
     RAY_1 = 19
     RAY_2 = 20
@@ -54,7 +54,7 @@ NORMALS = (Plane.NORMAL_X, Plane.NORMAL_Y, Plane.NORMAL_Z)
 
 
 class Kind(IntEnum):
-    """Kinds of features, made of a plane's value v there and values in the pixel itself."""
+    """Kinds of features, computed from a plane's value v at the feature's place and values in the pixel itself."""
 
     VALUE = 0  # v
     DIFFERENCE = 1  # (v - shown luminance) / scale
@@ -63,10 +63,10 @@ class Kind(IntEnum):
     SCALE = 4  # logarithm of the scale
 
 
-SLOPE = 4.0  # pixel sides of depth that are half of the largest slope
+SLOPE = 4.0  # pixel sides of depth that give half of the largest slope
 FAR = 1.0e6  # cube sides: depth of a miss
-BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where rays tell more
-HIDDEN_BEHIND = 0.01  # the same of what lies behind, which most patches hide
+BESIDE_RAYS = 0.1  # weight of the network's luminance in the squared scale where there are rays
+HIDDEN_BEHIND = 0.01  # the same for the luminance behind, which most patches hide
 FLOOR = 1.0e-5  # of the squared scale: differences below 0.003 are noise
 
 
@@ -84,10 +84,10 @@ class Feature:
 class Form:
     """Form of the estimator.
 
-    name: of its network in files. network: whether it sees what PatchNet says. rays: further finer rays that it
-    sees in a pixel, 0, 1 or 4 (2x2). behind: whether it also sees what lies behind the patch. surface: whether it sees
-    normals and children of voxels. shown: plane of the picture whose error it estimates, LUMINANCE or PREDICTED;
-    differences of luminance are those to its pixel.
+    name: of its network in files. network: whether PatchNet's prediction is an input. rays: finer rays per pixel among
+    its inputs, 0, 1 or 4 (2x2). behind: whether the luminance behind the patch is an input. surface: whether normals
+    and children of voxels are. shown: plane of the picture whose error it estimates, LUMINANCE or PREDICTED; luminance
+    differences are relative to its pixel.
     """
 
     name: str
@@ -105,14 +105,14 @@ class Form:
 
     @cached_property
     def planes(self) -> tuple[Plane, ...]:
-        """Planes that the features are made of, in rising order."""
+        """Planes of the features, in rising order."""
         found = {feature.plane for feature in self.features} | {self.shown, Plane.DEPTH, Plane.PER_PIXEL}
         found |= set(NORMALS) if self.surface else set()
         return tuple(sorted(found))
 
     @cached_property
     def of_pixels(self) -> frozenset[Plane]:
-        """Planes that are read in the pixels themselves alone, nowhere else in their windows."""
+        """Planes read only at the pixels themselves, not elsewhere in their windows."""
         around = {feature.plane for feature in self.features if feature.place != CENTRE}
         around |= set(NORMALS) if any(feature.kind == Kind.ANGLE for feature in self.features) else set()
         return frozenset(self.planes) - around
@@ -130,7 +130,7 @@ class Form:
 
     @property
     def description(self) -> str:
-        """Features in words, which a file of weights states."""
+        """Features in words, stored in a file of weights."""
         parts = [
             f"{feature.kind.name} {feature.plane.name} {feature.place} {feature.share:.4g}" for feature in self.features
         ]
@@ -138,7 +138,7 @@ class Form:
 
 
 def _differences(*where: tuple[Plane, int], weight: float = 1.0) -> Iterator[Feature]:
-    """Differences of luminance that belong together: the mean of their squares is a part of the squared scale."""
+    """Group of luminance differences: the mean of their squares is a part of the squared scale."""
     for plane, place in where:
         yield Feature(Kind.DIFFERENCE, plane, place, weight / len(where))
 

@@ -22,15 +22,15 @@ HIDDEN = 36  # a multiple of the outputs that the compiled layers sum at once
 
 
 def layer_sizes(form: Form) -> tuple[int, ...]:
-    """Values between the layers of a form's network, its features first, its two outputs last."""
+    """Widths of a form's network: its features first, its two outputs last."""
     return (len(form.features), HIDDEN, HIDDEN, 2)
 
 
 class Network(NamedTuple):
     """Network of a form: linear layers with ReLU between them, of sizes `layer_sizes`.
 
-    Outputs: logarithm of the variance, and mean of the error, both over the scale. skip: (F,) float32, linear terms of
-    the features in the mean.
+    Outputs: logarithm of the variance, and mean of the error, both divided by the scale. skip: (F,) float32, linear
+    terms of the features in the mean.
     """
 
     layers: tuple[Layer, ...]
@@ -49,7 +49,7 @@ class Estimators:
 
     @cached_property
     def hash(self) -> str:
-        """Hash of all values: results name the weights they were made with."""
+        """Hash of all values, by which results name their weights."""
         return content_hash(self.arrays())
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -79,16 +79,16 @@ def load_estimators(path: str | Path) -> Estimators:
 
 
 def with_estimators(weights: Weights, estimators: Estimators) -> Weights:
-    """PatchNet's weights with estimators that have learned from them, to be kept in one file."""
+    """PatchNet's weights with the estimators trained on them, for one file."""
     plus = estimators.metadata | {"features": _features()}
     return replace(weights, plus=estimators.arrays(), metadata=weights.metadata | {"plus": plus})
 
 
-_of_weights: WeakKeyDictionary[Weights, Estimators] = WeakKeyDictionary()  # which go with their weights
+_of_weights: WeakKeyDictionary[Weights, Estimators] = WeakKeyDictionary()  # which belong to their weights
 
 
 def estimators_of(weights: Weights | None) -> Estimators:
-    """Estimators that came with PatchNet's weights, else those that are shipped; raises WeightsFileError."""
+    """Estimators of the PatchNet weights file, else the shipped ones; raises WeightsFileError."""
     if weights is None or not weights.plus:
         return shipped_estimators()
     if weights not in _of_weights:
@@ -102,7 +102,7 @@ def _features() -> dict[str, str]:
 
 
 def _checked(arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], path: str) -> Estimators:
-    """Estimators of the features that this version has; raises WeightsFileError. path: what they are called."""
+    """Estimators with the features of this version; raises WeightsFileError. path: their name in errors."""
     stated = metadata.pop("features", {})
     for name, form in FORMS.items():
         if stated.get(name) != form.description:
@@ -120,12 +120,12 @@ def _checked(arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], path: s
 
 @cache
 def shipped_estimators() -> Estimators:
-    """Estimators that are shipped, read once."""
+    """Shipped estimators, read once."""
     return load_estimators(shipped_path())
 
 
 def shipped_path() -> Path:
-    """File of the estimators that are shipped."""
+    """File of the shipped estimators."""
     return Path(__file__).parent / "weights" / "plus.safetensors"
 
 
