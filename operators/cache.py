@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
 
-Only files that look like those are counted and deleted. A user may have chosen a folder that holds other things.
+Only such files are counted and deleted, as the user's folder may hold others.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import contextlib
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import bpy
@@ -19,7 +18,7 @@ from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, user_
 from .jobs.polls import no_job_runs
 from .properties.preferences import apply_preferences, kept
 
-# Paths of our files in each folder of the cache: hashes, and names that are like no others.
+# Patterns of PatchNet's file names in each folder of the cache.
 _FILES = {
     KERNELS: re.compile(r"[0-9a-f]{16}/([a-z]+-[0-9a-f]{16}|.+\.nb[ic])"),  # with the marks of `compiled_mark`
     BAKES: re.compile(r"[0-9a-f]{32}/\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?"),
@@ -27,35 +26,21 @@ _FILES = {
 }
 
 
-@dataclass(frozen=True)
-class CacheSize:
-    """Bytes of compiled kernels, of pages of bakes, and of finished octrees with their codes."""
-
-    kernels: int
-    bakes: int
-    octrees: int
-
-    @property
-    def total(self) -> int:
-        """Bytes of all."""
-        return self.kernels + self.bakes + self.octrees
-
-    def text(self) -> str:
-        """Sizes in words."""
-        parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in asdict(self).items())
-        return f"{self.total / 2**20:.1f} MiB: {parts}"
+def cache_size(root: Path) -> dict[str, int]:
+    """Bytes of kernels, bakes and octrees in `root`, by folder."""
+    return {name: sum(map(_size, _files(root / name))) for name in _FILES}
 
 
-def cache_size(root: Path) -> CacheSize:
-    """Size of what is ours in `root`."""
-    return CacheSize(*(sum(map(_size, _files(root / name))) for name in (KERNELS, BAKES, OCTREES)))
+def size_text(sizes: dict[str, int]) -> str:
+    """Sizes of `cache_size` in words."""
+    parts = ", ".join(f"{name} {value / 2**20:.1f}" for name, value in sizes.items())
+    return f"{sum(sizes.values()) / 2**20:.1f} MiB: {parts}"
 
 
 def clear_cache(root: Path) -> int:
-    """Delete what is ours, and folders that are empty then; the bytes that were freed.
+    """Delete PatchNet's files and empty folders; return the freed bytes.
 
-    Nothing breaks: kernels are compiled again at the next start, a bake that runs elsewhere bakes its pages again, and
-    octrees that are open stay so.
+    Kernels compile again at the next start, bakes in other processes bake their pages again, open octrees stay open.
     """
     freed = 0
     for name in _FILES:
@@ -71,9 +56,9 @@ def clear_cache(root: Path) -> int:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Our files in a folder of the cache; links are not followed.
+    """PatchNet's files in a folder of the cache, without links.
 
-    Marks come before the kernels that they speak of: whoever deletes all and is stopped leaves no false ones.
+    Marks come before their kernels, so that a stopped deletion leaves no false marks.
     """
     for where, _, names in [] if folder.is_symlink() else os.walk(folder):
         for path in sorted(Path(where, name) for name in names):
@@ -98,7 +83,7 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure, and keep the text."""
         apply_preferences(context)
-        kept.cache = cache_size(user_cache_folder()).text()
+        kept.cache = size_text(cache_size(user_cache_folder()))
         self.report({"INFO"}, f"Cache: {kept.cache}")
         return {"FINISHED"}
 
@@ -124,6 +109,6 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         apply_preferences(context)
         root = user_cache_folder()
         freed = clear_cache(root)
-        kept.cache = cache_size(root).text()
+        kept.cache = size_text(cache_size(root))
         self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
         return {"FINISHED"}

@@ -24,7 +24,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Require something to free that no job works on."""
+        """Require results, and no job."""
         if results.result_of(context.scene) is None:
             cls.poll_message_set("There are no results to free")
             return False
@@ -37,6 +37,6 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         for image in filter(is_own, bpy.data.images):
             free_copies(image)
         give_back()
-        if not bpy.app.background:  # viewports let go of their pictures when they are drawn again
+        if not bpy.app.background:  # viewports free their pictures at the next redraw
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)
         return {"FINISHED"}

@@ -57,7 +57,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def check(self, _context: bpy.types.Context) -> bool:
-        """Match format and ending in the file browser: the one that was chosen or typed changes the other."""
+        """Match format and ending in the file browser: a change of one changes the other."""
         before = (self.filepath, self.format)
         if self.format == self._shown and self._ending():
             self.format = self._ending()
@@ -68,7 +68,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         return (self.filepath, self.format) != before
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Export now, or start the export with progress once the file browser was answered."""
+        """Export now, or start the export with progress after the file browser."""
         if not self._asked:
             return super().execute(context)
         level = setting(context, self, "level")
@@ -90,7 +90,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         level = setting(context, self, "level") or octree.depth
         path = absolute_path(self.filepath)
         if path is None:
-            raise SettingError("There is no file to write: give a path that ends in .ply, .vdb, .npz or .safetensors")
+            raise SettingError("No file to write: choose a path that ends in .ply, .vdb, .npz or .safetensors")
         check_outputs({path: format_of(path).kind}, scene_inputs(), makes_folders=False)
         self._file = path
         count = yield from export_octree(octree, path, level)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..patchnet_addon.octree.octree import Octree
     from .state.scene_state import SceneState
 
-_CODES = "codes.safetensors"  # beside the octree, where a job wrote both
+_CODES = "codes.safetensors"  # beside the octree, written by the same job
 _OTHER = "the file was made of another scene, or of this one before it was changed"
 
 
@@ -70,7 +70,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
         path = absolute_path(self.filepath)
         if path is None:
-            raise SettingError("There is no file to load: give an octree's, which ends in .safetensors")
+            raise SettingError("No file to load: choose an octree file, which ends in .safetensors")
         weights = load_network(settings.network)
         loading = Progress(0, 1, "Loading the octree")
         octree, coded, problem = yield from computed(lambda: _loaded(path, weights), loading)
@@ -87,7 +87,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
 
 
 def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, str]:
-    """Load the octree, its codes if there are any for these weights, and why not if they are for others."""
+    """Load the octree and its codes, with a sentence if these are of other weights."""
     from ..patchnet_addon.codes.file import load_codes
     from ..patchnet_addon.octree.file import load_octree
 
@@ -101,7 +101,7 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
 
 
 def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene: bpy.types.Scene) -> SceneResult:
-    """Result of an octree's file, by its own words. It is taken to fit a scene that it says nothing of."""
+    """Result of an octree's file. A file without a state of a scene counts as fitting."""
     from .schema.table import VISIBLE
 
     provenance = octree.provenance
@@ -114,10 +114,11 @@ def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene:
         state=state,
     )
     if provenance.get("scene_state", state.identity()) != state.identity():
+        made.state = None  # no comparison is possible
         for step in ("surface", "light"):
             made.mark(step, _OTHER)
     else:
-        look_again(made, scene)  # at the camera that gloss is seen from
+        look_again(made, scene)  # from the camera of the gloss
     return made
 
 

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Iterable, Iterator, Sequence
 from types import ModuleType
+from typing import Any
 
 import bpy
 
@@ -36,7 +38,7 @@ from .scene_access import bake_operator, overrides, temporary, unread_file
 from .session import octree_cache, scene_session, staleness, world_maps
 from .ui import presets_menu
 
-# Have register() and unregister() of their own.
+# Have HANDLERS, names and functions for `bpy.app.handlers`, or register() or unregister(), or all of these.
 _BEFORE = (
     preferences,
     properties,
@@ -54,7 +56,8 @@ _BEFORE = (
     copy_diagnostics,
     add_demo_scene,
 )
-_OPERATORS: tuple[ModuleType, ...] = (
+_AFTER = (overlay, render_engine)
+_OPERATORS = (
     voxelize_objects,
     bake_light,
     precompute_codes,
@@ -84,26 +87,45 @@ def _operators_of(module: ModuleType) -> list[type]:
 _CLASSES = (*(item for module in _OPERATORS for item in _operators_of(module)), *ui.CLASSES)
 
 
+def _handlers_of(module: ModuleType) -> Iterator[tuple[list[Any], Any]]:
+    """Blender's lists of handlers, those that this version has, and the module's functions in them."""
+    for name, function in getattr(module, "HANDLERS", ()):
+        if hasattr(bpy.app.handlers, name):
+            yield getattr(bpy.app.handlers, name), function
+
+
+def _register(modules: Iterable[ModuleType]) -> None:
+    for module in modules:
+        for handlers, function in _handlers_of(module):
+            handlers.append(function)
+        if hasattr(module, "register"):
+            module.register()
+
+
+def _unregister(modules: Sequence[ModuleType]) -> None:
+    for module in reversed(modules):
+        for handlers, function in _handlers_of(module):
+            handlers.remove(function)
+        if hasattr(module, "unregister"):
+            module.unregister()
+
+
 def register() -> None:
-    """Make everything known to Blender."""
-    for module in _BEFORE:
-        module.register()
+    """Register everything with Blender."""
+    _register(_BEFORE)
     for item in _CLASSES:
         bpy.utils.register_class(item)
-    overlay.register()
-    render_engine.register()
-    # Blender disables its extensions before it exits. Whatever else is still registered then makes it hang.
+    _register(_AFTER)
+    # Blender disables extensions before it exits. As a module it hangs on classes that are still registered.
     if not preferences.IS_EXTENSION:
         atexit.register(unregister)
 
 
 def unregister() -> None:
-    """Forget everything, last first, once the job that works now has ended: it needs what is forgotten."""
+    """Unregister everything in reverse order, after the end of a job that works, which needs it."""
     atexit.unregister(unregister)
     job_operator.stop_running_job()
-    render_engine.unregister()
-    overlay.unregister()
+    _unregister(_AFTER)
     for item in reversed(_CLASSES):
         bpy.utils.unregister_class(item)
-    for module in reversed(_BEFORE):
-        module.unregister()
+    _unregister(_BEFORE)

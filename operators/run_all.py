@@ -31,7 +31,7 @@ class PATCHNET_OT_run_all(JobProperties, JobOperator, bpy.types.Operator):
     bl_label = "Preview Selection"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Run of the job what is stale, keep its results, show the first camera's pictures."""
+        """Run stale steps of the job, keep the results, show the first camera's pictures."""
         from .pipeline.lit_octree import cameras_key
         from .pipeline.run import run_job
 
@@ -60,15 +60,17 @@ class PATCHNET_OT_run_all(JobProperties, JobOperator, bpy.types.Operator):
         made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
         results.keep(scene, made, *steps, settings=settings)
         overlay.show(context, result.views, settings.view)
-        errors = "" if first.errors is None else "; {}: error x 10,000 {} -> {}".format(
-            first.camera.name, *map(error_text, first.errors)
+        errors = (
+            ""
+            if first.errors is None
+            else "; {}: error x 10,000 {} -> {}".format(first.camera.name, *map(error_text, first.errors))
         )
         where = f", files in {settings.out}" if settings.out else ""
         return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, made.all_notes)}"
 
 
 def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
-    """Sentence if other objects are selected than have voxels, else ""; what has no surface is no choice of another."""
+    """Sentence if selection and voxels differ, else ""; selected objects without a surface do not count."""
     from .state.scene_state import with_surface
 
     if result.state is None:
@@ -78,11 +80,11 @@ def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
     if not selected or selected == before:
         return ""
     count = counted(len(selected), "selected object")
-    return f"Voxels of {count} are there now, of {len(before)} before: choose Objects: Visible for all"
+    return f"The voxels are of {count} now, of {len(before)} before: choose Objects: Visible for all"
 
 
 def _checked(result: SceneResult | None, scene: bpy.types.Scene) -> SceneResult | None:
-    """Compare a result with the scene; None of one that nobody knows what it was made of."""
+    """Compare a result with the scene; None if its scene is unknown."""
     if result is None or result.state is None:
         return None
     look_again(result, scene)
@@ -90,13 +92,13 @@ def _checked(result: SceneResult | None, scene: bpy.types.Scene) -> SceneResult 
 
 
 def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
-    """What need not be made again of what is there; None where voxels have to be."""
+    """Reusable part of the result; None if voxels have to be made."""
     from .pipeline.lit_octree import cameras_key
     from .pipeline.run import Before
 
     scene = context.scene
     result = _checked(results.result_of(scene), scene)
-    if result is None or result.stale:  # the scene may be as it was once before
+    if result is None or result.stale:  # an earlier state of the scene may be back
         result = _checked(octree_cache.found_on_disk(scene), scene) or result
     if result is None:
         return None

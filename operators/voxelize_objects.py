@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operator that voxelizes objects to an octree that shows their own colour."""
+"""Operator that voxelizes objects to an octree of their own colour."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bp
     bl_label = "Voxelize"
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Build the octree in the surface's own colour, and keep it."""
+        """Build and keep the octree in the surface's own colour."""
         from .pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_key
 
         clock = StageClock()

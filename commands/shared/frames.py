@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.frames import frame_range, parse_frames
 from .lines import say_note, say_result
-from .scene_argument import opened_file
 
 if TYPE_CHECKING:
     from ...operators.animation.animation import AnimationResult
@@ -50,7 +49,7 @@ def bake_with_bars(args: argparse.Namespace, maker: FrameMaker, out: Path) -> An
 
     scene = bpy.context.scene
     frames = parse_frames(args.frames, frame_range(scene.frame_start, scene.frame_end, scene.frame_step))
-    plan = FramePlan(frames, out, args.overwrite, args.same_grid, opened_file(args.scene))
+    plan = FramePlan(frames, out, args.overwrite, args.same_grid)
     with quiet_stdout(), ProgressBars() as bars:
         return drain(bake_frames(bpy.context, maker, plan), bars.show)
 

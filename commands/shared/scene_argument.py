@@ -43,13 +43,6 @@ def open_given(scene: Path | str | None) -> None:
             open_scene(path)
 
 
-def opened_file(scene: Path | None) -> Path | None:
-    """Path of the .blend file that was just opened; a scene that was open before may have been changed by a script."""
-    from ...operators.scene.files import is_blend
-
-    return scene if scene is not None and is_blend(scene) else None
-
-
 def open_or_build(scene: str | None) -> None:
     """Open the scene's file, or build one of OWN in an empty file."""
     import bpy

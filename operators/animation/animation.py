@@ -36,7 +36,6 @@ from .frame_record import (
     FrameRecord,
     content_key,
     discard,
-    file_key,
     files_in,
     frame_folder,
     read_record,
@@ -45,7 +44,7 @@ from .frame_record import (
 
 
 def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bool]:
-    """Test that no frame has a light, so that sun and sky are needed: not in the dark frames of a scene with lamps."""
+    """Return whether no frame has light, so that sun and sky are added; dark frames of a scene with lamps get none."""
     for done, frame in enumerate(frames):
         yield Progress(done, len(frames), "Looking for light")
         go_to_frame(context.scene, frame)
@@ -55,9 +54,9 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
 
 
 def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMaker) -> Steps[tuple[Bounds, int | None]]:
-    """Bounds around the surface at all frames, and the depth over them that the most demanding frame needs.
+    """Bounds around the surface at all frames, and the depth that the most demanding frame needs.
 
-    The depth is None where settings say it. It is the next smaller one where memory bounds a frame.
+    The depth is None if settings give it, and rounded down if memory limits a frame.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     sides: list[float] = []
@@ -85,24 +84,22 @@ def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMak
 class FramePlan:
     """Plan of the frames and their folders.
 
-    overwrite: make frames that are there, too. one_grid: the octrees of all frames have the same cube and depth.
-    scene_file: .blend file that was just opened, and not changed since; None if that is not known.
+    overwrite: make finished frames again. one_grid: the octrees of all frames have the same cube and depth.
     """
 
     frames: tuple[int, ...]
     out: Path
     overwrite: bool = False
     one_grid: bool = False
-    scene_file: Path | None = None
 
     def __post_init__(self) -> None:
         if not self.frames:
-            raise SettingError("There is no frame to bake: give at least one")
+            raise SettingError("No frames to bake: give at least one")
 
 
 @dataclass
 class AnimationResult:
-    """Result by frame: those made, those that were there, figures of all, and warnings with the frame they are from."""
+    """Frames that were made and skipped, figures of all frames, and warnings with their frames."""
 
     made: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
@@ -117,10 +114,9 @@ class AnimationResult:
 
 
 def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
-    """Make the frames that are not there; what is made of one is freed before the next.
+    """Make the missing frames; each is freed before the next.
 
-    The scene is at its own frame again afterwards, on errors and when closed, too; frames that are finished by then
-    stay. Raises PatchNetError that names the frame.
+    Afterwards, the scene's frame is restored; finished frames stay. Raises PatchNetError that names the frame.
     """
     files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
     check_outputs(_all_files(plan, files), inputs, folder=plan.out)
@@ -140,12 +136,12 @@ def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) 
 
 
 def _before_all(steps: Steps[Result]) -> Steps[Result]:
-    """Pass on steps before the first frame: nothing of the whole is done meanwhile."""
+    """Report steps before the first frame as 0 % of the animation."""
     return changed(steps, lambda report: replace(report, whole=0.0))
 
 
 def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
-    """Files of an animation that are not there as we wrote them, all of them; `files` are those of a frame."""
+    """Files of all frames without a valid record; `files` are those of one frame."""
     folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
     return {plan.out / REPORT_NAME: REPORT} | {
         folder / name: kind for folder in folders for name, kind in files.items()
@@ -153,22 +149,22 @@ def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, Fil
 
 
 class _Animation:
-    """Bake of frames, with what is common to those that are still to come.
+    """Bake of frames, with the settings that they share.
 
-    One of them, the reference, chooses the exposure for all where none was given: else a lamp that goes down would
-    darken nothing. Of frames that are there it is the one that did so for them.
+    If no exposure is given, one frame, the reference, chooses it for all: otherwise, a dimmed lamp would not darken
+    pictures. Finished frames keep their reference.
     """
 
     def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: SharedSettings) -> None:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
-        # Likely to be made are all frames that have no record.
+        # Frames without a record are likely to be made.
         self._time = FramesEta(sum(plan.overwrite or self._record(frame) is None for frame in plan.frames))
         self.result = AnimationResult()
 
     def find_reference(self) -> Steps[None]:
-        """Choose the frame whose exposure all frames take."""
+        """Choose the frame whose exposure all frames use."""
         if self._maker.exposure is not None:
             return
         self._reference = self._plan.frames[0]
@@ -176,8 +172,8 @@ class _Animation:
         if self._plan.overwrite or before is None or (record := self._record(before)) is None:
             return
         yield Progress(0, 1, f"Looking at frame {before}")
-        with suppress(PatchNetError):  # the frame may be empty by now
-            if self._fits(before, record) or record.content == self._content(before):
+        with suppress(PatchNetError):  # the frame may have no surface any more
+            if record.content == self._content(before):
                 self._reference = before
                 self._set_exposure(record.summary)
 
@@ -186,15 +182,13 @@ class _Animation:
         record = None if self._plan.overwrite else self._record(frame)
         number = f"Frame {frame}, {self._plan.frames.index(frame) + 1} of {len(self._plan.frames)}"
         with errors_of_frame(frame):
-            if record is None or not self._fits(frame, record):
-                yield self._at(frame, number, "Looking at the scene")
-                content = self._content(frame)
-                if record is None or record.content != content:
-                    if record is not None:
-                        self._time.one_more()
-                    yield from self._make(frame, content, number)
-                    return
-                write_record(frame_folder(self._plan.out, frame), replace(record, file=self._file_key(frame)))
+            yield self._at(frame, number, "Looking at the scene")
+            content = self._content(frame)
+            if record is None or record.content != content:
+                if record is not None:
+                    self._time.one_more()
+                yield from self._make(frame, content, number)
+                return
             yield self._at(frame, f"Frame {frame} is there", "skipped")
             self.result.skipped.append(frame)
             self._done(frame, record.summary)
@@ -213,7 +207,7 @@ class _Animation:
             summary = yield from changed(steps, counted_in)
             written = files_in(temporary)
             discard(folder, inputs)
-        write_record(folder, FrameRecord(frame, content, self._file_key(frame), written, summary))
+        write_record(folder, FrameRecord(frame, content, written, summary))
         self._time.end()
         self.result.made.append(frame)
         self._done(frame, summary)
@@ -237,21 +231,13 @@ class _Animation:
         record = read_record(frame_folder(self._plan.out, frame))
         return record if record is not None and "exposure" in record.summary else None
 
-    def _fits(self, frame: int, record: FrameRecord) -> bool:
-        """Return whether files alone say that the frame would become what it is."""
-        return self._plan.scene_file is not None and record.file == self._file_key(frame)
-
-    def _file_key(self, frame: int) -> str:
-        path = self._plan.scene_file
-        return "" if path is None else file_key(path, self._maker.settings_text(self._common_of(frame)), frame)
-
     def _content(self, frame: int) -> str:
-        """Key of a frame, which the scene is at from now on."""
+        """Set the frame of the scene, and return its key."""
         go_to_frame(self._context.scene, frame)
         return content_key(self._context, self._maker.scope, self._maker.settings_text(self._common_of(frame)))
 
     def write_report(self, *, complete: bool) -> None:
-        """Write the report of what is there by now; raises PatchNetError."""
+        """Write the report of all finished frames; raises PatchNetError."""
         common, out = self._common, self._plan.out
         self.result.warnings = _warnings(self._summaries)
         self.result.report = {
@@ -272,7 +258,7 @@ class _Animation:
 
 
 def _reference_of(out: Path) -> int | None:
-    """Frame that an earlier call took the exposure from."""
+    """Frame that chose the exposure in an earlier call."""
     try:
         number = json.loads((out / REPORT_NAME).read_text(encoding="utf-8"))["reference"]
     except (OSError, ValueError, TypeError, KeyError):
@@ -281,7 +267,7 @@ def _reference_of(out: Path) -> int | None:
 
 
 def _warnings(summaries: dict[int, dict[str, Any]]) -> tuple[str, ...]:
-    """List each warning once, with the frames that it is about."""
+    """List each warning once, with its frames."""
     frames: dict[str, list[int]] = {}
     for frame, summary in sorted(summaries.items()):
         for text in summary.get("warnings", ()):

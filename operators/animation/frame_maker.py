@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makers of the files of one frame, by the whole job or an octree alone, and the values that all frames share."""
+"""Makers of the files of one frame, by the whole job or an octree alone, and settings that frames share."""
 
 from __future__ import annotations
 
@@ -28,11 +28,10 @@ from ..settings.job_settings import JobSettings
 
 @dataclass(frozen=True)
 class SharedSettings:
-    """Values that frames share, so that their pictures do not flicker.
+    """Settings that frames share, so that their pictures do not flicker.
 
-    exposure: factor on luminance; None where the frame chooses it, for all others.
-    daylight: whether sun and sky are added; None where the light is not baked.
-    bounds, depth: of the one grid, None where each frame has its own.
+    exposure: factor on luminance; None if the frame chooses it for all others. daylight: whether sun and sky are added;
+    None without a bake. bounds, depth: of one grid for all frames, None for a grid per frame.
     """
 
     exposure: float | None = None
@@ -42,9 +41,9 @@ class SharedSettings:
 
 
 class FrameMaker(ABC):
-    """Maker of frames; the scene is at the frame in question whenever a method is called.
+    """Maker of frames; the scene is at the frame when a method is called.
 
-    scope: which objects. exposure: as it was given, None if it is to be chosen. bakes: whether Cycles computes light.
+    scope: of objects. exposure: as given, None for automatic. bakes: whether Cycles computes the light.
     """
 
     def __init__(self, settings: JobSettings) -> None:
@@ -57,18 +56,18 @@ class FrameMaker(ABC):
 
     @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of each file that may be made at any frame, by its path in the frame's folder; raises SceneError."""
+        """Kind of each file of any frame, by its path in the frame's folder; raises SceneError."""
 
     def inputs(self) -> list[Path]:
-        """Files that are read: they are never replaced."""
+        """Input files, which are never replaced."""
         return list(scene_inputs())
 
     @abstractmethod
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Write the frame's files into `folder`; the result is its summary, with "exposure" and "warnings"."""
+        """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
 
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
-        """Side of the voxels that this frame needs, and whether memory bounds it; None if settings say it."""
+        """Side of the voxels that this frame needs, and whether memory limits it; None if settings give it."""
         yield from ()
         return None
 
@@ -77,7 +76,7 @@ class FrameMaker(ABC):
 
 
 class JobMaker(FrameMaker):
-    """Maker of frames by the whole job, with pictures: what `run` does."""
+    """Maker of frames by the whole job, as `patchnet run`."""
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
@@ -90,13 +89,13 @@ class JobMaker(FrameMaker):
         return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.whole_hash} {self._painted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Pictures of the cameras that are named, or of all that are the active one at some frame."""
+        """Pictures of the named cameras, or of all cameras that are active at some frame."""
         wanted = self._settings.view
         folders = view_folders(context.scene, wanted.cameras or _active_cameras(context.scene)).values()
         return job_files(folders, wanted.cycles, reference=wanted.has_reference)
 
     def inputs(self) -> list[Path]:
-        """Files that are read, with weights and a painted mask."""
+        """Input files, with weights and a painted mask."""
         return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
@@ -107,7 +106,7 @@ class JobMaker(FrameMaker):
         return _summary(result)
 
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
-        """Side of the voxels by the cameras, where the depth is theirs to say."""
+        """Side of the voxels that the cameras need, unless the depth is given."""
         settings = self._settings
         if settings.surface.has_given_depth or settings.surface.fit:
             return None
@@ -123,7 +122,7 @@ class JobMaker(FrameMaker):
 
 
 def _active_cameras(scene: bpy.types.Scene) -> list[str]:
-    """Active camera, and those that markers make it."""
+    """Active camera, and cameras of markers."""
     cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
     return [name for camera in cameras if (name := camera_name(scene, camera))]
 
@@ -151,18 +150,18 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
 
 
 class OctreeMaker(FrameMaker):
-    """Makes lit octrees alone, by settings and a overrides; `wanted` is all that the overrides depends on, as text."""
+    """Maker of lit octrees alone, by settings and overrides; `wanted`: all inputs of the overrides, as text."""
 
     def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
         super().__init__(settings)
         self._overrides, self._wanted = overrides, wanted
 
     def settings_text(self, common: SharedSettings) -> str:
-        """Settings that the octree depends on."""
+        """Text of the settings of the octree."""
         return f"{self._of_frame(common)!r} {self._wanted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of the only file."""
+        """Kind of the octree file."""
         return {OCTREE_NAME: OCTREE}
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
@@ -187,4 +186,3 @@ class OctreeMaker(FrameMaker):
         if made.layout is None or self._overrides.cameras is None:
             return []
         return why_unseen_by(made.octree, self._overrides.cameras())
-

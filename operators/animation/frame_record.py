@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Record in a frame's folder of the files that were made, and keys that tell whether they would be made alike now."""
+"""Record of the files in a frame's folder, with a key that tells whether they are up to date."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from ...patchnet_addon.runtime.outputs import identities, identity
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ..pipeline.reports import is_inside, write_json
 from ..scene.fingerprint import SceneFingerprint, composed
-from ..state.digest import Digest
 
 RECORD_NAME = "frame.json"
-# What makes results, and what it imports; a worker is a program of its own.
+# Modules that make results; their imports count, too.
 _CODE = (
     "operators.animation.animation", "operators.animation.frame_maker",
     "operators.pipeline.run", "operators.voxelize_objects", "operators.bake_light", "operators.precompute_codes",
-    "operators.load_octree", "patchnet_addon.network.torch_worker",
+    "operators.load_octree",
 )  # fmt: skip
 
 
@@ -32,13 +31,12 @@ _CODE = (
 class FrameRecord:
     """Record of a finished frame.
 
-    content: `content_key`. file: `file_key`, or "" where no file is known to hold the scene.
-    files: bytes of each file by its path in the folder. summary: figures for the report of the animation.
+    content: `content_key`. files: bytes of each file by its path in the folder. summary: figures for the report of the
+    animation.
     """
 
     frame: int
     content: str
-    file: str
     files: dict[str, int]
     summary: dict[str, Any]
 
@@ -56,7 +54,7 @@ def files_in(folder: Path) -> dict[str, int]:
 
 
 def read_record(folder: Path) -> FrameRecord | None:
-    """Read the record of the frame in `folder`, or None if it is not there as a whole."""
+    """Read the record of the frame in `folder`; None if a file is missing."""
     try:
         record = FrameRecord(**json.loads((folder / RECORD_NAME).read_text(encoding="utf-8")))
         there = all((folder / name).stat().st_size == size for name, size in record.files.items())
@@ -66,14 +64,14 @@ def read_record(folder: Path) -> FrameRecord | None:
 
 
 def write_record(folder: Path, record: FrameRecord) -> None:
-    """Record that the frame is finished, from now on; raises OutputError if it cannot be written."""
+    """Write the record of a finished frame; raises OutputError."""
     write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
 
 
 def discard(folder: Path, inputs: Iterable[Path]) -> None:
-    """Take away what an earlier frame left in `folder`, its note first, so that nothing of it is taken for new.
+    """Remove the files of an earlier frame from `folder`, its record first.
 
-    Files that it did not write stay, and those of `inputs`. Raises OSError.
+    Other files and those of `inputs` stay. Raises OSError.
     """
     record, keep = read_record(folder), identities(inputs)
     (folder / RECORD_NAME).unlink(missing_ok=True)
@@ -88,27 +86,15 @@ def discard(folder: Path, inputs: Iterable[Path]) -> None:
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
     """32 hex digits over settings and all of the scene, as it is at its present frame, that a frame's files depend on.
 
-    It sees changes that were not saved, and no change where only other frames differ. Which machine computes does not
-    count. What the fingerprint does not see is not seen here. Raises as `read_scene` does.
+    Unsaved changes count; changes of other frames and the machine do not. It has the limits of the fingerprint. Raises
+    as `read_scene` does.
     """
     surface = SceneFingerprint(context.evaluated_depsgraph_get()).surface(scope)
-    scene = SceneFingerprint(context.evaluated_depsgraph_get())  # reading may have evaluated anew
+    scene = SceneFingerprint(context.evaluated_depsgraph_get())  # reading may have evaluated it again
     return composed(code_hash(), bpy.app.version_string, settings, surface, scene.scene(), scene.cameras())
-
-
-def file_key(scene_file: Path, settings: str, frame: int) -> str:
-    """32 hex digits over settings, frame, and size and time of a .blend file that is open and of all that it names.
-
-    Quicker than `content_key`: equal keys mean an equal frame, others mean nothing.
-    """
-    digest = Digest()
-    digest.text(code_hash(), bpy.app.version_string, settings, frame)
-    for path in (str(scene_file.absolute()), *sorted(bpy.utils.blend_paths(absolute=True))):
-        digest.file(path)
-    return digest.hexdigest()
 
 
 @cache
 def code_hash() -> str:
-    """Hash of the code that makes results: another version does not mix its results with those of this one."""
+    """Hash of the code that makes results, so that versions do not mix their results."""
     return source_hash(*_CODE)

@@ -39,14 +39,14 @@ def world_color(world: bpy.types.World | None) -> np.ndarray | None:
 
 
 _UNSEEN = "Black is shown behind objects: {}"
-DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # sky of ours, where the scene has no light
+DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # of a scene without light
 
 
 class SeenWorld(NamedTuple):
-    """World that cameras see, as long as the scene does not change.
+    """World as cameras see it, until the scene changes.
 
-    color: scene-linear (3,) if it is one colour everywhere, else None. world: the evaluated one, None for none.
-    frame: that it is seen at, and the part of it that has passed.
+    color: scene-linear (3,) if it is uniform, else None. world: the evaluated one, None without one. frame: frame and
+    subframe.
     """
 
     color: np.ndarray | None
@@ -57,8 +57,8 @@ class SeenWorld(NamedTuple):
 class Background(NamedTuple):
     """Background of a picture.
 
-    light: (P, 3) or (3,) float32, scene-linear and unexposed; None where film is transparent.
-    warnings: why the world is not there.
+    light: (P, 3) or (3,) float32, scene-linear and unexposed; None for a transparent film. warnings: why the world is
+    missing.
     """
 
     light: np.ndarray | None
@@ -69,10 +69,10 @@ BLACK_GROUND = Background(BLACK)
 
 
 def seen_world(depsgraph: bpy.types.Depsgraph, *, baked: bool, daylight: bool | None = None) -> SeenWorld:
-    """World of an evaluated scene, that of its view layer if there is one.
+    """World of an evaluated scene, or the override of its view layer.
 
-    baked: whether Cycles lights the voxels; then a scene without light shows the sky that it was lit with. daylight:
-    whether there is one; None finds out.
+    baked: whether Cycles lights the voxels; a scene without light then shows the sky of its bake. daylight: whether the
+    scene was lit by it; None tests the scene.
     """
     scene = depsgraph.scene
     frame = scene.frame_current, scene.frame_subframe
@@ -87,9 +87,9 @@ def seen_world(depsgraph: bpy.types.Depsgraph, *, baked: bool, daylight: bool | 
 def background(
     depsgraph: bpy.types.Depsgraph, camera: Camera, choice: str, *, baked: bool, daylight: bool | None = None
 ) -> Steps[Background]:
-    """What a camera sees behind all objects, by the setting `choice`; baked, daylight: as for `seen_world`.
+    """Background of a camera by the setting `choice`; baked, daylight: as for `seen_world`.
 
-    Black with a warning if Cycles is not there.
+    Black with a warning without Cycles.
     """
     if is_transparent(choice, depsgraph.scene):
         return Background(None)
@@ -105,5 +105,5 @@ def background(
 
 
 def is_transparent(choice: str, scene: bpy.types.Scene) -> bool:
-    """Return whether nothing is behind objects, by the setting `choice`, or by the scene's Film where that says."""
+    """Return whether the background is transparent, by the setting `choice` or the scene's Film."""
     return choice == TRANSPARENT or (choice == AUTO and bool(scene.render.film_transparent))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles reference render of what is baked: diffuse light and emission, seen by one of the tracer's cameras.
+"""Cycles reference render of the baked light, diffuse light and emission, through a camera of the tracer.
 
-Light passes are exact sums: direct and indirect diffuse light times diffuse colour, plus emission, is what a combined
-bake of these parts computes. They come out of a multi-layer EXR, so that neither compositor nor view settings matter.
+Direct and indirect diffuse light times diffuse colour, plus emission, equals a combined bake of these parts. The passes
+are read from a multi-layer EXR, which neither the compositor nor view settings affect.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .scene_copy import prepared
 
 
 def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[tuple[Reference, Reference]]:
-    """Two renders of half the samples each, in the light that was baked; raises SceneError as `render_reference`."""
+    """Two renders of half the samples each, in the light of the bake; raises SceneError as `render_reference`."""
     yield Progress(0, 2, "Cycles")
     with light_of_bake(context):
         first = render_reference(context, camera, samples // 2, 1)
@@ -52,7 +52,7 @@ _DIRECT, _INDIRECT, _COLOR = (
     ("DiffCol", "Diffuse Color"),
 )
 _EMISSION = ("Emit", "Emission")
-_NO_DIFFUSE = 0.02  # of diffuse colour: a surface below shows gloss, or what is behind it
+_NO_DIFFUSE = 0.02  # of diffuse colour, below which a surface is glossy or clear
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Reference:
 
 
 def render_reference(context: bpy.types.Context, camera: Camera, samples: int, seed: int) -> Reference:
-    """Render the scene; it is as before afterwards; raises SceneError if Cycles is not there or does not render."""
+    """Render a copy of the scene; raises SceneError if Cycles is missing or fails."""
     with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
         path = Path(folder) / "reference.exr"
         with prepared(context, camera, samples, seed, path) as (scene, layer):
@@ -82,21 +82,21 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
 
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:
-    """Make a copied scene's view layer write what is read here."""
+    """Enable the passes that this module reads in a view layer of a copied scene."""
     for name, value in _PASSES.items():
         if hasattr(layer, name):
             setattr(layer, name, value)
 
 
 def baked_light(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """(H, W, 3) float32, linear and unexposed: diffuse light and emission, what is baked, of a file of all passes."""
+    """(H, W, 3) float32, linear and unexposed: diffuse light and emission from a file of all passes."""
     layers = _layers(channels)
     diffuse = (_color(layers, _DIRECT) + _color(layers, _INDIRECT)) * _color(layers, _COLOR)
     return np.nan_to_num(diffuse + _color(layers, _EMISSION))
 
 
 def baked_light_with_gloss(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """(H, W, 3) float32: `baked_light`, but all light where a surface has next to no diffuse colour, as metals."""
+    """(H, W, 3) float32: `baked_light`, but all light on surfaces without diffuse colour, such as metals."""
     layers = _layers(channels)
     glossy = _color(layers, _COLOR).max(axis=-1, keepdims=True) < _NO_DIFFUSE
     return np.where(glossy, combined_light(channels), baked_light(channels))
@@ -108,7 +108,7 @@ def combined_light(channels: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def coverage(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """(H, W) float32, alpha: the share of each pixel in which something is seen."""
+    """(H, W) float32: alpha."""
     return np.nan_to_num(_layers(channels)["Combined", "A"]).astype(np.float32)
 
 
@@ -118,7 +118,7 @@ def _layers(channels: dict[str, np.ndarray]) -> dict[tuple[str, ...], np.ndarray
 
 
 def _color(layers: dict[tuple[str, ...], np.ndarray], names: tuple[str, ...]) -> np.ndarray:
-    """(H, W, 3): the pass by the first of its names that is there."""
+    """(H, W, 3): the pass by the first of its names in the file."""
     name = next((each for each in names if (each, "R") in layers), None)
     if name is None:
         raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")

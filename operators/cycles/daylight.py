@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sun and sky for a scene that has no light, while it is baked or rendered."""
+"""Sun and sky that light a scene without light in bakes and renders."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ SUN_ANGLE = 0.009  # radians, as from the earth
 SUN_ROTATION = (0.42, 0.16, 0.6)  # radians: high enough to reach the floor of a courtyard
 SKY_COLOR = (0.55, 0.7, 1.0)
 SKY_STRENGTH = 0.8
-# Of nodes that shine, the inputs for color and strength.
+# Colour and strength inputs of emitting nodes.
 EMISSION_INPUTS = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}
 
 
 def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether anything in the evaluated scene can light it: a lamp, the world, or an emitting material."""
+    """Return whether the evaluated scene has light: a lamp, the world, or an emitting material."""
     if _world_shines(depsgraph.scene.world):
         return True
     materials: set[bpy.types.Material] = set()
@@ -38,7 +38,7 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
 
 @contextmanager
 def light_of_bake(context: bpy.types.Context) -> Iterator[None]:
-    """Light that was baked: the scene's own, or daylight if it has none."""
+    """Light of the bake within the block: that of the scene, or daylight if it has none."""
     if has_light(context.evaluated_depsgraph_get()):
         yield
         return
@@ -60,7 +60,7 @@ def _world_shines(world: bpy.types.World | None) -> bool:
 
 
 def emits(material: bpy.types.Material) -> bool:
-    """Return whether a material shines by itself."""
+    """Return whether a material emits light."""
     tree = tree_in_use(material)
     if tree is None:
         return False
@@ -72,14 +72,14 @@ def emits(material: bpy.types.Material) -> bool:
 
 
 def _bright(socket: bpy.types.NodeSocket) -> bool:
-    """Test for a colour or strength that is not black; a linked one is taken for bright."""
+    """Return whether a colour or strength is not black; linked ones count as bright."""
     value = socket.default_value
     return socket.is_linked or (value > 0 if isinstance(value, float) else max(value[:3]) > 0)
 
 
 @contextmanager
 def daylight(scene: bpy.types.Scene) -> Iterator[None]:
-    """Sun and sky in `scene` within the block; the scene is as before afterwards, on errors too.
+    """Add sun and sky to `scene` within the block.
 
     Raises SceneError as `check_own_scene`.
     """

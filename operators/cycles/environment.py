@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' bake of the environment: what camera rays see of a world where they meet nothing.
+"""Cycles bake of the environment, as camera rays see a world.
 
-The rays are those of a camera, so that a world which shows cameras another picture than it lights with is seen as in a
-render. Each texel of what is baked is a pixel of the camera: a quadrangle has the directions of the picture's corners
-as its vertices, and between them directions are linear. Nothing else is in the scene that is baked, which is ours.
+Camera rays matter where a world shows cameras another picture than it lights with. Each baked texel is a pixel of the
+camera: the vertices of a quad are the directions of the picture's corners, and directions are linear between them. The
+baked scene is ours and holds nothing else.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -30,20 +29,19 @@ from .scene_copy import looking_through
 SAMPLES = 16  # a pixel of a picture
 MAP_SIDE_PX, MAP_SAMPLES = 512, 2  # of a face of a cube map
 _PART_PX = 1 << 21  # pixels that are baked at once where no window waits
-_FIRST_PATHS, _PART_S = 1 << 19, 0.4  # of parts beside a window, see `Parts`
+# Paths that are baked at once in a window, which stands still meanwhile. Such a bake cannot run as a job of Blender's,
+# as those of pages do: Blender frees the job's image at the next event if the window shows another scene.
+_PATHS_IN_WINDOW = 1 << 19
 _FEW_PX = 8  # side of the picture of an orthographic camera, which sees one colour
 _LAYER, _NAME = "PatchNet World", "PatchNet World"
 _LARGEST = 65504.0  # float16
 
 
-def world_view(
-    world: bpy.types.World, frame: tuple[int, float], camera: Camera, samples: int, parts: Parts | None = None
-) -> Steps[np.ndarray]:
+def world_view(world: bpy.types.World, frame: tuple[int, float], camera: Camera, samples: int) -> Steps[np.ndarray]:
     """Light (P, 3) float32, linear and unexposed, that pixels of `camera` see of an original world; (3,) for one that
     is orthographic.
 
-    frame: number and the part of it that has passed. parts: sizes that are learned from other views, too. Raises
-    SceneError if Cycles cannot bake; in the main thread alone.
+    frame: frame and subframe. Main thread only. Raises SceneError if Cycles cannot bake.
     """
     label = f"{camera.name}: World"
     if camera.kind == ORTHOGRAPHIC:
@@ -52,55 +50,24 @@ def world_view(
             picture = _baked(scene, view_corners(camera), (_FEW_PX, _FEW_PX), samples)
         return picture.mean(axis=0)
     light = np.empty((camera.height_px, camera.width_px, 3), np.float32)
-    parts = parts or Parts(_FIRST_PATHS // samples if window_is_alive() else _PART_PX)
-    row = 0
-    while row < camera.height_px:
+    rows = max(1, (_PATHS_IN_WINDOW // samples if window_is_alive() else _PART_PX) // camera.width_px)
+    for row in range(0, camera.height_px, rows):
         yield Progress(row, camera.height_px, label)
-        last = min(row + max(1, parts.pixels // camera.width_px), camera.height_px)
-        size = camera.width_px, last - row
-        begun = time.perf_counter()
+        last = min(row + rows, camera.height_px)
         with _world_scene(world, frame, camera) as scene:
-            part = _baked(scene, _rows_of(view_corners(camera), row, last, camera.height_px), size, samples)
-        if window_is_alive():
-            parts.took(size[0] * size[1], time.perf_counter() - begun)
+            corners = _rows_of(view_corners(camera), row, last, camera.height_px)
+            part = _baked(scene, corners, (camera.width_px, last - row), samples)
         light[row:last] = part.reshape(last - row, camera.width_px, 3)
-        row = last
     return light.reshape(-1, 3)
 
 
 def world_map(world: bpy.types.World, frame: tuple[int, float]) -> Steps[CubeMap]:
-    """Light of an original world in all directions; raises SceneError if Cycles cannot bake; in the main thread."""
-    parts = Parts(_FIRST_PATHS // MAP_SAMPLES) if window_is_alive() else None
+    """Light of an original world in all directions; main thread only; raises SceneError if Cycles cannot bake."""
     faces = np.empty((len(FACES), MAP_SIDE_PX, MAP_SIDE_PX, 3), np.float16)
     for face in range(len(FACES)):
-        light = yield from world_view(world, frame, face_camera(face, MAP_SIDE_PX), MAP_SAMPLES, parts)
+        light = yield from world_view(world, frame, face_camera(face, MAP_SIDE_PX), MAP_SAMPLES)
         faces[face] = np.clip(light, -_LARGEST, _LARGEST).reshape(MAP_SIDE_PX, MAP_SIDE_PX, 3)
     return CubeMap(faces)
-
-
-class Parts:
-    """Sizes of parts that a window stands still for: it is drawn, and hears Esc, between two.
-
-    Such a bake cannot run as a job of Blender's own, as those of pages do: Blender frees what the job writes to at the
-    next event if another scene than the job's is in the window. pixels: of the next part.
-    """
-
-    def __init__(self, pixels: int) -> None:
-        self._least, self.pixels = pixels, max(1, pixels // 4)  # two sizes tell what reading the world takes
-        self._last = 0, 0.0
-
-    def took(self, now: int, seconds: float) -> None:
-        """Learn from a part of `now` pixels that took so long: parts grow where reading the world is most of that."""
-        before, took = self._last
-        self._last = now, seconds
-        if not before:
-            self.pixels = self._least
-        if not before or now == before:
-            return
-        each = min(max((seconds - took) / (now - before), 1e-12), seconds / now)
-        reading = seconds - each * now
-        wanted = int((max(_PART_S, 2.0 * reading) - reading) / each)
-        self.pixels = max(self._least, min(wanted, 2 * now))
 
 
 def _rows_of(corners: np.ndarray, first: int, last: int, height: int) -> np.ndarray:
@@ -113,13 +80,13 @@ def _rows_of(corners: np.ndarray, first: int, last: int, height: int) -> np.ndar
 
 @contextmanager
 def _world_scene(world: bpy.types.World, frame: tuple[int, float], camera: Camera) -> Iterator[bpy.types.Scene]:
-    """Scene of ours with nothing but a world, and a camera for worlds that ask for places in its picture."""
+    """Temporary scene with a world, and a camera for worlds that read window coordinates."""
     with quiet():
         with temporary(bpy.data.scenes.new(_NAME)) as scene, ExitStack() as stack:
             if not hasattr(scene, "cycles"):
                 raise SceneError("The Cycles render engine is disabled: enable its add-on to see the world")
             scene.world = stack.enter_context(temporary(world.copy()))
-            scene.world.cycles.sampling_method = "NONE"  # seconds of preparing lights, of which nothing is lit here
+            scene.world.cycles.sampling_method = "NONE"  # skips preparing an importance map, which takes seconds
             scene.frame_current = frame[0]
             scene.frame_subframe = frame[1]
             scene.render.engine = "CYCLES"

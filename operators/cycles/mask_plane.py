@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plane before a camera that lets Cycles render any set of pixels: transparent for these, a holdout for all others.
+"""Plane before a camera that limits a Cycles render to any set of pixels: transparent there, a holdout elsewhere.
 
-A pixel of a holdout costs one ray. Only the camera's rays meet the plane, so light and shadows are as without it, and a
-transparent bounce more makes up for it. Its samples are others than those of a render without it, of the same mean.
+A holdout pixel costs one ray. Only camera rays meet the plane, so that it does not change light and shadows; one more
+transparent bounce compensates for it. Samples differ from those of a render without it, but have the same mean.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from ..scene_access.temporary import temporary
 _ONLY_CAMERA = (
     "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
 )  # fmt: skip
-_BEYOND_CLIP = 1.01  # of the distance where sight begins
+_BEYOND_CLIP = 1.01  # of the clip start
 
 
 @contextmanager
 def mask_plane(scene: bpy.types.Scene, camera: Camera, mask: np.ndarray, depth_world: float) -> Iterator[None]:
     """Put the plane into a scene copy within the block, before all pixels that are not in `mask`.
 
-    mask: (H, W) bool, row 0 at the bottom. depth_world: of the nearest surface. The plane stands halfway to it: where
-    the scene is large and the plane much nearer, float32 would not tell its pixels apart.
+    mask: (H, W) bool, row 0 at the bottom. depth_world: of the nearest surface. The plane stands halfway to it: much
+    nearer, float32 would not resolve its pixels in a large scene.
     """
     height, width = mask.shape
     with ExitStack() as stack:
@@ -53,7 +53,7 @@ def mask_plane(scene: bpy.types.Scene, camera: Camera, mask: np.ndarray, depth_w
 
 
 def _fill(mesh: bpy.types.Mesh, camera: Camera, depth_world: float) -> None:
-    """Make the mesh the camera's picture at a depth, around the camera's position, with the picture's coordinates."""
+    """Fill the mesh with a quad that covers the camera's picture at a depth, with UVs of the picture."""
     spread = depth_world if camera.kind == PERSPECTIVE else 1.0
     across, up = np.asarray(camera.right) * camera.half_x * spread, np.asarray(camera.up) * camera.half_y * spread
     forward = np.asarray(camera.forward) * depth_world

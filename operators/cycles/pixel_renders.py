@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles renders of any pixels of one camera's picture.
 
-Cycles reads the scene once and keeps it ("persistent data"), so that each further call costs its paths and some 0.05 s.
-All settings are those of a scene of our own, which is gone afterwards with what Cycles kept.
+Cycles reads the scene once and keeps it (Persistent Data), so that each further call costs its paths and about 0.05 s.
+A temporary copy of the scene holds all settings.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from .mask_plane import mask_plane
 from .render_call import rendered
 from .scene_copy import prepared
 
-# Without a window nothing acts while Blender renders: so much work between two reports. Beside a window Blender's job
-# says how far it is, and hears of a stop between two passes over a tile: those of Cycles are too large for that.
+# Work between two reports in background. In a window, Blender's job reports progress, and polls for a stop between two
+# passes over a tile, for which the tiles of Cycles are too large.
 PART_S = 1.0
 FIRST_PATHS = 50_000
 TILE_SIDE_IN_WINDOW = 256
 _LIGHTS = {DIFFUSE: baked_light, WITH_GLOSS: baked_light_with_gloss, COMBINED: combined_light}
-_INSIDE = 0.25  # of a pixel, so that borders, which Blender keeps as float32 shares, are cut to the right one
+_INSIDE = 0.25  # of a pixel, so that borders, float32 shares of the picture, round to the right pixel
 
 
 class Chosen(NamedTuple):
-    """Pixels that are rendered: mask (H, W) bool, row 0 at the bottom, and the depth of the nearest surface."""
+    """Pixels to render: mask (H, W) bool, row 0 at the bottom, and the depth of the nearest surface."""
 
     mask: np.ndarray
     depth_world: float
@@ -49,8 +49,7 @@ class Chosen(NamedTuple):
 class PixelRenders:
     """Renderer of one camera's pixels; made by `pixel_renders`.
 
-    seconds: of Blender's renders up to now and of reading their files, without those of the caller that waited.
-    sync_seconds: of the first, which reads the scene.
+    seconds: of all renders and of reading their files. sync_seconds: of the first render, which reads the scene.
     """
 
     def __init__(self, scene: bpy.types.Scene, path: Path, mask: np.ndarray, light: str) -> None:
@@ -59,15 +58,15 @@ class PixelRenders:
         self.seconds = self.sync_seconds = 0.0
 
     def synced(self) -> Steps[None]:
-        """Let Cycles read the scene, with one pixel, so that the time of that is known."""
+        """Let Cycles read the scene by a render of one pixel, to measure its time."""
         self._sample(1, 0)
         yield from self._part(slice(0, 1), lambda share: Progress(share, 1, "Cycles reads the scene"), columns=1)
         self.sync_seconds = self.seconds
 
     def picture(self, samples: int, seed: int, label: str, *, at_once: bool = False) -> Steps[np.ndarray]:
-        """(H, W, 4) float32: linear unexposed light, and alpha; row 0 at the bottom; 0 for what is not rendered.
+        """(H, W, 4) float32: linear unexposed light, and alpha; row 0 at the bottom; 0 in pixels outside of the mask.
 
-        Without a window in parts of about a second, unless `at_once`. Raises SceneError, StoppedError.
+        In background, in parts of about a second, unless `at_once`. Raises SceneError, StoppedError.
         """
         canvas = np.zeros((*self._mask.shape, 4), np.float32)
         of_rows = self._mask.sum(axis=1)
@@ -85,7 +84,7 @@ class PixelRenders:
 
     def _sample(self, samples: int, seed: int) -> None:
         self._scene.cycles.samples, self._scene.cycles.seed = samples, seed
-        self._scene.update_tag()  # or Cycles goes on with those that it kept
+        self._scene.update_tag()  # otherwise Cycles keeps the old values
 
     def _part(self, rows: slice, at: Callable[[float], Progress], columns: int | None = None) -> Steps[np.ndarray]:
         """(h, w, 4) float32: some rows of the picture, or the first columns of them."""
@@ -116,11 +115,10 @@ def pixel_renders(
     *,
     sun: bool = False,
 ) -> Iterator[PixelRenders]:
-    """Renders of the scene, which is as before after the block.
+    """Renderer of pixels of the scene.
 
-    chosen: the pixels that are rendered; None for whole pictures. sun: with a sun and a sky of ours, in the copy of
-    the scene only.
-    Raises SceneError if Cycles is not there, or if Blender renders or bakes something else beside its window.
+    chosen: the pixels to render; None for whole pictures. sun: with our sun and sky. Raises SceneError without Cycles,
+    or if another render or bake job runs in a window.
     """
     if window_is_alive():
         check_no_job()
@@ -128,13 +126,13 @@ def pixel_renders(
         path = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="patchnet-"))) / "pixels.exr"
         scene, layer = stack.enter_context(prepared(context, camera, 1, 0, path))
         add_passes(layer)
-        if window_is_alive() and scene.cycles.device == "CPU":  # a GPU is done with large tiles soon
+        if window_is_alive() and scene.cycles.device == "CPU":  # a GPU renders large tiles fast
             scene.cycles.use_auto_tile, scene.cycles.tile_size = True, TILE_SIDE_IN_WINDOW
         if sun:
             stack.enter_context(daylight(scene))
         if chosen is None:
             chosen = Chosen(np.ones((camera.height_px, camera.width_px), bool), np.inf)
-        elif layer.material_override is None:  # which the plane would have, too
+        elif layer.material_override is None:  # it would override the plane's material
             stack.enter_context(mask_plane(scene, camera, *chosen))
         scene.render.use_persistent_data = True
         stack.callback(_drop_kept, scene)
@@ -142,8 +140,8 @@ def pixel_renders(
 
 
 def _drop_kept(scene: bpy.types.Scene) -> None:
-    """Drop what Cycles kept of `scene`, before anything of that is removed."""
-    with suppress(ReferenceError):  # the scene has gone with a render that was stopped
+    """Free the persistent data of `scene` before its data-blocks are removed."""
+    with suppress(ReferenceError):  # a stopped render deletes the scene
         scene.render.use_persistent_data = False
 
 

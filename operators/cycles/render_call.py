@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render call of Blender, a scene copy into a file: as one call, or beside a window that stays alive.
+"""Render a copy of a scene into a file, by one call or as a job beside a responsive window.
 
-A call returns when the picture is there; nothing of Python's can stop it. From a window that an operator works in, the
-render is a job of Blender's own, as with F12: steps wait for it, and Esc stops it.
+Python cannot stop a call. In a window, the render is a job of Blender, as with F12: steps wait for it, and Esc stops
+it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ..scene_access.overrides import changed
 from ..scene_access.window_job import RENDER, as_job, window_is_alive
 
-# What Cycles says of itself, in all languages.
+# Status text of Cycles, equal in all languages.
 _SAMPLED = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 
 
 def render(scene: bpy.types.Scene, path: Path) -> float:
-    """Render the copy's view layer into `path`, a new file; the seconds of that.
+    """Render the copy's view layer into `path`, a new file; return the seconds.
 
-    Raises SceneError if Cycles does not render, PatchNetError if there is no file.
+    Raises SceneError if Cycles does not render, PatchNetError if it wrote no file.
     """
     path.unlink(missing_ok=True)
     begun = time.perf_counter()
@@ -38,9 +38,9 @@ def render(scene: bpy.types.Scene, path: Path) -> float:
 
 
 def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]) -> Steps[float]:
-    """Render as `render` does; where a window waits, beside it; reports are `at` of the share of samples that is done.
+    """Render as `render`, but as a job if a window waits; reports are `at` of the share of finished samples.
 
-    Raises StoppedError if the user stopped it in a window.
+    Raises StoppedError if the user stops it.
     """
     if not window_is_alive():
         return render(scene, path)
@@ -60,7 +60,7 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
 
 
 class _Status:
-    """Status of Cycles' picture, in the render's thread: share of its samples that is `done`, 0 to 1, and its end."""
+    """Status of a Cycles render, heard in its thread: share of finished samples, 0 to 1, and its end."""
 
     def __init__(self) -> None:
         self.done = 0.0
@@ -68,12 +68,12 @@ class _Status:
         self._last = ""
 
     def check_finished(self) -> None:
-        """Raise SceneError for a render that failed, such as for want of a GPU's memory: it leaves a picture too."""
+        """Raise SceneError for a failed render, which also writes a picture, such as without enough GPU memory."""
         if self._last and not self._finished:
             raise SceneError(f"Cycles did not finish the picture ({self._last}): Blender's terminal may say more")
 
     def hear(self, text: object, *_: object) -> None:
-        """Hear each line of Blender's status, whose last part is what Cycles says; Blender calls this."""
+        """Parse a line of Blender's status, which ends with the status of Cycles; Blender calls this."""
         if not isinstance(text, str) or "|" not in text:
             return
         self._last = text.rsplit("|", 1)[1].strip()
@@ -82,7 +82,7 @@ class _Status:
         if found is None:
             return
         tile, tiles, sample, samples = (int(number) if number else 0 for number in found.groups())
-        # A tile that is finished counts among the finished ones before the next begins with its first sample.
+        # A tile counts as finished before the next one reports its first sample.
         part = (sample % samples) / samples if samples else 0.0
         self.done = max(self.done, min(1.0, (tile + part) / max(tiles, 1)))
 
@@ -94,7 +94,7 @@ def _invoked(scene: bpy.types.Scene) -> None:
 
 @contextmanager
 def _no_view() -> Iterator[None]:
-    """Keep editors and windows from coming up with the render: Blender looks for one only while the job starts."""
+    """Prevent the render from opening an editor or window, which Blender does only while the job starts."""
     preferences = bpy.context.preferences
     was_dirty = preferences.is_dirty
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene copy that Cycles renders through exactly one of the tracer's cameras, into a file of all passes."""
+"""Scene copy that Cycles renders through a camera of the tracer, into a file of all passes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.overrides import changed, object_mode
 from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
 
-# As many paths as were asked for, none of them darkened; bounces and light stay the user's.
+# Exactly the given number of paths, without clamping; bounces and light stay the user's.
 UNBIASED: dict[str, Any] = {
     "use_animated_seed": False,
     "use_adaptive_sampling": False,
@@ -36,7 +36,7 @@ _SENSOR = 36.0  # mm
 def prepared(
     context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
-    """Copy the scene, to look through `camera`, with its view layer; all is as before after the block."""
+    """Copy the scene, with `camera` as its camera, and its view layer."""
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
@@ -47,7 +47,7 @@ def prepared(
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(looking_through(scene, camera))
         layer = scene.view_layers[context.view_layer.name]
-        # Rather than asking for one layer: Blender 5.2 cannot write a second such render of a scene of many layers.
+        # Instead of use_single_layer, with which Blender 5.2 cannot render a scene of many layers twice.
         scene.render.use_single_layer = False
         for other in scene.view_layers:
             other.use = other == layer
@@ -55,11 +55,11 @@ def prepared(
 
 
 def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, path: Path) -> None:
-    """Box filter of a pixel, nothing that is biased; bounces, device and light are the user's, as in the bake.
+    """Set a box filter and unbiased sampling; bounces, device and light are the user's, as in the bake.
 
-    The file is an EXR of all passes, not compressed. Which formats there are depends on the medium, so it goes first.
-    Markers go, because Blender takes the camera of the frame's marker for that of the scene when a render begins. A
-    locked interface would keep the window, and what waits in it, from hearing anything while Blender renders.
+    The file is an uncompressed EXR of all passes. The media type decides the file formats, so it is set first. Markers
+    are removed, because Blender takes the scene's camera from the frame's marker. A locked interface would block the
+    window.
     """
     scene.timeline_markers.clear()
     unit_x, unit_y = camera.half_x / camera.width_px, camera.half_y / camera.height_px
@@ -103,7 +103,7 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
 
 @contextmanager
 def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
-    """Lamps are no surface, so that the octree does not hold them: hide them from the camera only."""
+    """Hide lamps from the camera: they are no surface, and not in the octree."""
     with ExitStack() as stack:
         for item in scene.objects:
             if item.type == "LIGHT":
@@ -113,7 +113,7 @@ def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
 
 @contextmanager
 def looking_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
-    """Let `scene` look through exactly the view of `camera`, without depth of field, within the block."""
+    """Give `scene` a camera with the view of `camera`, without depth of field, within the block."""
     with (
         temporary(bpy.data.cameras.new("PatchNet Check")) as data,
         temporary(bpy.data.objects.new("PatchNet Check", data)) as item,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Source of painted importance as one value, checked when it is made."""
+"""Source of painted importance; its values are checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Importance:
     """Source of importance, one of three.
 
     image: name of an image of the open file, painted in an Image Editor and stretched over each view.
-    file: the same as a file. vertex_group: name of a group that voxelized objects have; objects without it weigh 0.
+    file: a file of such an image. vertex_group: name of a group; objects without it weigh 0.
     """
 
     image: str = ""
@@ -34,5 +34,5 @@ class Importance:
         name = image if kind == IMAGE else vertex_group
         if not name:
             what = "image" if kind == IMAGE else "vertex group"
-            raise SettingError(f"Importance is to come from a painted {what}, but none is named: choose one, or none")
+            raise SettingError(f"Importance needs a painted {what}: choose one, or set Importance to None")
         return cls(image=name) if kind == IMAGE else cls(vertex_group=name)

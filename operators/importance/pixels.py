@@ -28,14 +28,14 @@ from .painted import Importance
 
 _LABEL = "Looking up importance"
 _PER_STEP = 4096
-_HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, and what rounding adds
+_HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, with a margin for rounding
 
 
 def painted_image(name: str) -> np.ndarray:
     """(h, w) float32 of an image of the open file, row 0 at the bottom; raises SettingError."""
     image = bpy.data.images.get(name)
     if image is None:
-        raise SettingError(f"There is no image '{name}' for the importance: choose one that is there")
+        raise SettingError(f"Importance image '{name}' does not exist: choose another image")
     return _values(image)
 
 
@@ -55,11 +55,11 @@ def painted_file(path: Path) -> np.ndarray:
 
 
 def _values(image: bpy.types.Image) -> np.ndarray:
-    """Gray value of the pixels as they are stored, times alpha."""
+    """Gray value of the stored pixels, times alpha."""
     width, height = image.size
     channels = image.channels
     if not width * height * channels:
-        raise SettingError(f"Image '{image.name}' has no pixels: its file is missing, or nothing was painted yet")
+        raise SettingError(f"Image '{image.name}' has no pixels: find its missing file, or paint it")
     pixels = np.empty(width * height * channels, np.float32)
     image.pixels.foreach_get(pixels)
     pixels = pixels.reshape(height, width, channels)
@@ -69,7 +69,7 @@ def _values(image: bpy.types.Image) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """Strokes that were painted, read once: from here on nothing asks Blender, so any thread may look weights up.
+    """Painted strokes; any thread may look weights up, as no call to Blender follows.
 
     One of `picture`, (h, w) float32 with row 0 at the bottom, and `surface`.
     """
@@ -87,10 +87,10 @@ class Strokes:
 
 
 def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgraph) -> Strokes:
-    """Read what was painted in the open file.
+    """Read painted importance of the open file.
 
-    scope: which objects were voxelized. depsgraph: gets geometry as renders have it for the moment, unless it is a
-    render's own graph. Raises SettingError if what was painted is not there.
+    scope: of the voxelized objects. depsgraph: evaluated with render geometry meanwhile, unless it is a render's own
+    graph. Raises SettingError if image or vertex group do not exist.
 
     A render may call this in its own thread: it only reads, meshes of its own graph, and images the way Cycles does.
     """
@@ -108,7 +108,7 @@ def pixel_importance(importance: Importance, scope: str, grid: Grid, buffers: Pi
 
 
 def importance_key(importance: Importance | None) -> str:
-    """Hash of what was painted, as a short text: frames made with other strokes are not those that would be made."""
+    """Hash of painted importance: a frame made with other strokes is outdated."""
     if importance is None:
         return ""
     digest = hashlib.blake2b(digest_size=16)

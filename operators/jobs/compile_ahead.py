@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compile kernels in a second Blender without a window, and wait for it; once on each computer.
 
-What compiles in this process stays in its memory: LLVM leaves 600 MB in pieces that no allocator gives back, and holds
-Python's lock while it works, so that the window stutters. What is loaded from the cache takes a tenth of that.
+Compiling in this process would leave 600 MB of fragmented LLVM memory, and holds Python's lock, so that the window
+stutters. Loading kernels from the cache takes a tenth of that memory.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from ..pipeline.kernels_beside import start_compiler
 from ..properties.preferences import ROOT_PACKAGE
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
-ABOUT = 271  # kernels that the small jobs call, for the progress alone
+ABOUT = 271  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
-_LOOK_S = 0.5  # between two looks at what is compiled by now
-_STOP_S = 5.0  # until a Blender that shall stop is killed
-_LOG_BYTES = 2000  # of the end of what it said, for the log
-_tried: set[Path] = set()  # marks that could not be made in this process
+_LOOK_S = 0.5  # between two counts of compiled kernels
+_STOP_S = 5.0  # until a Blender that does not stop is killed
+_LOG_BYTES = 2000  # of the end of its output, for the log
+_tried: set[Path] = set()  # marks of failed attempts in this process
 
 
 def compiled_ahead() -> Steps[None]:
-    """Wait until all kernels are in the cache; what goes wrong is logged: they are then compiled when they are called.
+    """Wait until all kernels are in the cache; after a logged failure, they are compiled when they are called.
 
-    Closing these steps stops the other Blender; what it has compiled by then stays in the cache.
+    Closing these steps stops the other Blender; kernels that it has compiled stay in the cache.
     """
     mark = None
     try:
@@ -74,14 +74,14 @@ def _compiled(folder: Path) -> Steps[None]:
 
 
 def _mark() -> Path:
-    """File that says that all kernels are compiled for this Blender."""
+    """Path of a file that marks all kernels as compiled for this Blender."""
     from ...patchnet_addon.runtime.kernels import compiled_mark
 
     return compiled_mark("all", bpy.app.version_string)
 
 
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
-    """Start a Blender with factory settings, in which small jobs compile what is missing."""
+    """Start a Blender with factory settings, in which small jobs compile missing kernels."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(SCRIPT), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
     return start_compiler(words, said, PATCHNET_KEEP="0")

@@ -37,32 +37,32 @@ else:
 
 SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02
-_GONE = "The scene that was worked on is gone: open it and start again"
+_GONE = "The scene of this job was deleted or closed: open it and start again"
 
 
 class JobOperator(_Operator):
     """Mixin of operators that run steps.
 
-    `execute` runs them to the end, so that the operator works in background and from scripts; in a window `invoke` runs
-    them a slice of time per timer tick, with progress in the status bar, until Esc. Both end the same way.
+    `execute` runs them to the end, in background and from scripts; in a window, `invoke` runs them in slices of time,
+    with progress in the status bar, until Esc. Both end the same way.
 
-    Beside a window Blender stays usable but for editing, and the steps stay in the scene where they began.
+    In a window, Blender stays usable except for editing, and the steps stay in the scene where they began.
     """
 
     bl_options: ClassVar[set[str]] = {"REGISTER"}
     running: ClassVar[str] = ""  # title of the operator that works in a window now
-    fraction: ClassVar[float] = 0.0  # of all of it, for the panel; 0 while that is not known
-    step: ClassVar[str] = ""  # that it is at, in words
+    fraction: ClassVar[float] = 0.0  # progress of the job, for the panel; 0 while it is unknown
+    step: ClassVar[str] = ""  # current step in words
     # The operator itself. Not of type JobOperator: typing would keep the class, and Blender as a module hang at exit.
     in_window: ClassVar[Any] = None
-    uses_kernels: ClassVar[bool] = True  # so that its job waits until they are compiled
+    uses_kernels: ClassVar[bool] = True  # the job waits until they are compiled
     _outcome: set[str]
     _steps: Steps[str]
-    _file: Path | None = None  # what the steps write, for the log
-    _goes_on: bool = False  # where it was, when it was stopped and is started again
+    _file: Path | None = None  # output, for the log
+    _goes_on: bool = False  # a stopped job resumes when it is started again
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Do the work; the result is a sentence about what was done; the scene is left as it was, also when closed."""
+        """Do the work, and return a sentence about the result; a job that is closed leaves the scene unchanged."""
         raise RuntimeError(f"{type(self).__name__} has no steps")
 
     @classmethod
@@ -74,7 +74,7 @@ class JobOperator(_Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run all steps now, until Ctrl-C where there is no window, or SIGTERM, which ends the process, too."""
+        """Run all steps now; in background, until Ctrl-C, or SIGTERM, which also ends the process."""
         if not self._begin(context):
             return {"CANCELLED"}
         try:
@@ -86,7 +86,7 @@ class JobOperator(_Operator):
                     self._pull(alive=False)
         except KeyboardInterrupt as stop:
             self._steps.close()
-            if exit_code_of(stop) == TERMINATED:  # a script that goes on after an error would not end
+            if exit_code_of(stop) == TERMINATED:  # otherwise a script that continues after an error would not end
                 end_process(TERMINATED, self._stopped())
             tell(self, "ERROR", self._stopped())
             self._outcome = {"CANCELLED"}
@@ -99,7 +99,7 @@ class JobOperator(_Operator):
         return self._outcome
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Run the steps while the window stays alive."""
+        """Run the steps in a responsive window."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         if not self._begin(context):
@@ -117,7 +117,7 @@ class JobOperator(_Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Work for a slice of time per tick; Esc stops and cleans up."""
-        if self._outcome:  # whatever ended the job meanwhile, this handler must not outlive it
+        if self._outcome:  # the job ended meanwhile, and this handler must, too
             self._end_modal(context)
             return self._outcome
         if event.type == "ESC" and event.value == "PRESS":
@@ -140,21 +140,21 @@ class JobOperator(_Operator):
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop when the window closes; Blender calls this. All is as it was then; the next event ends the operator.
+        """Stop the job when the window closes; Blender calls this. The next event ends the operator.
 
-        Blender also calls it where a file selection is left, before anything began.
+        Blender also calls it when a file browser is cancelled, before the job begins.
         """
         if JobOperator.in_window is not self:
             return
         self._outcome = self._outcome or {"CANCELLED"}
         try:
-            with quiet():  # what stopping puts back is as it was
+            with quiet():  # stopping restores the scene
                 self._steps.close()
         finally:
             self._end_modal(context)
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        """Make the steps; False after the settings' errors were reported."""
+        """Make the steps; return False after reporting errors of settings."""
         self._outcome = set()
         self._display = JobDisplay(self.bl_label)
         try:
@@ -187,16 +187,16 @@ class JobOperator(_Operator):
                 return
 
     def _in_scene(self, context: bpy.types.Context) -> Any:
-        """Context in which the steps began: the window may show another scene or view layer by now."""
+        """Context in which the steps began; the window may show another scene or view layer now."""
         if context.scene == self._scene and context.view_layer == self._layer:
             return nullcontext()
-        self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError where they are gone
+        self._scene.name, self._layer.name  # noqa: B018  raises ReferenceError if they were deleted
         return context.temp_override(scene=self._scene, view_layer=self._layer)
 
     def _pull(self, *, alive: bool) -> None:
-        """Pull a step, which sets the outcome if it was the last; domain errors become reports here and nowhere else.
+        """Pull a step, and set the outcome after the last one; only here, domain errors become reports.
 
-        alive: the step returns soon, with work left to others, because a window waits.
+        alive: a window waits, so that the step returns soon and leaves work to threads.
         """
         try:
             with quiet(), in_window(alive), attended() if alive or bpy.app.background else nullcontext():
@@ -249,24 +249,11 @@ def _after_compiling(steps: Steps[str]) -> Steps[str]:
 
 @persistent
 def stop_running_job(*_: object) -> None:
-    """End the job that works beside a window, before an undo, another file or Blender's exit takes what it works on."""
+    """End the job in a window before an undo, another file or Blender's exit frees its data-blocks."""
     operator = JobOperator.in_window
     if operator is not None and not operator._outcome:
         operator.cancel(bpy.context)
 
 
-def _takers() -> list[list[Any]]:
-    names = ("undo_pre", "redo_pre", "load_pre", "exit_pre")  # Blender 4.5 has not the last one
-    return [getattr(bpy.app.handlers, name) for name in names if hasattr(bpy.app.handlers, name)]
-
-
-def register() -> None:
-    """Listen to what takes data-blocks away."""
-    for handlers in _takers():
-        handlers.append(stop_running_job)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    for handlers in _takers():
-        handlers.remove(stop_running_job)
+# Blender 4.5 has no exit_pre.
+HANDLERS = tuple((name, stop_running_job) for name in ("undo_pre", "redo_pre", "load_pre", "exit_pre"))

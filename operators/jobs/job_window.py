@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Window while a job works in it: its progress in status bar, panel and log, and the events that go on to Blender.
+"""Window of a running job: progress in status bar, panel and log, and the events that Blender may handle.
 
-Menus, saving and navigation go on, editing does not. Menus can edit the scene nevertheless, and so can scripts:
-`state/watch.py` sees that.
+Menus, saving and navigation work, editing does not. Menus and scripts can still edit the scene, which `state/watch.py`
+notices.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ...patchnet_addon.runtime.progress_log import ProgressLog
 
 
 class JobDisplay:
-    """Display of a job. progress: its latest report. whole: share of all that is done, as far as it was ever known.
+    """Display of a job. progress: its latest report. whole: share of the job that is done, None while it is unknown.
 
-    There is one share, which never falls; a step's own would, when the next one begins.
+    The share never falls.
     """
 
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)
         self.whole: float | None = None
-        self._text, self._at_pointer = "", False  # what the status bar shows, and whether the pointer has a number
+        self._text, self._at_pointer = "", False  # text of the status bar; whether the pointer shows a number
         self._log = ProgressLog(title)
         self._eta = Eta()
 
@@ -45,9 +45,9 @@ class JobDisplay:
         share = progress.count_text if self.whole is None else f" {round(100 * self.whole)} %"
         remaining = "".join(f", {text}" for text in (self._eta.text(), progress.note) if text)
         text = f"PatchNet: {progress.label}{share}{remaining}   (Esc stops)"
-        if text != self._text:  # each new one draws the window again, which must not slow down what computes
+        if text != self._text:  # redrawing the window slows down the job
             self._text = text
-            if self.whole is not None:  # the pointer shows a number from its first report on
+            if self.whole is not None:  # the pointer shows a number once the share is known
                 if not self._at_pointer:
                     context.window_manager.progress_begin(0, 100)
                 self._at_pointer = True
@@ -56,7 +56,7 @@ class JobDisplay:
             _redraw(context, "UI")
 
     def end(self, context: bpy.types.Context) -> None:
-        """Show nothing any more."""
+        """Hide the progress."""
         context.window_manager.progress_end()
         if context.workspace is not None:
             context.workspace.status_text_set(None)
@@ -64,7 +64,7 @@ class JobDisplay:
 
 
 def _redraw(context: bpy.types.Context, *kinds: str) -> None:
-    """Draw the regions of some kinds again, such as the sidebars ("UI"); without kinds, all."""
+    """Redraw regions of some kinds, such as sidebars ("UI"); without kinds, all."""
     for area in context.screen.areas if context.screen else ():
         for region in area.regions:
             if not kinds or region.type in kinds:
@@ -72,10 +72,10 @@ def _redraw(context: bpy.types.Context, *kinds: str) -> None:
 
 
 _MOUSE = frozenset({"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"})
-# Regions of editors that hold buttons and menus, and editors that hold nothing of the scene.
+# The region type in which editors edit, and editors without the scene.
 _EDITING_REGION = "WINDOW"
 _HARMLESS_EDITORS = frozenset({"FILE_BROWSER", "IMAGE_EDITOR", "INFO", "PREFERENCES", "STATUSBAR", "TOPBAR"})
-# Keys do what the user's keymap says. These leave the scene alone.
+# Keymaps that are searched, and operators in them that do not change the scene.
 _KEYMAPS = ("Window", "Screen", "3D View", "3D View Generic", "View2D", "Image", "Image Generic")
 _HARMLESS_OPERATORS = frozenset(
     {
@@ -91,7 +91,7 @@ _LOOKING = (
 
 
 def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Return whether Blender may act on an event, since it changes nothing of what a job reads."""
+    """Return whether Blender may handle an event, because it does not change the scene of a job."""
     if event.type in _MOUSE:
         return True
     window = context.window
@@ -99,7 +99,7 @@ def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 
 
 def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
-    """Test whether the mouse is over the main region of an editor of the scene, not over menus, sidebars or borders."""
+    """Return whether the mouse is over the main region of an editor of the scene, not over menus or sidebars."""
     for area in window.screen.areas:
         if area.type not in _HARMLESS_EDITORS and _inside(area, event):
             return not any(region.type != _EDITING_REGION and _inside(region, event) for region in area.regions)
@@ -112,7 +112,7 @@ def _inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> 
 
 
 def _leaves_scene_alone(context: bpy.types.Context, event: bpy.types.Event) -> bool:
-    """Return whether the user's keymap has something harmless for an event."""
+    """Return whether all operators that the user's keymap has for an event leave the scene unchanged."""
     keymaps = context.window_manager.keyconfigs.user.keymaps
     found = (keymaps[name].keymap_items.match_event(event) for name in _KEYMAPS if name in keymaps)
     names = [item.idname for item in found if item is not None]

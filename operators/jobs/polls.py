@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poll functions of operators: their requirements, and the message where one is not met."""
+"""Poll functions of operators: their requirements, and messages for unmet ones."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ class CodesJob(JobOperator):
 
 
 def has_voxels(operator: Any, context: bpy.types.Context) -> bool:
-    """Return whether there are voxels; else the operator's class says so."""
+    """Return whether there are voxels; else set the poll message."""
     return _unless(operator, result_or_kept(context.scene) is None, results.NO_VOXELS)
 
 
 def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool:
-    """Return whether objects can be added; else the operator's class says that `what` needs it."""
+    """Return whether Object Mode is active, which `what` needs; else set the poll message."""
     return _unless(operator, context.mode != "OBJECT", f"{what} in Object Mode only: leave the present mode")
 
 
 def no_job_runs(operator: Any) -> bool:
-    """Test that no job runs in a window; else the operator's class says which one does."""
+    """Return whether no job runs in a window; else set the poll message."""
     running = JobOperator.running
     return _unless(operator, bool(running), f"{running} is running: wait for it, or press Esc over the window")
 

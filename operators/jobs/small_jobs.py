@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small jobs that call every kernel of panel, render engine and viewport once: Blender runs this as a script.
+"""Small jobs that call every kernel of panel, render engine and viewport once; a script for Blender.
 
     blender -b --factory-startup -P small_jobs.py -- PACKAGE FOLDER SEARCH_PATH...
 
 PACKAGE: the extension's name among modules, which compiled kernels carry in them; FOLDER: where it lies; SEARCH_PATH:
-entries of sys.path of the Blender that asks, among them those of the extension's libraries.
+entries of sys.path of the calling Blender, with the extension's libraries.
 """
 
 import importlib
@@ -36,7 +36,7 @@ def add_foliage() -> None:
 
 
 def render() -> None:
-    """Render a picture with the render engine, from voxels that are there."""
+    """Render a picture of the existing voxels with the render engine."""
     render = bpy.context.scene.render
     render.engine = "PATCHNET"
     render.resolution_x, render.resolution_y, render.resolution_percentage = 24, 16, 100

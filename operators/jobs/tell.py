@@ -20,9 +20,9 @@ _EVENTS = {
 
 
 def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str = "", **fields: Any) -> None:
-    """Report INFO (what was done), WARNING or ERROR.
+    """Report INFO, WARNING or ERROR, and log it.
 
-    logged_as: the kind that the log takes it for, if another. fields: of the event.
+    logged_as: another kind for the log. fields: of the event.
     """
     operator.report({kind}, text)
     name, level = _EVENTS[logged_as or kind]
@@ -30,7 +30,7 @@ def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str =
 
 
 def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = "Preview Selection") -> str:
-    """Report what was left out or is approximate as warnings; the end of a report, how many and where they stay."""
+    """Report notes as warnings; return the end of a report with their number and place."""
     said = list(dict.fromkeys(notes))
     for text in said:
         tell(operator, "WARNING", text)
@@ -39,5 +39,5 @@ def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = 
 
 
 def tell_start(operator: bpy.types.Operator) -> None:
-    """Say in the log that an operator begins, and on which file."""
+    """Log that an operator begins, with its file."""
     log.start(operator.bl_label, file=bpy.data.filepath or None)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Overlay and named images of views: over camera view and images, and in an Image Editor that comes up.
+"""Overlay of views over the camera view and images, and their named images in an Image Editor.
 
-`show` is what operators call when a view is there.
+Operators call `show` with a finished view.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ _CLASSES = (*handlers.CLASSES, *mouse.CLASSES, *open_pictures.CLASSES, *panel.CL
 
 
 def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
-    """Put the pictures of views into images, and into an editor of the user's; the first one's heatmap comes up."""
+    """Write the pictures of views into images, and show the first view's heatmap in an Image Editor."""
     heatmaps = []
     for view in views:
         made = view_to_show(view, wanted, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
-        if not bpy.app.background:  # nobody looks
+        if not bpy.app.background:  # no editor draws views
             keep_view(context.scene, made)
     _come_up(context, heatmaps[0])
 
 
 def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Image, picture: np.ndarray) -> None:
-    """Add a picture, encoded colours, to a camera's view, and show its image in an editor of the user's."""
+    """Add a picture, encoded colours, to a camera's view, and show its image in an Image Editor."""
     view = view_of_camera(context.scene, camera)
     if view is not None:
         view.looks[name] = to_bytes(picture)
@@ -63,10 +63,13 @@ def forget(context: bpy.types.Context) -> None:
 
 @persistent
 def _switch_off(*_: object) -> None:
-    """Nothing is shown any more, and nothing is inspected; also when another file is opened."""
+    """Switch overlay and inspection off; also before another file opens."""
     inspected.clear()
     values = overlay_settings.overlay_settings(bpy.context)
     values.show_viewport = values.show_editor = False
+
+
+HANDLERS = (("load_pre", _switch_off),)
 
 
 def register() -> None:
@@ -75,12 +78,10 @@ def register() -> None:
     handlers.register()
     for item in _CLASSES:
         bpy.utils.register_class(item)
-    bpy.app.handlers.load_pre.append(_switch_off)
 
 
 def unregister() -> None:
     """Unregister all, with callbacks and textures."""
-    bpy.app.handlers.load_pre.remove(_switch_off)
     handlers.unregister()
     open_pictures.unregister()
     inspected.clear()

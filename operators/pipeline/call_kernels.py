@@ -4,8 +4,8 @@
     python call_kernels.py PACKAGE FOLDER SEARCH_PATH...
 
 PACKAGE: the extension's name among modules, which compiled kernels carry in them; FOLDER: where it lies; SEARCH_PATH:
-entries of sys.path of the process that asks. What a job needs last is called first: by then the job has come to the
-rest itself.
+entries of sys.path of the calling process. Kernels that a job needs last are called first, because the job compiles the
+others meanwhile.
 """
 
 import importlib

@@ -18,12 +18,11 @@ REFINED, COMPOSITED, OVER_UNREFINED, FULL = "refined_octree", "composited", "com
 
 @dataclass(eq=False)
 class Renders:
-    """Cycles' pictures, (H, W, 4) float32, linear unexposed light and alpha, and the wall seconds of Blender's renders.
+    """Cycles pictures, (H, W, 4) float32, linear unexposed light and alpha, and their wall seconds.
 
-    pixels: those that were chosen, empty elsewhere. seconds: of these, reading the scene included; sync_seconds: of
-    that alone.
-    full: the whole picture with the same samples and seed, in full_seconds, reading the scene included.
-    reference: with more samples and another seed.
+    pixels: the chosen pixels, empty elsewhere. seconds: of these, with reading the scene; sync_seconds: of reading
+    alone. full: the whole picture with the same samples and seed, in full_seconds, with reading the scene. reference:
+    with more samples and another seed.
     """
 
     pixels: np.ndarray
@@ -41,9 +40,7 @@ def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray
     return np.clip(np.float32(exposure) * (light if colored else luminance(light)), 0.0, 1.0).astype(np.float32)
 
 
-def cycles_report(
-    priority: np.ndarray, mask: np.ndarray, renders: Renders, settings: CyclesSettings
-) -> dict[str, Any]:
+def cycles_report(priority: np.ndarray, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> dict[str, Any]:
     """Shares and seconds."""
     total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))
     report: dict[str, Any] = {
@@ -65,8 +62,8 @@ def squared_errors(
 ) -> dict[str, np.ndarray]:
     """Squared luminance errors (H, W) float64 against the reference, by name of the picture.
 
-    octree: (P,) luminance of what the view's budget refined, and of what Cycles' pixels are laid over. The reference's
-    own noise is in all of them alike.
+    octree: (P,) luminance of the view's refined picture, and of the octree's own rays below the pixels of Cycles. All
+    errors include the noise of the reference.
     """
     assert renders.reference is not None and renders.full is not None
     reference, cycles, full = (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Refinement by Cycles: from a traced view and its ranking to a picture whose worst pixels are Cycles'.
+"""Refinement by Cycles: render the worst pixels of a traced view by Cycles, by their ranking.
 
-All others take the octree's own rays, which are so cheap that sixteen of them need no choice.
+All other pixels get 16 rays of the octree, which are cheap.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _SIDES = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6], [0, 4, 5], [0, 5,
 
 
 class WantedSurface(NamedTuple):
-    """Surface of a scene, and what of it Cycles has to show.
+    """Surface of a scene, and its parts that only Cycles shows correctly.
 
-    shown, wanted: of each material, whether it is seen at all, and only by Cycles as it is. boxes: (B, 8, 3) corners
-    around objects that have no surface.
+    shown, wanted: of each material, whether it is visible, and whether only Cycles shows it correctly. boxes: (B, 8, 3)
+    corners around objects without a surface.
     """
 
     source: SceneMesh
@@ -56,7 +56,7 @@ class WantedSurface(NamedTuple):
 
 
 def wanted_surface(depsgraph: bpy.types.Depsgraph) -> WantedSurface:
-    """Read what renders show of a scene; raises PatchNetError."""
+    """Read the rendered surface of a scene; raises PatchNetError."""
     source = read_scene(depsgraph, VISIBLE)
     library = {material.name_full: material for material in bpy.data.materials}
     kinds = [_kind(library.get(name)) for name in source.material_names]
@@ -75,7 +75,7 @@ def wanted_surface(depsgraph: bpy.types.Depsgraph) -> WantedSurface:
 
 
 def _kind(material: bpy.types.Material | None) -> bool:
-    """Return whether a material fills its inside, or is partly transparent everywhere."""
+    """Return whether a material has a volume, or is partly transparent everywhere."""
     tree = tree_in_use(material) if material is not None else None
     output = tree and (tree.get_output_node("CYCLES") or tree.get_output_node("ALL"))
     if not output:
@@ -87,7 +87,7 @@ def _kind(material: bpy.types.Material | None) -> bool:
 
 
 class WantedPixels(NamedTuple):
-    """Pixels of a camera whose nearest surface, at their centres, is wanted, or lies behind a box.
+    """Pixels of a camera whose nearest surface is wanted or lies behind a box.
 
     mask: (H, W) bool. depth_world: of the nearest surface or box of all pixels, infinite without one.
     """
@@ -97,7 +97,7 @@ class WantedPixels(NamedTuple):
 
 
 def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
-    """Find the pixels that only Cycles shows as they are."""
+    """Find the pixels that only Cycles shows correctly."""
     from ...patchnet_addon.tracing.seen_triangles import Sight
 
     size = camera.width_px, camera.height_px
@@ -116,7 +116,7 @@ def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
 
 
 def _is_in(box: np.ndarray, camera: Camera) -> bool:
-    """Return whether a camera stands in a box (8, 3), which then is before all that it sees."""
+    """Return whether a camera is inside of a box (8, 3), which then covers its whole picture."""
     edges = box[[4, 3, 1]] - box[0]
     share = np.linalg.lstsq(edges.T, camera.position_world - box[0], rcond=None)[0]
     return bool(((share >= 0.0) & (share <= 1.0)).all())
@@ -126,20 +126,19 @@ _LEFT = (
     "{name}: {left:.1%} of the pixels show gloss, clear glass or what voxels leave out, and are not rendered: raise "
     "Pixels of Refine with Cycles"
 )
-NOT_CYCLES = "The voxels do not show Cycles' light: bake the light with Cycles first"
+NOT_CYCLES = "The voxels have no light from Cycles: run Bake Light with Light: Cycles first"
 
 
 @dataclass(frozen=True, eq=False)
 class CyclesView:
-    """View with Cycles' pixels in it.
+    """View with pixels rendered by Cycles.
 
-    priority: (H, W) float32 that chose them, after the pixels that only Cycles shows as they are. mask: (H, W) bool,
-    these pixels. preview: the picture of one ray a pixel, the predicted one where that is chosen. composited: Cycles'
-    pixels over the octree's own rays. preview, composited, full: (H, W), or (H, W, 3) in colour, linear, exposed, in
-    [0, 1]; `full` is of Cycles alone, None unless `compare` is set.
-    alphas: of these three, by name, (H, W). ground: what pictures are laid over; the three are over black.
+    priority: (H, W) float32, the ranking after pixels that only Cycles shows correctly. mask: (H, W) bool, the rendered
+    pixels. preview: the unrefined picture. composited: pixels of Cycles over the octree's own rays. preview,
+    composited, full: (H, W), or (H, W, 3) in colour, linear, exposed, in [0, 1], over black; `full` is by Cycles alone,
+    None unless `compare` is set. alphas: of these three, by name, (H, W). ground: background of the pictures.
     errors: name -> (H, W) absolute luminance error against the reference; empty without one. report: figures.
-    warnings: what the budget does not reach.
+    warnings: pixels beyond the budget.
     """
 
     camera: Camera
@@ -158,10 +157,10 @@ class CyclesView:
 def refine_view(
     context: bpy.types.Context, view: View, settings: CyclesSettings, *, sun: bool | None
 ) -> Steps[CyclesView]:
-    """Render a view's worst pixels with Cycles; the scene is as before afterwards, also when closed.
+    """Render a view's worst pixels with Cycles, in a copy of the scene.
 
-    Pixels that Cycles does not render get OWN_SIDE x OWN_SIDE of the octree's rays. sun: whether the octree was lit by
-    a sun and a sky of ours; None if it was where the scene has no light. Raises PatchNetError.
+    Other pixels get OWN_SIDE x OWN_SIDE rays of the octree. sun: whether the octree was lit by our sun and sky; None:
+    if the scene has no light. Raises PatchNetError.
     """
     octree, camera, buffers = view.octree, view.camera, view.buffers
     check_light(octree)
@@ -186,7 +185,7 @@ def refine_view(
 
 
 def check_light(octree: Octree) -> None:
-    """Raise SettingError if what Cycles renders could not stand beside this octree."""
+    """Raise SettingError if the light of this octree is not that of Cycles."""
     if octree.provenance.get("light") != CYCLES:
         raise SettingError(NOT_CYCLES)
 
@@ -194,10 +193,9 @@ def check_light(octree: Octree) -> None:
 def _rendered(
     context: bpy.types.Context, camera: Camera, chosen: Chosen, rendered: tuple[CyclesSettings, str], sun: bool
 ) -> Steps[Renders]:
-    """Render the pixels, then, to measure against, the whole picture and the reference.
+    """Render the pixels and, to compare, the whole picture and the reference.
 
-    The whole picture comes from a scene copy of its own, so that it pays for all it needs; the reference finds the
-    scene read.
+    The whole picture has a scene copy of its own, so that its time includes reading the scene.
     """
     settings, light = rendered
     result = Renders(np.zeros((camera.height_px, camera.width_px, 4), np.float32))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Estimate of a job before it runs: from a coarse octree, the cameras' pixels and the triangles' sizes."""
+"""Estimate of a job from a coarse octree, the pixels of the cameras and the sizes of triangles."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,27 +21,23 @@ from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
-from ..schema.table import SELECTED
 from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
-from ..state.scene_state import VIEW, Change, SceneState
-from ..state.watch import read_state
 from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
 from .stages import GridChoice, encoder_text, load_network
 
-_BYTES_PER_CODED = 12.2 + 2.2 * 20  # what finds its codes, and codes that it shares with neighbours
+_BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 
 
 @dataclass
 class Estimate:
-    """Expected figures of a job, and what they were made for.
+    """Expected figures of a job.
 
-    fitted: leaves follow the cameras, so that `leaves` and bytes are bounded by memory alone. peak_bytes: of building
-    it; free_bytes: what may be used. lookahead_share: of hit pixels in the camera with least of it, None where none
-    sees anything. texels, paths: of the bake, both 0 without one; paths of one side of the surface. seconds: by stage.
-    time_line, made_for, lines: figures, and surface and views, in words. notes: what will be left out or is
-    approximate, as far as that is known without a bake. settings: values of the scene's settings. state: of the scene.
-    stale: what changed since, in words.
+    fitted: leaves follow the cameras, so that only memory bounds `leaves` and bytes. peak_bytes: of building;
+    free_bytes: limit. lookahead_share: of hit pixels, least of all cameras, None if no camera sees anything. texels,
+    paths: of the bake, 0 without one; paths of one side of the surface. seconds: by stage. time_line, made_for, lines:
+    time, surface and views, and figures in words. notes: omissions and approximations that are known without a bake.
+    settings: of the scene at the estimate. outdated: the scene may have changed since.
     """
 
     depth: int
@@ -58,22 +54,9 @@ class Estimate:
     seconds: dict[str, float]
     time_line: str
     settings: dict[str, Any] = field(default_factory=dict)
-    state: SceneState | None = None
-    stale: dict[Hashable, str] = field(default_factory=dict)
+    outdated: bool = False
     lines: list[str] = field(default_factory=list)
     notes: tuple[str, ...] = ()
-
-    @property
-    def stale_because(self) -> str:
-        """Words for what changed since, "" if nothing did."""
-        return next(iter(self.stale.values()), "")
-
-    def see(self, change: Change) -> None:
-        """Keep a change of surface or light, or forget it where all fits again."""
-        if set(change.steps) - {VIEW}:
-            self.stale[change.key] = change.text
-        else:
-            self.stale.pop(change.key, None)
 
     @property
     def too_large(self) -> bool:
@@ -82,11 +65,10 @@ class Estimate:
 
 
 def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Estimate]:
-    """Look at the scene as the job would, and build nothing but a coarse octree; raises PatchNetError."""
+    """Estimate a job from a coarse octree of the scene; raises PatchNetError."""
     yield Progress(0, 1, "Reading the scene")
     light, views, depsgraph = settings.light, settings.view, context.evaluated_depsgraph_get()
     source = read_scene(depsgraph, settings.surface.scope)
-    state = read_state(context.scene, selected=settings.surface.scope == SELECTED)
     depsgraph, bounds_world = context.evaluated_depsgraph_get(), settings.surface.bounds_world(source)
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
     steps = run_in_worker(lambda: _estimate(source, cameras, settings), Progress(0, 1, "Estimating"))
@@ -94,7 +76,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     if light.is_baked:
         of_light = gloss_warnings(source, with_view(context, light, views.cameras))
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
-    found = replace((yield from steps), state=state, notes=notes)
+    found = replace((yield from steps), notes=notes)
     side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world
     device = device_text(context, settings.compute.device) if light.is_baked else ""
     found.lines = _lines(found, length_text(context.scene, side), device, encoder_text(settings.compute))
@@ -153,7 +135,7 @@ def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
 
 
 def _lines(found: Estimate, voxel_side: str, device: str, encoder: str) -> list[str]:
-    """Estimate in words. voxel_side: with its unit. device, encoder: what computes."""
+    """Estimate in words. voxel_side: with its unit. device, encoder: their names."""
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {voxel_side}"]
     if found.fitted:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work of a job's stages in units, and the seconds that they take on this machine, by jobs that it has done."""
+"""Work of a job's stages in units, and seconds per unit, learned from earlier jobs on this machine."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from .stages import GridChoice
 
 FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
-_KEPT = 0.7  # of what earlier jobs weigh, when the next one was measured
+_KEPT = 0.7  # weight of earlier jobs after each further one
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
-_VIEW_RAYS = 60  # what first rays, finer ones and the network take, in rays of a refined pixel
-# Seconds a unit on two cores of a server, for the first job on a machine.
+_VIEW_RAYS = 60  # cost of first rays, finer rays and the network, in rays of a refined pixel
+# Seconds per unit on two cores of a server, for the first job on a machine.
 _ELSEWHERE = {
     "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "denoise": 2e-5, "voxelize": 1.5e-6, "codes": 2e-6,
     "views": 2e-8, "cycles": 2e-6,
@@ -36,7 +36,7 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True)
 class JobFigures:
-    """Figures of a job that its time depends on.
+    """Figures of a job that decide its time.
 
     triangles: of the surface. leaves: of the octree. texels: of the bake, 0 without one. pixels: of all cameras.
     """
@@ -53,7 +53,7 @@ def pixels_of(cameras: Sequence[Camera]) -> int:
 
 
 def work_of(figures: JobFigures, settings: JobSettings) -> dict[str, float]:
-    """Units of work of each stage, in the order in which a job has them; one that is not there has none."""
+    """Units of work of each stage, in the order of the job; 0 for a stage that the job skips."""
     view, light = settings.view, settings.light
     rays = view.spp or 1.0 + view.budget * view.refined_samples
     cycles = 0.0 if view.cycles is None else figures.pixels * view.cycles.budget * view.cycles.samples
@@ -73,9 +73,9 @@ def work_of(figures: JobFigures, settings: JobSettings) -> dict[str, float]:
 
 
 class Rates:
-    """Seconds a unit of each stage on this machine, from the jobs that were done; those of another one before that.
+    """Seconds per unit of each stage, learned from jobs on this machine, with defaults for the first job.
 
-    They stand in the cache folder. A file that cannot be read or written is none: times are then less exact.
+    A file in the cache folder holds them; without it, times are less exact.
     """
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ class Rates:
         with suppress(OSError, ValueError, TypeError, AttributeError):
             known = json.loads(self._path.read_text(encoding="utf-8"))
             self._sums = {str(name): (float(seconds), float(units)) for name, (seconds, units) in known.items()}
-        self.measured = bool(self._sums)  # a job was done here
+        self.measured = bool(self._sums)  # at least one job was measured here
 
     def know(self, work: dict[str, float]) -> bool:
         """Return whether all stages that have work were measured here."""
@@ -100,7 +100,7 @@ class Rates:
         return seconds / units if seconds > 0.0 and units > 0.0 else _ELSEWHERE[name]
 
     def learn(self, work: dict[str, float], seconds: dict[str, float]) -> None:
-        """Take the seconds of stages that were done; large jobs weigh more than small ones, late ones more than old."""
+        """Learn from the seconds of finished stages; large and recent jobs weigh more."""
         for name, units in work.items():
             if units > 0.0 and seconds.get(name, 0.0) > 0.0:
                 before = self._sums.get(name, (0.0, 0.0))
@@ -123,9 +123,9 @@ def time_line(seconds: dict[str, float], rates: Rates, *, at_most: bool = False)
 
 
 class JobPlan:
-    """Time of a job: what it should take by what this machine took for others, and what it takes.
+    """Expected and measured time of a job.
 
-    resumed: whether pages of its bake were there already, so that its seconds tell nothing.
+    resumed: whether pages of the bake came from the cache, so that its seconds are not learned.
     """
 
     def __init__(self, settings: JobSettings) -> None:
@@ -134,7 +134,7 @@ class JobPlan:
         self._work: dict[str, float] = {}
 
     def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> Steps[None]:
-        """Plan the job, now that surface and grid are known. stages: those that it has; all if none are named."""
+        """Plan the job for a surface and grid. stages: of the job; all if none are named."""
         texels = 0
         if self._settings.light.is_baked:
             counting = Progress(0, 1, "Counting texels")
@@ -145,17 +145,17 @@ class JobPlan:
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
 
     def timed(self, steps: Steps[Result]) -> Steps[Result]:
-        """Pass on the steps of the job with how far all of it is."""
+        """Add the progress of the whole job to its steps."""
         return changed(steps, lambda report: self._eta.see(self.clock.present, report))
 
     def learn(self) -> None:
-        """Keep what the stages took, for estimates; not of those that compiled kernels or found their work done."""
+        """Learn the seconds of stages, except those that compiled kernels or resumed a bake."""
         unlike = self._eta.compiled | ({"light"} if self.resumed else set())
         self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
 
 
 def texels_of(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Steps[int]:
-    """Texels that a bake of these leaves wants."""
+    """Count the texels of a bake for these leaves."""
     from ...patchnet_addon.lightmap.charts import texels_wanted
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
     from ..cycles.bake.bake import MAX_TEXELS

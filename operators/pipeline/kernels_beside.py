@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Compile the kernels of codes and pictures in a second Python, beside a job that still reads, voxelizes or bakes.
 
-Once on each computer, where there are two cores or more. What goes wrong there is not told: the kernels are then
-compiled when they are called, as ever.
+Once on each computer with at least two cores. Failures are not reported: kernels are then compiled when they are
+called.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ SCRIPT = Path(__file__).with_name("call_kernels.py")  # that the second Python r
 def compiling_beside(*, calls_them: bool = True) -> Iterator[None]:
     """Let a second Python compile while the block runs, no longer than that.
 
-    calls_them: the block calls these kernels itself in the end, so that all are compiled when it is over.
+    calls_them: the block itself calls all these kernels, so that they are compiled at its end.
     """
     from ...patchnet_addon.runtime.kernels import compiled_mark
 
     mark, process, ended = None, None, False
     with suppress(OSError):  # no folder can be written, or no process started
         mark = compiled_mark("pictures")
-        is_python = "python" in Path(sys.executable).name.lower()  # not a Blender, which would open a window
+        is_python = "python" in Path(sys.executable).name.lower()  # a Blender would open a window
         if is_python and usable_cores() > 1 and not mark.exists():
             process = start_second_python()
     try:
@@ -55,9 +55,9 @@ def start_second_python() -> subprocess.Popen[bytes]:
 
 
 def start_compiler(words: list[str], said: IO[bytes] | int, **variables: str) -> subprocess.Popen[bytes]:
-    """Start a program that compiles kernels into the cache folder that this process uses, however it was named.
+    """Start a program that compiles kernels into the cache folder of this process.
 
-    said: takes what it writes. variables: of its environment.
+    said: file for its output. variables: of its environment.
     """
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())} | variables
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows

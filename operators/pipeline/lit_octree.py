@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pipeline from a scene to its lit octree: read the surface, choose its leaves for cameras, light it, build the octree.
 
-Operators, the render engine, animations, `verify-light` and the command line all go this way: at once by
-`build_lit_octree`, or step by step where something is done between two.
+Operators, the render engine, animations, `verify-light` and the command line use it: `build_lit_octree`, or its three
+steps.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
 
 @dataclass(frozen=True, eq=False)
 class OctreeOverrides:
-    """What an octree is made of where it is not what the settings and the context's present scene say.
+    """Inputs of an octree that replace those of the settings and the context.
 
-    unlit: the surface's own colour, with no light baked. grid: given cube and levels, around which the surface must
-    still be; None chooses them. cameras: those that the depth is chosen for, at the present frame; None takes those of
+    unlit: the surface's own colour, without baked light. grid: given cube and levels, which must still contain the
+    surface; None chooses them. cameras: those that the depth is chosen for, at the current frame; None takes those of
     the settings. depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a
     random rotation of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut
     open, None for none; not with a rotation. chosen: session_uids of objects that count as the selected ones.
-    provenance: entries of the octree's file beside its own.
+    provenance: further entries of the octree's file.
     """
 
     unlit: bool = False
@@ -69,7 +69,7 @@ class OctreeOverrides:
 
 @dataclass(frozen=True, eq=False)
 class ReadSurface:
-    """Surface as it was read by settings and overrides. state: of the scene then."""
+    """Surface read by settings and overrides. state: of the scene."""
 
     settings: JobSettings
     overrides: OctreeOverrides
@@ -84,7 +84,7 @@ class ReadSurface:
 
 @dataclass(frozen=True, eq=False)
 class ChosenLeaves:
-    """Grid and levels of the leaves, and the cameras that look: those they were chosen for, if there were any."""
+    """Grid and levels of the leaves, and the cameras that they were chosen for."""
 
     choice: GridChoice
     cameras: Sequence[Camera]
@@ -92,11 +92,10 @@ class ChosenLeaves:
 
 @dataclass(frozen=True, eq=False)
 class LitOctree:
-    """Lit octree, and what it was made of.
+    """Lit octree with its inputs.
 
     layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
-    source: the surface. state: of the scene when it was read.
-    warnings: sentences about what had to be assumed or left out.
+    source: the surface. state: of the scene when it was read. warnings: sentences about assumptions and omissions.
     """
 
     octree: Octree
@@ -114,10 +113,9 @@ def build_lit_octree(
     kept: BakePageCache | None = None,
     overrides: OctreeOverrides | None = None,
 ) -> Steps[LitOctree]:
-    """Octree of the scene by settings; the scene is as before afterwards. Raises PatchNetError.
+    """Octree of the scene by settings. Raises PatchNetError.
 
-    clock: takes the stages "read", "depth", "light", "denoise" and "voxelize". kept: finds pages of a stopped bake,
-    and keeps its own.
+    clock: records the stages "read", "depth", "light", "denoise" and "voxelize". kept: cache of finished pages.
     """
     surface = yield from read_surface(context, settings, clock, overrides or OctreeOverrides())
     leaves = yield from choose_leaves(context, surface, clock)
@@ -157,7 +155,7 @@ def choose_leaves(
                 cameras = yield from fit_cameras(context, settings, source)
             choice = yield from choose_grid(source, cameras, settings)
         if surface.is_baked and not cameras:
-            with suppress(SceneError):  # a scene without any is baked, too
+            with suppress(SceneError):  # a scene without cameras is baked, too
                 cameras = yield from _looking(context, settings, source, overrides.depsgraph)
     return ChosenLeaves(choice, cameras)
 
@@ -174,13 +172,12 @@ def light_octree(
 
     overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
-    notes: dict[str, Any] = {}
     facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
             graph, cameras = overrides.depsgraph, leaves.cameras
             baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
-            shade, facing, assumed, notes = yield from baking
+            shade, facing, assumed = yield from baking
         else:
             with clock.stage("light"):
                 light = settings.light
@@ -191,7 +188,7 @@ def light_octree(
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
-            provenance = _provenance(overrides, surface.state) | notes
+            provenance = _provenance(overrides, surface.state)
             if overrides.rotation:
                 turned = RotatedSource(source, random_rotation(overrides.rotation))
                 choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))
@@ -226,7 +223,7 @@ def _looking(
 
 
 def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
-    """Key of the cameras that a depth is found for, whatever the surface; "" where it is given. Raises SceneError."""
+    """Key of the cameras that a depth is chosen for; "" for a given depth. Raises SceneError."""
     if settings.surface.has_given_depth:
         return ""
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
@@ -237,7 +234,7 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
 def _state(
     context: bpy.types.Context, source: SceneMesh, settings: JobSettings, overrides: OctreeOverrides
 ) -> SceneState:
-    """State of the scene, with the place of its camera if something is baked as that sees it."""
+    """State of the scene, with the place of its camera if gloss is baked for it."""
     light, depsgraph = settings.light, overrides.depsgraph
     seen = light.is_baked and not overrides.unlit and bool(light.from_camera)
     seen = seen and bool(baked_with_gloss(source, light.gloss).any())
@@ -247,7 +244,7 @@ def _state(
 
 
 def _provenance(overrides: OctreeOverrides, state: SceneState) -> dict[str, Any]:
-    """Entries of the octree's file; the scene's state stands there unless the surface is turned or cut open."""
+    """Entries of the octree's file, with the scene's state unless the surface is rotated or cut open."""
     known = {} if overrides.rotation or overrides.bisect else {"scene_state": state.identity()}
     if known and state.gloss_from:
         known["gloss_from"] = state.gloss_from

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Output of a job: its files, folders of cameras, a folder that appears complete or not at all."""
+"""Output of a job: its files, folders of cameras, and an output folder that is written as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
-from .reports import REPORT_NAME, remove_omitted, reported
+from .reports import REPORT_NAME
 
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 _MAX_BYTES = 120
-# No folder of Windows can have these names, and no camera's own name may be what a hash makes of another one's.
+# Reserved names of Windows, and names that look like a hashed one.
 _OTHERS = re.compile(r"con|prn|aux|nul|com\d|lpt\d|.*-[0-9a-f]{16}", re.IGNORECASE)
 
 
 def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, str]:
-    """Folder of each camera that is looked through, by its name; raises SceneError if there is no such camera."""
+    """Folder of each chosen camera, by its name; raises SceneError for an unknown camera."""
     chosen = camera_names(scene, cameras)
     folders = camera_folders(chosen if list(cameras) == [AUTO] else [*scene_cameras(scene), *chosen])
     return {name: folders[name] for name in chosen}
@@ -44,9 +44,9 @@ def view_folders(scene: bpy.types.Scene, cameras: Sequence[str]) -> dict[str, st
 def camera_folders(names: Iterable[str]) -> dict[str, str]:
     """Folder name for each camera's name, all of them different for every file system.
 
-    Letters and digits of the camera's name, other characters as "_". Where that is not the name of one camera alone, by
-    whatever case of letters, or could be one with a hash, a hash of the camera's own name follows; so names do not
-    depend on the order of cameras, and with all cameras of a scene given not on which of them are looked through.
+    Letters and digits of the camera's name, other characters as "_". If several cameras share it, in any case of
+    letters, or if it looks like a hashed name, a hash of the camera's name follows. So names do not depend on the order
+    of cameras, nor, given all cameras of a scene, on the chosen ones.
     """
     plain = {name: bpy.path.clean_name(name) or "camera" for name in names}
     owners = Counter(_folded(folder) for folder in plain.values())
@@ -63,14 +63,14 @@ def camera_folders(names: Iterable[str]) -> dict[str, str]:
 
 
 def _folded(folder: str) -> str:
-    """Folded name, the same for names that some file system takes for one: of other case, or composed otherwise."""
+    """Folded name, equal for names that some file system treats as equal: by case or Unicode composition."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", folder).casefold())
 
 
 def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, reference: bool = False) -> dict[str, FileKind]:
     """Kind of each file of a job by its path in the output folder; `folders` are those of the cameras.
 
-    reference: whether views have one, and pictures of errors.
+    reference: with pictures of reference and errors.
     """
     files = {OCTREE_NAME: OCTREE, CODES_NAME: CODES, OVERVIEW_NAME: PNG, REPORT_NAME: REPORT}
     pictures = [name for name in PICTURES if reference or name not in OF_REFERENCE]
@@ -81,23 +81,23 @@ def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, referenc
 
 
 def job_inputs(settings: JobSettings) -> list[Path]:
-    """Files that a job reads: those of the open scene, weights, and a painted mask."""
+    """Input files of a job: those of the open scene, weights, and a painted mask."""
     importance = settings.view.importance
     masks = [importance.file] if importance is not None and importance.file is not None else []
     return [*scene_inputs(), settings.network.weights or default_weights_path(), *masks]
 
 
 def scene_inputs() -> Iterator[Path]:
-    """Files of the scene: the open file, and all that it names, such as images, libraries and caches."""
+    """Files of the scene: the open file, and its images, libraries and caches."""
     if bpy.data.filepath:
         yield Path(bpy.data.filepath)
     yield from map(Path, bpy.utils.blend_paths(absolute=True))
 
 
 def check_job(settings: JobSettings, scene: Path | None, *, frames: bool) -> None:
-    """Raise OutputError for results that cannot be written, as far as that is known before a scene is opened.
+    """Raise OutputError for output files that cannot be written, before a scene is opened.
 
-    scene: the file that will be opened. frames: results are frames in folders of their own.
+    scene: the file to open. frames: results are frames in folders of their own.
     """
     assert settings.out is not None
     files = {REPORT_NAME: REPORT} if frames else job_files((), settings.view.cycles)
@@ -110,31 +110,29 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     """Temporary folder whose files move to `out` when the block ends without an error.
 
     files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
-    Files of the same name are replaced, pictures that an earlier report names and the new one omits go, others stay. On
-    an error nothing in `out` is touched. Leftovers of killed processes are removed after a week.
-    Raises OutputError, before any work, if `out` cannot be written, or what is there is not to be replaced.
+    Files of the same name are replaced, others stay. On an error nothing in `out` is touched. Leftovers of killed
+    processes are removed. Raises OutputError, before any work, if `out` cannot be written, or holds a file of another
+    kind.
     """
     wanted = {out / name: kind for name, kind in files.items()}
     check_outputs(wanted, inputs, folder=out)
     parent = _parent(out)
     remove_left_over(parent, out.name)
-    before = reported(out)
     with ExitStack() as stack:
         with _spoken_of_as(out):
             temporary = stack.enter_context(temporary_folder(parent / temporary_path(out).name))
         with _spoken_of_as(out, temporary):
             yield temporary
-        check_outputs(wanted, inputs, folder=out)  # long jobs leave time to put something there
+        check_outputs(wanted, inputs, folder=out)  # other files may have appeared during a long job
         with _spoken_of_as(out):
             _move(temporary, out)
-    remove_omitted(out, before, inputs)
 
 
 @contextmanager
 def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
-    """Translate the system's errors to ours, which name files in `temporary`, soon gone, as they would be in `out`.
+    """Convert errors of the system to ours, which name files in `out` instead of `temporary`.
 
-    With `temporary`, errors about other files are left alone.
+    With `temporary`, errors about other files pass unchanged.
     """
     try:
         yield
@@ -154,7 +152,7 @@ def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
 
 
 def _parent(out: Path) -> Path:
-    """Nearest folder that is there above `out`; `out` itself where files can only be made in it, as in a mount."""
+    """Nearest existing folder above `out`; `out` itself if only that is writable, such as a mount."""
     parent = out.absolute().parent
     while not parent.exists():
         parent = parent.parent
@@ -162,8 +160,7 @@ def _parent(out: Path) -> Path:
 
 
 def _move(source: Path, out: Path) -> None:
-    """Move all files, the report last, because it speaks of the others; all are on the output's disk before the first
-    replaces another."""
+    """Move all files, the report last; all are copied to the output's disk before the first one replaces a file."""
     names = [path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()]
     with ExitStack() as stack:
         moved: dict[Path, Path] = {}

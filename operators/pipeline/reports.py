@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Report file report.json, which names all files of a job, so that the next one leaves no pictures that it omits."""
+"""Report file report.json, which lists all files of a job."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import platform
 import sys
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import bpy
 
 from ...patchnet_addon.runtime.file_kinds import EXR, PNG, REPORT, FileKind
-from ...patchnet_addon.runtime.outputs import identities, identity
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.versions import installed_version, own_version
 
@@ -26,7 +22,7 @@ _PICTURES = {ending: kind for kind in (PNG, EXR) for ending in kind.endings}
 
 
 def versions() -> dict[str, Any]:
-    """Versions of PatchNet, Blender, Python and the libraries that compute; None for one that is not there."""
+    """Versions of PatchNet, Blender, Python and libraries; None for a missing one."""
     return {
         "patchnet": own_version(),
         "blender": bpy.app.version_string,
@@ -39,14 +35,6 @@ def versions() -> dict[str, Any]:
 def machine() -> dict[str, Any]:
     """Kind of machine, as far as timings depend on it."""
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
-
-
-@dataclass(frozen=True)
-class Reported:
-    """Contents of a report: the `job` that wrote it, and paths of its `files` in the folder."""
-
-    job: str = ""
-    files: frozenset[str] = frozenset()
 
 
 def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
@@ -62,39 +50,7 @@ def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
         file.write((json.dumps(values, indent=2, allow_nan=False) + "\n").encode())
 
 
-def reported(out: Path) -> Reported:
-    """Read what the report in `out` speaks of; nothing where there is no report of ours."""
-    path = out / REPORT_NAME
-    try:
-        report = json.loads(path.read_text(encoding="utf-8")) if REPORT.is_at(path) else {}
-        files = frozenset(name for name in report.get("files", ()) if is_inside(name))
-    except (OSError, ValueError, TypeError, AttributeError):
-        return Reported()
-    return Reported(str(report.get("job", "")), files)
-
-
-def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
-    """Remove pictures in cameras' folders that the report `before` named and that of the same job now omits.
-
-    What is no picture any more stays, and what is one of `inputs`, and folders that hold other files.
-    """
-    now = reported(out)
-    if before.job != now.job:
-        return
-    keep = identities([*inputs, *(out / name for name in now.files)])  # the same file may have several names
-    for name in before.files - now.files:
-        path, parents = out / name, PurePosixPath(name).parents[:-1]
-        kind, links = _PICTURES.get(path.suffix.lower()), (path, *(out / parent for parent in parents))
-        if not parents or kind is None or any(part.is_symlink() for part in links):
-            continue
-        with contextlib.suppress(OSError):
-            if identity(path) not in keep and kind.is_at(path):
-                path.unlink()
-            for parent in parents:
-                (out / parent).rmdir()  # ends here if it is not empty
-
-
 def is_inside(name: str) -> bool:
-    """Return whether the path that a report or a record names cannot lead out of its folder."""
+    """Return whether a path in a record cannot leave its folder."""
     path = PurePosixPath(name)
     return not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name

@@ -48,8 +48,8 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
 class JobResult:
     """Result of a job.
 
-    notes: sentences about what had to be assumed or left out, by step. layout: levels of the leaves, if not all on one.
-    cycles: of each view, where pixels by Cycles were wanted. state: of the scene when it was read.
+    notes: sentences about assumptions and omissions, by step. layout: levels of the leaves, None for one level. cycles:
+    of each view, with Refine with Cycles. state: of the scene when it was read.
     """
 
     coded: CodedOctree
@@ -68,10 +68,10 @@ class JobResult:
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """Octree that is there: a job takes its grid, and of the rest what fits.
+    """Existing octree whose grid a job reuses, with its light and codes if they fit.
 
-    lit: whether its light fits. state: of the scene that it fits. coded: its codes if they fit, and the encoder's name.
-    warnings: sentences on what the octree leaves out.
+    lit: whether its light fits. state: of its scene. coded, encoder: codes if they fit, and the encoder's name.
+    warnings: of the octree.
     """
 
     octree: Octree
@@ -86,11 +86,10 @@ class Before:
 def run_job(
     context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None, before: Before | None = None
 ) -> Steps[JobResult]:
-    """Read, voxelize, light and encode the scene, then look at it through every camera; write files if wanted.
+    """Read, voxelize, light and encode the scene, then refine the view of each camera; write files if wanted.
 
-    meanwhile: shows pictures as soon as they are there, the first one before light is baked; None where nobody looks.
-    before: what need not be made again.
-    The scene is as before afterwards, and nothing is written if a step fails. Raises PatchNetError.
+    meanwhile: shows unfinished pictures, the first one before the bake; None in background. before: existing octree.
+    Nothing is written if a step fails. Raises PatchNetError.
     """
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
 
@@ -121,7 +120,7 @@ def _compute(
     meanwhile: Meanwhile | None,
     before: Before | None,
 ) -> Steps[JobResult]:
-    found_device(settings.compute.torch_device, NETWORK_DEVICE)  # an error before anything is baked
+    found_device(settings.compute.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
     clock, wanted = plan.clock, settings.view
     made, cameras = yield from _lit(context, settings, plan, kept, meanwhile, before)
     plan.resumed = bool(kept.found)
@@ -159,7 +158,7 @@ def _lit(
     meanwhile: Meanwhile | None,
     before: Before | None,
 ) -> Steps[tuple[LitOctree | Before, list[Camera]]]:
-    """Lit octree of a job, and the cameras that look at it; plans the job and shows a first look between the steps."""
+    """Lit octree of a job, and its cameras; plans the job and shows a first look between the steps."""
     clock, wanted, overrides = plan.clock, settings.view, OctreeOverrides()
     cameras: list[Camera] = []
     if before is not None:
@@ -187,7 +186,7 @@ def _lit(
 def _codes(
     made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
 ) -> Steps[tuple[CodedOctree, str]]:
-    """Codes of an octree, those that are there if they fit, and the name of the encoder that made them."""
+    """Codes of an octree, the existing ones if they fit, and the name of the encoder."""
     if made is before and before.coded is not None:
         return before.coded, before.encoder
     with clock.stage("codes"):
@@ -197,7 +196,7 @@ def _codes(
 def _report(
     coded: CodedOctree, views: Sequence[View], strategy: str, timings_s: dict[str, float], warnings: Sequence[str]
 ) -> dict[str, Any]:
-    """Report of everything that was measured, as plain JSON values."""
+    """Report of all figures, as plain JSON values."""
     octree = coded.octree
     return {
         "octree": {

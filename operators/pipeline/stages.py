@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stages of a job, each a function from the last one's result: surface, grid, lit octree, codes."""
+"""Stages of a job, each a function of the previous result: surface, grid, lit octree, codes."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
 @dataclass(frozen=True, eq=False)
 class GridChoice:
-    """Grid of the octree, the levels of its leaves (None: all on the deepest), and what they lack in sentences.
+    """Grid of the octree, the levels of its leaves (None: all on the deepest), and warnings.
 
-    leaves: about how many there are; 0 where nobody counted.
+    leaves: approximate number of leaves; 0 if unknown.
     """
 
     grid: Grid
@@ -58,8 +58,8 @@ class GridChoice:
 def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
 
-    Raises MemoryEstimateError, before anything is built, if a given depth would not fit, and GeometryError for a
-    surface whose place leaves it no precision.
+    Raises MemoryEstimateError, before anything is built, if a given depth does not fit into memory, and GeometryError
+    for a surface too far from the origin.
     """
     make = _fitted_grid if settings.surface.fit else _even_grid
     choice = yield from run_in_worker(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
@@ -78,7 +78,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
         grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
         choose_depth(coarse, cameras, grid.depth, memory, color=color, sides=sides)
         return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color, sides=sides)[0])
-    # A given depth asks for no look-ahead, and needs no weights yet.
+    # A given depth needs no weights.
     lookahead = load_network(settings.network).lookahead if surface.depth is None else DEFAULT_LOOKAHEAD
     choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, sides=sides, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
@@ -92,7 +92,7 @@ def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSetti
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """Leaves as deep as the cameras need them, as far as memory allows."""
+    """Choose leaves as deep as the cameras need, within the memory limit."""
     from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, max_leaves
     from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
     from ...patchnet_addon.surface.shading import opacity_shade
@@ -120,7 +120,7 @@ def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
 
 
 def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[ShadingFn]:
-    """Surface in the paper's two lights, from the usual direction or that of a seed."""
+    """Surface in the paper's two lights, from the default direction or a random one."""
     from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
@@ -137,12 +137,11 @@ def baked(
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
     cameras: Sequence[Camera] = (),
-) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
-    """Surface in baked light, side (T,) int8 that its light is seen on, what had to be assumed, and notes for reports.
+) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...]]]:
+    """Surface in baked light, side (T,) int8 that its light is seen on, and warnings.
 
-    choice: the leaves that the light is for; texels follow them. clock: takes the stages "light" and "denoise".
-    kept: where a bake finds pages of one that was stopped, and leaves its own.
-    depsgraph: what `source` was read from; None takes the context's. cameras: those that look, see `bake_luminance`.
+    choice: the leaves, which decide texels. clock: records the stages "light" and "denoise". kept: cache of finished
+    pages. depsgraph: of `source`; None takes the context's. cameras: see `bake_luminance`.
     """
     from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
     from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
@@ -168,7 +167,7 @@ def baked(
             atlas = yield from computed(lambda: denoised_atlas(atlas, source), Progress(0, 1, "Denoising light"))
         shade = yield from computed(lambda: atlas_shade(atlas, source), _TEXTURES)
     warnings = *coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())
-    return shade, atlas.facing, warnings, atlas.notes
+    return shade, atlas.facing, warnings
 
 
 def build(
@@ -180,16 +179,16 @@ def build(
     provenance: dict[str, Any],
     facing: np.ndarray | None = None,
 ) -> Steps[Octree]:
-    """Build the octree of a surface; `light` says in its file what `shade` is.
+    """Build the octree of a surface; `light` names `shade` in its file.
 
-    provenance: entries of the file beside those that say how it was made, and in the place of such. facing: (T,) int8,
-    side of each triangle that its light is seen on.
+    provenance: further entries of the file, which replace the default ones. facing: (T,) int8, lit side of each
+    triangle.
     """
     from ...patchnet_addon.octree.build import build_octree
 
     layout = choice.layout
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
-    exposure = settings.light.exposure if light != UNLIT else None  # a colour without light is not exposed
+    exposure = settings.light.exposure if light != UNLIT else None  # unlit colours are not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
@@ -205,7 +204,7 @@ def build(
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:
-    """Provenance of an octree; the scene's file is named without its folder: results are passed on."""
+    """Provenance of an octree; the scene's file is named without its folder, for privacy."""
     values = {
         "file": Path(bpy.data.filepath).name,
         "scene": bpy.context.scene.name,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unfinished pictures of a view while a job works: the first rays, the heatmap, the refinement as it goes."""
+"""Unfinished pictures of a view while a job works: the preview, the heatmap, the refinement in progress."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ from .stages import GridChoice, build, two_lights
 if TYPE_CHECKING:
     from ...patchnet_addon.sampling.refined_picture import RefinedPicture
 
-STAND_IN_DEPTH = 8  # at most, of the voxels that stand in for those whose light is not there yet
-_SHOWN_S = 1.0  # between two looks at a picture that is being refined
+STAND_IN_DEPTH = 8  # largest depth of the voxels that are shown before the bake
+_SHOWN_S = 1.0  # between two updates of a picture in refinement
 STAND_IN = "two lights, until baked"
 
 
 @dataclass(frozen=True, eq=False)
 class Unfinished:
-    """Picture (h, w, 3), encoded colours, of what is there of a camera's view; title: what it is, and what it lacks."""
+    """Unfinished picture (h, w, 3) of a camera's view, encoded colours, with a title."""
 
     camera: str
     title: str
     picture: np.ndarray
 
     def page(self) -> np.ndarray:
-        """(H, W, 3): the picture under its titles, so that nobody takes it for the result."""
+        """(H, W, 3): the picture under its titles, which mark it as unfinished."""
         return contact_sheet([[self.picture]], [self.camera], [self.title])
 
 
-Meanwhile = Callable[[Unfinished], None]  # shows one, at once
+Meanwhile = Callable[[Unfinished], None]  # shows a picture at once
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What a camera's picture is laid over: see `View` for the background, and the exposure of light."""
+    """Background and exposure of a camera's picture, see `View`."""
 
     camera: Camera
     background: np.ndarray | None
@@ -68,7 +68,7 @@ def first_look(
     *,
     background: np.ndarray | None = BLACK,
 ) -> Steps[None]:
-    """Trace the first ray of every pixel, and show it under a title over a background, see `View`."""
+    """Trace the first ray of every pixel, and show the picture with a title over a background, see `View`."""
     from ...patchnet_addon.tracing.render import first_hits, seen_color
 
     ground = Ground(camera, background, octree.exposure)
@@ -85,9 +85,9 @@ def first_look(
 def stand_in_look(
     source: SceneMesh, choice: GridChoice, settings: JobSettings, camera: Camera, meanwhile: Meanwhile
 ) -> Steps[None]:
-    """Show a camera's view before its light is baked: coarse voxels in the light of two lamps without shadows.
+    """Show a camera's view before the bake: coarse voxels in two lights without shadows.
 
-    That takes no longer than coarse voxels do, and says which objects and which camera it is that Cycles bakes for.
+    It is fast, and shows the objects and the camera of the bake.
     """
     grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
     shade = yield from two_lights(source, settings.light)
@@ -98,7 +98,7 @@ def stand_in_look(
 def shown_meanwhile(
     steps: Steps[RefinedPicture], begun: list[RefinedPicture], ground: Ground, meanwhile: Meanwhile
 ) -> Steps[RefinedPicture]:
-    """Pass on the steps of a refinement; now and then the picture that they work on, once it has `begun`, is shown."""
+    """Show the picture of a refinement from time to time, once it has `begun`."""
     last = time.monotonic()
 
     def shown(report: Progress) -> Progress:

@@ -44,7 +44,7 @@ from .unfinished import Ground, Meanwhile, Unfinished, first_look, shown_meanwhi
 class View:
     """Result of a camera.
 
-    octree: what was looked at. ranking: of its pixels by the chosen strategy. refined: what the budget made of it.
+    ranking: of its pixels by the chosen strategy. refined: the picture after the budget is spent.
     pictures: name -> (h, w, 3) encoded colours; those of PICTURES, and "priority" and "order", which are the heatmap
     and the overlay without legend. Those that show light alone are (h, w, 4) without a background, alpha last.
     background: behind all surfaces, (3,) or (P, 3) linear and unexposed, None for transparent. report: figures.
@@ -67,20 +67,17 @@ class View:
 
     @property
     def buffers(self) -> PixelBuffers:
-        """Traced pixels, and all that strategies read of them."""
+        """Traced pixels, with all inputs of strategies."""
         return self.ranking.buffers
 
     @property
     def errors(self) -> tuple[float, float] | None:
-        """Mean squared error over active pixels of what unrefined pixels show, and of the refined picture.
-
-        None without a reference.
-        """
+        """Mean squared error over active pixels of the unrefined and the refined picture; None without a reference."""
         return shown_errors(self.report)
 
     @property
     def priority(self) -> np.ndarray:
-        """(H, W) float32: what pixels are ranked by."""
+        """(H, W) float32: priority of each pixel."""
         return self.buffers.picture(self.ranking.priority)
 
 
@@ -96,12 +93,12 @@ def view(
 ) -> Steps[View]:
     """Preview, predicted picture, priority and refinement of one camera.
 
-    scope: which objects were voxelized, for importance that is painted on them. compare: also trace the reference of
-    all pixels and measure what all strategies, the exact oracles too, and uniform pictures leave of the error; None: as
-    the settings say. All strategies rank by what the settings' importance makes of their scores.
-    background: what pictures show behind all surfaces; priorities and errors are of surfaces alone.
-    meanwhile: shows the preview as soon as it is traced, the heatmap, and the picture while it is refined. Raises
-    SettingError if what was painted is not there.
+    scope: of the voxels, for painted importance. compare: also trace the reference of all pixels and measure the error
+    that all strategies, exact oracles and uniform pictures leave; None: by the settings. Painted importance multiplies
+    the scores of all strategies.
+    background: of the pictures; priorities and errors are of surfaces alone.
+    meanwhile: shows the preview, the heatmap, and the picture in refinement. Raises SettingError if the painted image
+    or vertex group is missing.
     """
     chosen = strategy(settings.strategy)
     compare = settings.reference if compare is None else compare
@@ -140,7 +137,7 @@ def view(
 def view_background(
     context: bpy.types.Context, octree: Octree, camera: Camera, settings: JobSettings
 ) -> Steps[Background]:
-    """What a camera of a job sees behind all surfaces of the context's scene, whose octree that is."""
+    """Background of a camera of a job in the context's scene."""
     baked = octree.provenance.get("light") == CYCLES
     depsgraph, daylight = context.evaluated_depsgraph_get(), settings.light.daylight
     return (yield from background(depsgraph, camera, settings.view.background, baked=baked, daylight=daylight))
@@ -149,7 +146,7 @@ def view_background(
 def _traced(
     coded: CodedOctree, camera: Camera, strategies: Sequence[Strategy], *, reference: bool
 ) -> Steps[PixelBuffers]:
-    """What strategies and the predicted picture need of a view, and its reference if wanted."""
+    """Trace the inputs of strategies and of the predicted picture, and the reference if wanted."""
     tracing = run_in_worker(
         lambda: trace_view(coded.octree, camera, strategies, coded=coded, reference=reference, unrefined=PREDICTED),
         Progress(0, 1, "Tracing the preview"),
@@ -158,10 +155,7 @@ def _traced(
 
 
 def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ranking) -> dict[str, dict[str, Ranking]]:
-    """Rankings by strategy, of what is wrong in each picture that unrefined pixels may show.
-
-    Without a reference only the one that is there, `chosen`.
-    """
+    """Rankings by strategy, for each picture that unrefined pixels can show; without a reference, `chosen` alone."""
     if buffers.reference is None:
         return {buffers.unrefined: {chosen.strategy.name: chosen}}
     views = {name: replace(buffers, unrefined=name) for name in UNREFINED}
@@ -177,7 +171,7 @@ def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfini
 def _refined(
     octree: Octree, ranking: Ranking, settings: ViewSettings, meanwhile: Meanwhile | None, ground: Ground
 ) -> Steps[RefinedPicture]:
-    """Spend the budget on a ranked view: samples per pixel where there are any, else its share of the pixels."""
+    """Spend the budget on a ranked view: samples per pixel if they are given, else a share of the pixels."""
     begun: list[RefinedPicture] = []
     camera = ground.camera
 
@@ -199,7 +193,7 @@ def _measured(
     refined: RefinedPicture,
     settings: ViewSettings,
 ) -> View:
-    """Figures and pictures of a refined view; errors of the preview are reported whatever unrefined pixels show."""
+    """Figures and pictures of a refined view; errors of the preview are always reported."""
     from ...patchnet_addon.tracing.empty_view import why_unseen
 
     camera, chosen = ground.camera, rankings[settings.unrefined][settings.strategy]
@@ -221,10 +215,9 @@ def _measured(
 
 
 def _pictures(made: View, settings: ViewSettings) -> dict[str, np.ndarray]:
-    """Pictures of a view; those with a legend are magnified, the others are as many pixels as the camera has.
+    """Pictures of a view; those with a legend are magnified, others have the camera's size.
 
-    Those that show light are in colour if the octree is. The overlay stays gray, so that red means one thing. The
-    reference and errors against it only where there is one.
+    Pictures of light are in colour if the octree is. The overlay stays gray, so that red always means refined first.
     """
     name, ranking, refined = made.camera.name, made.ranking, made.refined
     buffers, chosen, ramp = ranking.buffers, ranking.strategy, settings.colormap
@@ -266,7 +259,7 @@ def _lit_pictures(made: View) -> dict[str, np.ndarray]:
 
 
 def overview(views: Sequence[View]) -> np.ndarray:
-    """Overview of all cameras in one picture: a row each, from the preview to the refined picture, or the reference."""
+    """Overview of all cameras in one picture: a row each, from the preview to the refined picture or the reference."""
     titles = {
         "preview": "preview", "predicted": "predicted", "priority": "priority", "order": "refined first: red",
         "refined": "refined",

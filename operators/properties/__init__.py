@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties of every setting, declared once: for the scene's settings and for the operators that use them.
+"""Properties of all settings, declared once for the scene and for operators.
 
-A class for each group of settings, to be mixed into operators and into the group of the scene.
+Each group of settings is a class to mix into operators and into the property group of the scene.
 """
 
 from .job import absolute_path, cycles_settings, is_given, job_settings, scene_settings, setting

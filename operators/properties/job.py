@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of a job: what an operator's caller gave, else the scene's."""
+"""Settings of a job from an operator's properties, else from the scene."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def job_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> Jo
 
 
 def scene_settings(scene: bpy.types.Scene) -> JobSettings:
-    """Settings of a job by the scene alone, as its renders take them: automatic scope is all that is visible.
+    """Settings of a job from the scene alone, for renders: automatic scope means all visible objects.
 
     Raises SettingError.
     """

@@ -139,8 +139,7 @@ def preferences(context: bpy.types.Context) -> Preferences:
     if addon is None or addon.preferences is None:
         return Preferences()
     values = addon.preferences
-    names = [field.name for field in fields(Preferences) if hasattr(values, field.name)]
-    return Preferences(**{name: getattr(values, name) for name in names})
+    return Preferences(**{field.name: getattr(values, field.name) for field in fields(Preferences)})
 
 
 def apply_preferences(context: bpy.types.Context) -> None:

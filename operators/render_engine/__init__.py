@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 import bpy
 
@@ -17,18 +16,14 @@ _CLASSES = (*engine.CLASSES, *panels.CLASSES)
 
 
 def register() -> None:
-    """Make the engine known, and Blender's panels to it."""
+    """Register the engine, and enable Blender's panels for it."""
     for item in _CLASSES:
         bpy.utils.register_class(item)
     panels.add_to_blenders()
-    for handlers in _ends_of_renders():
-        handlers.append(_forget_frames)
 
 
 def unregister() -> None:
-    """Forget the engine."""
-    for handlers in _ends_of_renders():
-        handlers.remove(_forget_frames)
+    """Unregister the engine."""
     panels.remove_from_blenders()
     for item in reversed(panels.CLASSES):
         bpy.utils.unregister_class(item)
@@ -37,19 +32,17 @@ def unregister() -> None:
     viewport.unregister()
 
 
-def _ends_of_renders() -> tuple[list[Any], ...]:
-    lists = bpy.app.handlers
-    return lists.render_complete, lists.render_cancel, lists.load_post
-
-
 @bpy.app.handlers.persistent
 def _forget_frames(*_: object) -> None:
-    """Free what was made for frames of an animation, and what the allocator kept of their arrays."""
+    """Free octrees of the animation's frames, and the memory that the allocator kept of their arrays."""
     from ...patchnet_addon.runtime.heap import trim
 
     for session in open_sessions():
         session.free_frames()
-    if in_main_thread():  # not that of a render, which has no graphics context
+    if in_main_thread():  # a render has no graphics context
         cards.free_coming()
-    if f"{__package__}.frame_octree" in sys.modules:  # else nothing of ours was rendered
+    if f"{__package__}.frame_octree" in sys.modules:  # else another engine rendered
         trim()
+
+
+HANDLERS = tuple((name, _forget_frames) for name in ("render_complete", "render_cancel", "load_post"))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree of a rendered frame: the one that is there if it fits the frame, else a new one.
+"""Octree of a rendered frame: the scene's if it fits the frame, else a new one.
 
-A bake calls Blender's own render from within ours. A scene has one render, so it bakes in a copy of the scene, and only
-in Blender's main thread, which is where renders run without a window and from scripts.
+A bake calls Blender's render within a render. A scene has one render, so the bake uses a copy of the scene, and only
+Blender's main thread, where renders run without a window and from scripts.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
 from ..state.block_hashes import MOVES_BY_ITSELF
 
-# A bake for every place of the camera would take a frame minutes, and beside a window it cannot be made.
+# A bake for each place of the camera would take minutes a frame, and cannot run beside a window.
 _GLOSS = (
-    "Gloss is shown as the camera saw it where it stood during the bake: bake again for what it sees now, or choose "
+    "Gloss is shown as seen from the camera's place during the bake: bake again for the current place, or choose "
     "Gloss: From Above"
 )
 _LAYER = (
-    "View layer '{other}' shows other objects than '{own}', whose voxels are there, and is shown with those: without a "
-    "window each layer has its own"
+    "View layer '{other}' shows other objects than '{own}', but is rendered with the voxels of '{own}': render without "
+    "a window for voxels of its own"
 )
-_AS_IT_WAS = "Until then voxels are shown that do not fit the scene any more"
+_AS_IT_WAS = "Until then, outdated voxels are shown"
 _BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 _STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
 
@@ -54,14 +54,14 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
     values, scene = settings.flat(), SceneFingerprint(depsgraph)
-    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # what is not voxelized shadows nevertheless
+    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
     parts = [*(scene.surface(scope) for scope in scopes), scene.lights()]
     frame = depsgraph.scene.frame_current_final if has_films() else None
     return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
 
 
 def may_change(scene: bpy.types.Scene) -> bool:
-    """Return whether anything but a camera has keys or drivers, or moves without: else all frames have one surface."""
+    """Return whether anything but a camera has keys or drivers, or moves without; else all frames share a surface."""
     if has_films() or scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
         return True
     kinds = (value for name in dir(bpy.data) if _is_collection(value := getattr(bpy.data, name)))
@@ -94,14 +94,13 @@ def octree_of_frame(
 ) -> Steps[tuple[Octree, CodedOctree | None]]:
     """Lit octree of a render's graph at its frame, with its codes if the settings want them for renders.
 
-    camera: sees it if the depth is to be found.
+    camera: decides the automatic depth.
 
-    warn: takes sentences about what had to be assumed or left out where one is made.
-    animation: other frames follow. Raises PatchNetError.
+    warn: takes sentences about assumptions and lost input. animation: other frames follow. Raises PatchNetError.
     """
     scene = depsgraph.scene.original
     still = _stands_still(scene)
-    if animation:  # frames that are made alone would see other reflections
+    if animation:  # frames made alone would have other reflections
         gloss = settings.light.gloss
         settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
     result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
@@ -115,7 +114,7 @@ def octree_of_frame(
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """Frame to be rendered; see `octree_of_frame`. still: all frames are seen from one place."""
+    """Frame to render; see `octree_of_frame`. still: the camera has one place in all frames."""
 
     depsgraph: bpy.types.Depsgraph
     scene: bpy.types.Scene
@@ -127,12 +126,12 @@ class _Frame:
 
     @property
     def can_bake(self) -> bool:
-        """Return whether light can be made here: Cycles bakes in the main thread alone."""
+        """Return whether Cycles can bake: it needs the main thread."""
         return not self.settings.light.is_baked or in_main_thread()
 
 
 def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
-    """Result that fits a frame: the scene's, the last frame's, one of the cache folder, or a new one."""
+    """Result that fits a frame: of the scene, of the last frame, of the cache folder, or a new one."""
     scene, session, there = frame.scene, session_of(frame.scene), result_or_kept(frame.scene)
     if there is not None:
         look_again(there, scene)
@@ -142,14 +141,14 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     other_layer = state is not None and not state.fits_layer(scene, layer)
     if state is not None and other_layer:
         if frame.can_bake:
-            kept = None  # it stays what the panel shows
+            kept = None  # the panel keeps it
         else:
             frame.warn(_LAYER.format(own=state.layer, other=layer))
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not frame.animation) or not may_change(scene)):
         return kept
     key = ""
-    # Else nothing is there to compare with, nor will be.
+    # Without a key no later frame can be compared.
     if frame.animation or kept is not None or other_layer or session.made_frame is not None:
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(frame.depsgraph, frame.settings)
@@ -158,7 +157,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     for known in (session.kept_frame, session.made_frame):
         if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
             return known.result
-    session.made_frame = None  # before the next one takes memory
+    session.made_frame = None  # frees memory for the next one
     found = _on_disk(frame) if key else None
     if found is not None:
         session.made_frame = KeyedResult(found, key)
@@ -174,17 +173,17 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
 
 
 def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
-    """Result with a warning where its gloss is of another view; None where it is baked anew."""
+    """Result, with a warning if its gloss is of another view; None if it has to be baked again."""
     of_one_view = frame.animation and not frame.still and _is_gloss_of_one_view(kept)
     if of_one_view and in_main_thread() and not frame.settings.light.from_camera:
-        return None  # else its frame, or all of them, would show another gloss than those that are baked now
+        return None  # else its gloss would differ from frames that are baked now
     if of_one_view or kept.stale:
         frame.warn(_GLOSS)
     return kept
 
 
 def _on_disk(frame: _Frame) -> SceneResult | None:
-    """Octree in the cache folder that the same settings made of what a graph shows; none beside a window."""
+    """Octree of the cache folder that the frame's settings made of what its graph shows; none beside a window."""
     if not bpy.app.background:
         return None
     with quiet(), values_of_graph(frame.depsgraph):
@@ -196,7 +195,7 @@ def _on_disk(frame: _Frame) -> SceneResult | None:
 
 
 def _stands_still(scene: bpy.types.Scene) -> bool:
-    """Return whether one camera looks from one place in all frames: gloss that it sees is the same, too."""
+    """Return whether one camera has one place in all frames, so that its gloss is the same."""
     item = scene.camera
     moves = item is None or any(marker.camera for marker in scene.timeline_markers)
     while item is not None and not moves:
@@ -206,14 +205,14 @@ def _stands_still(scene: bpy.types.Scene) -> bool:
 
 
 def _is_gloss_of_one_view(result: SceneResult) -> bool:
-    """Return whether a camera saw the gloss that was baked."""
+    """Return whether the gloss is of one camera."""
     return result.state is not None and bool(result.state.gloss_from)
 
 
 def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
-    """Result of a render's graph, or what is `there`, with a warning, if it cannot be made."""
+    """Result of a render's graph; with a warning, the one that is `there` if none can be made."""
     if not frame.can_bake:
-        why = "there are no voxels yet" if there is None else "the scene is not what was voxelized and lit"
+        why = "there are no voxels yet" if there is None else "the scene changed since it was voxelized and lit"
         error: PatchNetError = SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")
     else:
         try:
@@ -249,7 +248,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
 
 @contextmanager
 def _bake_context(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> Iterator[None]:
-    """Let the context show a copy of the scene, at the frame of the graph, if Cycles bakes."""
+    """Context with a copy of the scene at the frame of the graph, if Cycles bakes."""
     if not settings.light.is_baked:
         yield
         return

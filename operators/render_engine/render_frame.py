@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Final render of one frame: octree, picture, passes, between which the user may stop it."""
+"""Final render of one frame: octree, picture and passes; the user may stop it."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 
 import bpy
@@ -15,7 +12,6 @@ import numpy as np
 
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import StoppedError
-from ...patchnet_addon.runtime.eta import FramesEta, left_text
 from ...patchnet_addon.runtime.log import event
 from ...patchnet_addon.runtime.progress import Result, Steps
 from ...patchnet_addon.runtime.worker import attended
@@ -36,31 +32,7 @@ from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
 
-_begun: dict[int, tuple[int, FramesEta]] = {}  # by scene: the frame that comes next, and the time of all
-
-
-@contextmanager
-def rendered_frame(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> Iterator[FramesEta | None]:
-    """Time of the animation that the frame rendered in the block belongs to; None for one that is rendered alone.
-
-    A frame that is not the next of the last one begins another animation.
-    """
-    if not engine.is_animation:
-        yield None
-        return
-    original = scene.original
-    key, frame = original.session_uid, original.frame_current
-    expected, frames = _begun.pop(key, (None, None))
-    if frames is None or expected != frame:
-        frames = FramesEta(len(range(frame, original.frame_end + 1, original.frame_step)) or 1)
-    frames.begin()
-    yield frames
-    frames.end()
-    _begun.clear()  # of other scenes, which may be gone
-    _begun[key] = frame + original.frame_step, frames
-
-
-_SHOWN_S = 0.7  # between two looks at the unfinished picture
+_SHOWN_S = 0.7  # between two updates of the unfinished picture
 
 
 def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
@@ -77,47 +49,40 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
     camera, rect, kept = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
-    if wanted.importance is not None:  # what is missing is said before anything is made
-        strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # what was voxelized may not be selected now
+    if wanted.importance is not None:  # missing input is reported before work starts
+        strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # the selection may have changed
     _mention_left_out(engine, scene, camera)
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
-    with rendered_frame(engine, scene) as frames:
-        octree, coded = pull(engine, making, 0.0, 0.3, frames)
-        importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
-        world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3, frames)
-        budget = wanted.budget if wanted.spp is None else None
-        if wanted.render_side is None:
-            picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
-            refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
-        else:
-            picture = AdaptivePicture(octree, camera, None, None, importance)
-            refining = picture.sample_evenly(wanted.render_side)
-        output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
-        try:
-            pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5, frames)
-            _warn_of_unseen(engine, picture)
-            pull(engine, output.shown_meanwhile(refining), 0.5, 1.0, frames)
-        finally:  # a render that was stopped shows how far it came
-            output.end()
+    octree, coded = pull(engine, making, 0.0, 0.3)
+    importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
+    world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
+    budget = wanted.budget if wanted.spp is None else None
+    if wanted.render_side is None:
+        picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
+        refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
+    else:
+        picture = AdaptivePicture(octree, camera, None, None, importance)
+        refining = picture.sample_evenly(wanted.render_side)
+    output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
+    try:
+        pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
+        _warn_of_unseen(engine, picture)
+        pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
+    finally:  # a stopped render shows its unfinished picture
+        output.end()
 
 
-def pull(
-    engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float, frames: FramesEta | None = None
-) -> Result:
-    """Run steps to their end; they are the share of the frame's render from `start` to `end`.
+def pull(engine: bpy.types.RenderEngine, steps: Steps[Result], start: float, end: float) -> Result:
+    """Run steps to their end; the frame's progress goes from `start` to `end`.
 
-    frames: of an animation, whose time stands before each step.
-    Raises StoppedError, with the steps cleaned up, as soon as the user stops the render.
+    Raises StoppedError, with the steps closed, when the user stops the render.
     """
     said = ""
     try:
         while True:
-            with attended():  # so that a stop is heard while kernels compile
+            with attended():  # a stop has an effect while kernels compile
                 report = next(steps)
             text = f"{report.label} {round(100 * report.fraction)} %" + (f", {report.note}" if report.note else "")
-            if frames is not None:
-                left = left_text(frames.see(replace(report, whole=None)).left_s)
-                text = f"{frames.text}{', ' if left else ''}{left}: {text}"
             if text != said:  # in background Blender prints it
                 said = text
                 engine.update_stats("PatchNet", text)
@@ -131,7 +96,7 @@ def pull(
 
 
 class _Output:
-    """Render's result while it is written."""
+    """Result of the render while it is written."""
 
     def __init__(
         self,
@@ -146,7 +111,7 @@ class _Output:
         self._shown = time.monotonic()
 
     def shown_meanwhile(self, steps: Steps[None]) -> Steps[None]:
-        """Pass on the steps; now and then the picture that they work on is shown, where there is a window."""
+        """Pass on the steps; a window shows the unfinished picture at intervals."""
         for report in steps:
             if not bpy.app.background and time.monotonic() - self._shown > _SHOWN_S:
                 self._write()
@@ -155,7 +120,7 @@ class _Output:
             yield report
 
     def end(self) -> None:
-        """Hand the result over."""
+        """Write the passes into the result."""
         self._write()
         self._engine.end_result(self._result)
 
@@ -166,7 +131,7 @@ class _Output:
                 item.rect.foreach_set(self._of_result(pixels[item.name]))
 
     def _of_result(self, pixels: np.ndarray) -> np.ndarray:
-        """Values (N,) of the pixels (P, C) of the view that are the result's, without its margin."""
+        """Values (N,) of the view's pixels (P, C) without its margin."""
         camera, kept = self._picture.camera, self._kept
         picture = pixels.reshape(camera.height_px, camera.width_px, -1)
         rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
@@ -176,7 +141,7 @@ class _Output:
 def _world(
     engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph, camera: Camera, octree: Octree
 ) -> Steps[np.ndarray | None]:
-    """What the camera sees behind all surfaces, see `combined`; black with a warning where nothing can find out."""
+    """World behind all surfaces, see `combined`; black, with a warning, if it cannot be evaluated."""
     baked = octree.provenance.get("light") == CYCLES
     if in_main_thread():
         with values_of_graph(depsgraph):
@@ -189,7 +154,7 @@ def _world(
 
 
 def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
-    """Say why the picture shows nothing or is black; its world is black behind what is meant to be seen, too."""
+    """Warn why the picture is empty or black."""
     from ...patchnet_addon.tracing.empty_view import why_unseen
 
     buffers = picture.buffers
@@ -200,7 +165,7 @@ def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) ->
 
 
 def warn(engine: bpy.types.RenderEngine, text: str) -> None:
-    """Report a warning in the status bar or on the terminal, in the log, and above the picture, where it stays."""
+    """Report a warning in the status bar or on the terminal, in the log, and above the picture."""
     engine.report({"WARNING"}, text)
     engine.warnings = dict.fromkeys((*engine.warnings, text))
     engine.error_set(". ".join(engine.warnings))
@@ -211,6 +176,6 @@ def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, ca
     for text in focus_warnings(scene.original, [camera]):
         warn(engine, text)
     if scene.render.use_multiview:
-        warn(engine, "PatchNet renders no stereo: all views show what the middle camera sees")
+        warn(engine, "PatchNet renders no stereo: all views show the picture of the middle camera")
     if scene.render.use_motion_blur:
-        warn(engine, "PatchNet renders no motion blur: turn it off, or leave it and have none")
+        warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")

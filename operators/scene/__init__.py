@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene reader, from a Blender scene to triangles with materials: files, objects, meshes, materials, images."""
+"""Reader of Blender scenes: files, objects, meshes, materials and images become triangles with materials."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender cameras as the tracer's cameras, views given by numbers, and three views of a scene that has none."""
+"""Cameras for the tracer: from Blender cameras, from numbers, and three around a scene without cameras."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ AUTO = "auto"
 _AUTO_DISTANCES = {"Far": 2.2, "Middle": 1.0, "Close": 0.45}
 _AUTO_DIRECTION = np.array([0.62, -1.0, 0.48])  # from the scene to the camera: in front, to the right, above
 _AUTO_FOV = np.radians(50.0)
-_AUTO_INSIDE = ("View 1", "View 2", "View 3")  # as `viewpoints` names them
+_AUTO_INSIDE = ("View 1", "View 2", "View 3")  # names as in `viewpoints`
 
 
 def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tuple[int, int]:
     """Width and height of pictures: `size`, where a 0 follows the render aspect; (0, 0) is the render resolution."""
     render = scene.render
-    percent = render.resolution_percentage  # in integers, as Blender: 100 pixels at 29 % are 29
+    percent = render.resolution_percentage  # in integers, as in Blender: 100 pixels at 29 % are 29
     full = max(1, render.resolution_x * percent // 100), max(1, render.resolution_y * percent // 100)
     if not any(size):
         return full
@@ -44,12 +44,12 @@ def camera_size_px(scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> tu
 def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple[int, int] = (0, 0)) -> Camera:
     """View that Blender renders through an evaluated camera object, at a size as in `camera_size_px`.
 
-    Sensor fit, shift, pixel aspect and clipping follow Blender. So does the object's scale, whose sign alone matters.
+    Sensor fit, shift, pixel aspect and clipping follow Blender. Only the sign of the object's scale matters.
     Raises SceneError for panoramic cameras and for objects that are no cameras.
     """
     data = camera.data
     if not isinstance(data, bpy.types.Camera):
-        raise SceneError(f"Object '{camera.name}' is no camera: choose a camera object")
+        raise SceneError(f"Object '{camera.name}' is not a camera: choose a camera object")
     if data.type not in (PERSPECTIVE, ORTHOGRAPHIC):
         raise SceneError(
             f"Camera '{camera.name}' is of type {data.type.lower()}: choose a perspective or orthographic camera"
@@ -80,7 +80,7 @@ def tracing_camera(camera: bpy.types.Object, scene: bpy.types.Scene, size: tuple
 def _lens(data: bpy.types.Camera, width: float, height: float) -> tuple[float, float, float, float]:
     """Half extents of the picture and its shift in them: tangents for perspective, lengths for orthographic cameras.
 
-    Blender fits the sensor (or the orthographic scale) to one side of the picture, and counts shift in that side.
+    Blender fits the sensor (or the orthographic scale) to one side of the picture, which is also the unit of shift.
     """
     horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
     if data.type == ORTHOGRAPHIC:
@@ -110,7 +110,7 @@ def _axes(matrix_world: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, 
 
 
 def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Camera]:
-    """Cameras Far, Middle and Close that look at a box (2, 3); nothing is added to the scene."""
+    """Cameras Far, Middle and Close that look at a box (2, 3); the scene stays unchanged."""
     low, high = np.asarray(bounds_world, np.float64)
     centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     direction = _AUTO_DIRECTION / np.linalg.norm(_AUTO_DIRECTION)
@@ -126,7 +126,7 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
 def numbered_camera(text: str, size: tuple[int, int]) -> Camera | None:
     """Camera given as "X Y Z > X Y Z", position and target, or "... @ DEGREES" high; None for other text.
 
-    Raises SceneError for numbers that are no view.
+    Raises SceneError for invalid numbers.
     """
     places, _, degrees = text.partition("@")
     try:
@@ -136,20 +136,20 @@ def numbered_camera(text: str, size: tuple[int, int]) -> Camera | None:
         return None
     values = np.array([*position, *target, fov])
     if len(position) != 3 or len(target) != 3 or not np.isfinite(values).all() or not 0.0 < fov < 180.0:
-        raise SceneError(f"'{text}' is no view: write X Y Z > X Y Z, and after @ an angle between 0 and 180 degrees")
+        raise SceneError(f"'{text}' is not a view: write X Y Z > X Y Z, and after @ an angle between 0 and 180 degrees")
     if (position == target).all():
-        raise SceneError(f"The view '{text}' looks at its own place: give another target")
+        raise SceneError(f"The view '{text}' has its target at its position: give another target")
     return Camera.look_at(position, target, fov=np.radians(fov), size_px=size, name=text)
 
 
 def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
-    """Names that cameras of `looking_cameras` may have; raises SceneError if there is no such camera."""
+    """Possible names of cameras of `looking_cameras`; raises SceneError for a camera that does not exist."""
     if list(names) == [AUTO]:
         return [*_AUTO_DISTANCES, *_AUTO_INSIDE]
     known = scene_cameras(scene)
     if list(names) == [ALL]:
         chosen = sorted(known)
-    elif names:  # which were cut at commas, that a camera's own name may have
+    elif names:  # the list was split at commas, which a camera's name may contain
         whole = next((text for text in (", ".join(names), ",".join(names)) if text in known), None)
         chosen = [whole] if whole else list(dict.fromkeys(names))
     else:
@@ -167,7 +167,7 @@ def camera_names(scene: bpy.types.Scene, names: Sequence[str]) -> list[str]:
 def scene_cameras(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
     """Scene's camera objects by name, and its active one, which another scene may hold.
 
-    Of several of one name those that are linked from other files have that of the file behind it: Cam [set.blend].
+    Linked cameras that share a name have their file after it: Cam [set.blend].
     """
     cameras = [item for item in scene.objects if item.type == "CAMERA"]
     if scene.camera is not None and scene.camera.type == "CAMERA" and scene.camera not in cameras:
@@ -188,9 +188,9 @@ def looking_cameras(
     bounds_world: np.ndarray,
     surface: MeshSource | Octree,
 ) -> Steps[list[Camera]]:
-    """Cameras of `choose_cameras`, but `auto` stands inside a surface that encloses its free space, such as a room.
+    """Cameras of `choose_cameras`, but `auto` places them inside an enclosing surface, such as a room.
 
-    surface: what is looked at, or its octree. Raises SceneError if there is no such camera.
+    surface: in view, or its octree. Raises SceneError for a camera that does not exist.
     """
 
     def inside() -> Steps[list[Camera]]:
@@ -200,7 +200,7 @@ def looking_cameras(
         octree = surface
         if not isinstance(octree, Octree):
             octree = yield from coarse_octree(octree, bounds_world=bounds_world)
-        with limit_threads(1):  # of many small pictures, threads for each cost more than they save
+        with limit_threads(1):  # threads cost more than they save for small pictures
             if not encloses(octree):
                 return []
             return (yield from viewpoints(octree, len(_AUTO_INSIDE), camera_size_px(depsgraph.scene, size), lit=False))
@@ -212,7 +212,7 @@ def looking_cameras(
 def octree_cameras(
     context: bpy.types.Context, octree: Octree, names: Sequence[str], size: tuple[int, int]
 ) -> Steps[list[Camera]]:
-    """Cameras of `looking_cameras` around an octree that is there."""
+    """Cameras of `looking_cameras` around an octree."""
     bounds_world = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     depsgraph = context.evaluated_depsgraph_get()
     return (yield from looking_cameras(depsgraph, names, size, bounds_world, octree))
@@ -224,9 +224,9 @@ def choose_cameras(
     size: tuple[int, int],
     bounds_world: np.ndarray,
 ) -> list[Camera]:
-    """Cameras by name or numbers; `all` are those of the scene, `auto` frames the bounds, nothing the active camera.
+    """Cameras by name or numbers: `all` of the scene, `auto` around the bounds; without names, the active camera.
 
-    Raises SceneError if there is no such camera.
+    Raises SceneError for a camera that does not exist.
     """
     scene = depsgraph.scene
     chosen = camera_names(scene, names)
@@ -239,14 +239,14 @@ def choose_cameras(
 
 
 def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:
-    """View of a camera of the scene, also of one that the view layer leaves out, with its parents and constraints."""
+    """View of a camera of the scene, with parents and constraints, also of one outside the view layer."""
     evaluated = camera.evaluated_get(depsgraph)
     if evaluated.is_evaluated or depsgraph.mode == "RENDER":
         return tracing_camera(evaluated, depsgraph.scene, size)
     with temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
-        # Not by frame_set, which calls the handlers of add-ons.
+        # frame_set would call the handlers of add-ons.
         stage.frame_current, stage.frame_subframe = depsgraph.scene.frame_current, depsgraph.scene.frame_subframe
-        stage.camera = camera  # a scene's camera is evaluated whatever hides it
+        stage.camera = camera  # Blender evaluates the scene's camera also when it is hidden
         layer = stage.view_layers[0]
         layer.update()
         view = tracing_camera(camera.evaluated_get(layer.depsgraph), depsgraph.scene, size)
@@ -255,13 +255,13 @@ def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[
 
 
 def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """Sentence that names those of chosen cameras whose depth of field previews leave out, if there are any."""
+    """Sentence that names the chosen cameras with depth of field, which previews leave out."""
     there = scene_cameras(scene)
     names = dict.fromkeys(each.name for each in cameras if each.name in there and there[each.name].data.dof.use_dof)
     if not names:
         return ()
     have = f"Camera {named_list(names)} has" if len(names) == 1 else f"Cameras {named_list(names)} have"
-    return (f"{have} depth of field, which previews do not show: all is in focus; render with Cycles for the blur",)
+    return (f"{have} depth of field, but previews show all in focus: render with Cycles for the blur",)
 
 
 def track_cameras(
@@ -269,7 +269,7 @@ def track_cameras(
 ) -> list[Camera]:
     """Cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
 
-    The scene is at its own frame again afterwards. Raises SceneError as `choose_cameras` does.
+    The scene returns to its frame. Raises SceneError as `choose_cameras` does.
     """
     scene = context.scene
     cameras = []
@@ -282,7 +282,7 @@ def track_cameras(
 
 
 def _without_repeats(cameras: list[Camera]) -> list[Camera]:
-    """Drop repeated views: cameras that stand still, or that stood there before, see nothing new."""
+    """Drop repeated views of cameras that stand still or return."""
     views: dict[tuple[object, ...], Camera] = {}
     for camera in cameras:
         axes = (camera.position_world, camera.right, camera.up, camera.forward)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening of scenes from files of any kind that Blender reads, and the files that a scene names and that are missing.
+"""Opening of scenes from files of all kinds that Blender reads, and missing files of a scene.
 
-Blender opens a scene without missing files and says so on the terminal at most: objects of a missing library are left
-out, and Cycles shows a missing image in pink.
+Blender opens a scene although files are missing: objects of a missing library are left out, and Cycles shows a missing
+image in pink.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from ..scene_access.blender_version import tree_in_use
 from .layer_names import all_nodes
 from .strands import STRANDS
 
-_FROM_FILES = frozenset({"FILE", "SEQUENCE", "MOVIE", "TILED"})
+_FROM_FILES = frozenset({"FILE", "MOVIE", "TILED"})  # which file of a sequence is shown, only Cycles knows
 _FIND = "put them back, or find them with File > External Data"
 
 
 def missing_libraries() -> list[str]:
-    """Sentences about linked libraries that are not there, and about what those that are there lack."""
+    """Sentences about missing linked libraries, and missing data-blocks of others."""
     absent = {library: _path(library.filepath, library.library) for library in bpy.data.libraries}
     absent = {library: path for library, path in absent.items() if not library.packed_file and not os.path.exists(path)}
     said = []
     if absent:
         said.append(
-            f"Linked libraries are missing: {', '.join(absent.values())}; what they hold is left out: put them back, "
+            f"Linked libraries are missing: {', '.join(absent.values())}; their data is left out: put them back, "
             "or relocate them in the Outliner under Blender File"
         )
     lacking: dict[str, list[str]] = {}
@@ -49,7 +49,7 @@ def missing_libraries() -> list[str]:
 
 
 def missing_files(materials: Iterable[bpy.types.Material], world: bpy.types.World | None) -> list[str]:
-    """Sentences about libraries, images of these materials and of the world, and caches that are not there."""
+    """Sentences about missing libraries, images of these materials and of the world, and caches."""
     users: dict[str, list[str]] = {}
     for user, tree in _trees(materials, world):
         for path in _missing_images(tree):
@@ -78,41 +78,21 @@ def _trees(
 
 
 def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
-    """Paths of the files that images of a tree are to be read from and that are not there."""
+    """Paths of missing image files of a tree."""
     for node in all_nodes(tree):
         image = getattr(node, "image", None)
         if image is None or image.source not in _FROM_FILES or image.packed_files or image.is_dirty:
             continue
-        for name in _files_of(node, image):
+        for name in _files_of(image):
             if name and not os.path.exists(path := _path(name, image.library)):
                 yield path
 
 
-def _files_of(node: bpy.types.Node, image: bpy.types.Image) -> list[str]:
-    """Files that an image is read from at the present frame."""
+def _files_of(image: bpy.types.Image) -> list[str]:
+    """Files of an image."""
     if image.source == "TILED":
         return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
-    if image.source == "SEQUENCE":
-        return [_file_of_sequence(image, _number_in_sequence(node.image_user))]
     return [image.filepath]
-
-
-def _number_in_sequence(user: bpy.types.ImageUser) -> int:
-    """Number of a sequence's file at the present frame, as Blender finds it: only evaluated nodes hold it."""
-    number = bpy.context.scene.frame_current - user.frame_start + 1
-    length = user.frame_duration
-    if length > 0 and user.use_cyclic:
-        number = number % length or length
-    return min(max(number, 0), length) + user.frame_offset
-
-
-def _file_of_sequence(image: bpy.types.Image, number: int) -> str:
-    """Path of a file of a sequence: the last digits of the name are its number."""
-    found = re.fullmatch(r"(.*?)(\d+)(\D*)", os.path.basename(image.filepath))
-    if found is None:
-        return image.filepath
-    before, digits, after = found.groups()
-    return image.filepath.removesuffix(os.path.basename(image.filepath)) + f"{before}{number:0{len(digits)}d}{after}"
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:
@@ -133,7 +113,7 @@ _IMPORTERS = {
 
 
 def open_scene(path: str | Path) -> bpy.types.Scene:
-    """Open a .blend file, or import any other one into an empty scene; what was open before is closed.
+    """Open a .blend file, or import another one into an empty scene; the open scene is closed.
 
     Raises SceneError if the file is missing, damaged, of an unknown kind, or holds no surface.
     """
@@ -145,7 +125,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
         return bpy.context.scene
     importer = _importer(path, extension)
     bpy.ops.wm.read_homefile(use_empty=True)
-    # Importers that write a line per mesh are asked for warnings only.
+    # Importers that would write a line per mesh write warnings only.
     calm = {"loglevel": logging.WARNING} if "loglevel" in importer.get_rna_type().properties else {}
     _run(path, importer, filepath=str(path.absolute()), **calm)
     scene = bpy.context.scene
@@ -156,12 +136,12 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
 
 
 def is_blend(path: Path) -> bool:
-    """Return whether a file is a .blend by its name, or one of Blender's backups of it, .blend1 to .blend32."""
+    """Return whether a file name ends in .blend, or in .blend1 to .blend32 as Blender's backups."""
     return re.fullmatch(r"\.blend([1-9]|[12]\d|3[0-2])?", path.suffix.lower()) is not None
 
 
 def check_scene_file(path: Path) -> None:
-    """Raise SceneError if there is no such file, or a folder in its place."""
+    """Raise SceneError if the file does not exist or is a folder."""
     if path.is_dir():
         raise SceneError(f"Scene file {path} is a folder: name a file in it")
     if not path.is_file():
@@ -175,7 +155,7 @@ def _has_surface(item: bpy.types.Object) -> bool:
 
 
 def _importer(path: Path, extension: str) -> Any:
-    """Import operator for an extension; the add-on for glTF is enabled if need be."""
+    """Import operator for an extension; enable the add-on for glTF if necessary."""
     if extension not in _IMPORTERS:
         known = ", ".join([".blend", *_IMPORTERS])
         raise SceneError(f"Scene file {path} has the unknown extension '{extension}': choose one of {known}")
@@ -194,19 +174,19 @@ def _importer(path: Path, extension: str) -> Any:
 
 
 def _run(path: Path, operator: Any, **arguments: object) -> None:
-    """Call an operator on a file; importers raise whatever their parser stumbled on, and print a lot."""
+    """Call an operator on a file; importers raise errors of their parsers, and print a lot."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         try:
             with interrupts_wait(), diverted(stdout=out, stderr=err):
                 result = operator(**arguments)
             failed, report = "FINISHED" not in result, None
-        except Exception as cause:  # noqa: BLE001  it is told below
+        except Exception as cause:  # noqa: BLE001  reported below
             failed, report = True, cause
         printed = [_text(out), _text(err)]
     logging.getLogger("patchnet").debug("Printed while %s was read:\n%s", path, "\n".join(printed))
     if failed:
         reason = _reason(printed[1] if report is None else str(report) or type(report).__name__)
-        raise SceneError(f"Scene file {path} cannot be read, it may be damaged{reason}") from report
+        raise SceneError(f"Scene file {path} cannot be read and may be damaged{reason}") from report
 
 
 def _text(file: IO[bytes]) -> str:
@@ -217,7 +197,7 @@ def _text(file: IO[bytes]) -> str:
 def _reason(report: str) -> str:
     """Reason for an operator's failure in brackets, by its report, "" for none.
 
-    That of an exception is a traceback, and the place of the call in a last line.
+    An exception reports a traceback, and the place of the call in its last line.
     """
     lines = [line.strip() for line in report.splitlines() if line.strip() and not line.startswith("Location: ")]
     return f" ({lines[-1].removeprefix('Error: ').removesuffix(', see console for detail')})" if lines else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mesh layers that the nodes of a material read: UV maps and attributes by name, generated coordinates."""
+"""Mesh layers that nodes of a material read: UV maps, attributes, generated coordinates."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import bpy
 
 from ..scene_access.blender_version import tree_in_use
 
-# The layer that holds generated coordinates, which belong to a mesh and its texture space.
+# Layer of generated coordinates, which depend on the texture space of a mesh.
 GENERATED = "patchnet_generated"
-# The layer that holds a mesh's default colour attribute, which a Color Attribute node without a name reads.
+# Layer of a mesh's default colour attribute, which a Color Attribute node without a name reads.
 DEFAULT_COLOR = "patchnet_default_color"
-# Textures that take generated coordinates if nothing else is linked to them.
+# Textures that use generated coordinates without a link.
 GENERATED_BY_DEFAULT = frozenset(
     {
         "TEX_NOISE", "TEX_VORONOI", "TEX_WAVE", "TEX_MAGIC", "TEX_GRADIENT", "TEX_CHECKER", "TEX_BRICK", "TEX_GABOR",
@@ -31,7 +31,7 @@ _NAME_PROPERTY = {
 
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
-    """Names that any node of the material mentions, in its groups too, and GENERATED if one needs it."""
+    """Names in the material's nodes and groups, and GENERATED if a node needs it."""
     tree = tree_in_use(material)
     if tree is None:
         return frozenset()
@@ -52,19 +52,10 @@ def asks_default_color(node: bpy.types.Node) -> bool:
 
 
 def needs_generated(node: bpy.types.Node) -> bool:
-    """Return whether a node yields or takes generated coordinates, or a tangent that is made of them."""
+    """Return whether a node yields or takes generated coordinates."""
     if node.type == "TEX_COORD":
         return node.outputs["Generated"].is_linked and not node.from_instancer
-    if asks_tangent(node):
-        return True
     return node.type in GENERATED_BY_DEFAULT and not node.inputs["Vector"].is_linked
-
-
-def asks_tangent(node: bpy.types.Node) -> bool:
-    """Return whether a node yields a tangent around an axis of the generated coordinates."""
-    if node.type == "NEW_GEOMETRY":
-        return node.outputs["Tangent"].is_linked
-    return node.type == "TANGENT" and node.direction_type == "RADIAL"
 
 
 def all_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Precision warnings where float32, in which Blender keeps places and Cycles computes light, resolves no surface.
+"""Warnings where float32, which Blender uses for places and Cycles for light, is too coarse for a surface.
 
-Voxels themselves are made in double precision, from the meshes' own coordinates and the objects' transforms.
+Voxelization is in double precision, from coordinates of meshes and transforms of objects.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.tracing.camera import Camera
 from .scene_mesh import SceneMesh
 
-LIFT_SHARE = 2.0**-18  # of the farthest coordinate: that far off a surface Cycles takes its light at least
-_LARGEST = 1e15  # squares of lengths beyond it do not fit into single precision any more, with room for a light's
-_MIN_LIT, _MAX_LIT = 1e-7, 4e9  # across, and from the origin: beyond them Cycles was seen to be wrong
-_COARSE_PLACES, _COARSE_LIGHT = 1 / 16, 1 / 64  # shares of the surface's extent that are too coarse for any picture
+LIFT_SHARE = 2.0**-18  # of the farthest coordinate: least distance from a surface at which Cycles samples light
+_LARGEST = 1e15  # squares of longer lengths, with a margin for lamps, overflow single precision
+_MIN_LIT, _MAX_LIT = 1e-7, 4e9  # least extent, and greatest distance from the origin; Cycles is wrong beyond them
+_COARSE_PLACES, _COARSE_LIGHT = 1 / 16, 1 / 64  # shares of the surface's extent, too coarse for all pictures
 _FEW_VOXELS = 2.0
 _TO_ORIGIN = "move the scene, with its cameras and lamps, to the origin"
 
 
 def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Sentences if places are coarser than the grid's voxels, or one object is far from all others.
+    """Sentences about places that are coarser than voxels, and an object far from all others.
 
-    Raises GeometryError where nothing could be seen.
+    Raises GeometryError where no picture is possible.
     """
     reach, name = _farthest(source)
     if reach > _LARGEST:
@@ -48,18 +48,18 @@ def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warning if Cycles' light is coarser than the grid's voxels; raises GeometryError where it would be wrong."""
+    """Warning if positions of Cycles are coarser than voxels; raises GeometryError where its light is wrong."""
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
     other = "or choose the two-lights shading"
     if extent < _MIN_LIT:
         raise GeometryError(
-            f"The surface of '{name}' is {extent:.2g} across: Cycles lights nothing below {_MIN_LIT:g} rightly; "
+            f"The surface of '{name}' is {extent:.2g} across: Cycles computes wrong light below {_MIN_LIT:g}; "
             f"scale the scene up, {other}"
         )
     if reach > _MAX_LIT:
         raise GeometryError(
-            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles lights nothing beyond {_MAX_LIT:g} rightly; "
+            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles computes wrong light beyond {_MAX_LIT:g}; "
             f"scale the scene down, {other}"
         )
     lift = LIFT_SHARE * reach
@@ -72,13 +72,13 @@ def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def _farthest(source: SceneMesh) -> tuple[float, str]:
-    """Farthest coordinate of any axis, and the object that it belongs to."""
+    """Farthest coordinate on an axis, and its object."""
     names, boxes = _boxes(source)
     return float(np.abs(source.bounds_world).max()), names[int(np.abs(boxes).max(axis=(1, 2)).argmax())]
 
 
 def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warning if one object is so far from all others that those are no larger than voxels."""
+    """Warning if an object is so far from all others that they are smaller than voxels."""
     names, boxes = _boxes(source)
     if len(names) < 2:
         return ()
@@ -96,7 +96,7 @@ def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 
 def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """Warning if hair or points are thinner than voxels, or than pixels of the cameras: they are seen as wide."""
+    """Warning if hair or points are thinner than voxels or pixels, whose width they then have."""
     names: list[str] = []
     for part in source.parts:
         if part.mesh.thickness:
@@ -116,7 +116,7 @@ def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> t
 
 
 def _boxes(source: SceneMesh) -> tuple[list[str], np.ndarray]:
-    """Names (N) of all placed objects and their boxes (N, 2, 3) in world units, as their meshes' boxes are placed."""
+    """Names (N) of placed objects and boxes (N, 2, 3) of their placed meshes in world units."""
     names: list[str] = []
     boxes = []
     for part in source.parts:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read the evaluated scene: modifiers, instances, curves and text as Blender sees them."""
+"""Reader of the evaluated scene with modifiers, instances, curves and text."""
 
 from __future__ import annotations
 
@@ -36,12 +36,10 @@ _NOTHING = {
 LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
-def read_scene(
-    depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: frozenset[int] | None = None
-) -> SceneMesh:
+def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: frozenset[int] | None = None) -> SceneMesh:
     """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
-    chosen: session_uids of objects that count as the selected ones. Raises EmptySelectionError if nothing in scope has
+    chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
     a surface, GeometryError if the surface has no area or coordinates that are not finite.
     """
     if scope not in _NOTHING:
@@ -74,7 +72,7 @@ def _partly_transparent(materials: Sequence[Material]) -> list[str]:
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
-    """Sentences about what Cycles shows otherwise."""
+    """Sentences about differences to Cycles."""
     said = []
     if behind := depsgraph.scene.background_set:
         said.append(
@@ -92,9 +90,9 @@ def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
 
 
 def _not_found(names: set[str]) -> list[str]:
-    """Sentence about attributes of objects and instances that materials ask for in vain."""
+    """Sentence about requested attributes that no object or instance has."""
     listed = named_list(sorted(names))
-    found = f"Materials ask objects or instances for {listed}, which none was found to have: it counts as 0"
+    found = f"Materials read attribute {listed}, which no object or instance has: it counts as 0"
     return [found] if names else []
 
 
@@ -125,10 +123,10 @@ class _Reader:
         self._left_out: dict[str, set[str]] = {}
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
-        """Read what the instance shows: its mesh, strands or points, and its hair."""
+        """Read mesh, strands or points, and hair of an instance."""
         item = instance.object
         layers = self._needs_of(item)[0]
-        shared = item.data and item.data.as_pointer(), layers  # objects that have both alike share a mesh
+        shared = item.data and item.data.as_pointer(), layers  # objects with the same key share a mesh
         if shows_mesh(instance):
             self._add(instance, shared, partial(_read_mesh, instance, layers))
         elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
@@ -146,7 +144,7 @@ class _Reader:
         key: tuple[object, ...],
         read: Callable[[], LocalMesh | Strands | None],
     ) -> None:
-        """Note where a mesh stands, which is read if its key is a new one."""
+        """Add a placement of a mesh; a mesh with a new key is read."""
         item = instance.object
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
@@ -168,7 +166,7 @@ class _Reader:
             )
 
     def _needs_of(self, item: bpy.types.Object) -> tuple[frozenset[str], frozenset[Asked]]:
-        """Layers that the materials of an object name, and values that they ask of it."""
+        """Layers and values that the materials of an object request."""
         layers: frozenset[str] = frozenset()
         values: frozenset[Asked] = frozenset()
         for slot in item.material_slots:
@@ -184,7 +182,7 @@ class _Reader:
         return self.material_names.setdefault(name, len(self.material_names))
 
     def left_out(self) -> list[str]:
-        """Sentences that name objects that renders show and that are no surface."""
+        """Sentences about rendered objects without a surface."""
         return [
             f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes, or "
             "use Refine with Cycles, Passes: Combined"
@@ -192,13 +190,13 @@ class _Reader:
         ]
 
     def parts(self) -> tuple[tuple[MeshInstances, ...], list[str]]:
-        """MeshInstances, all of them, mesh by mesh in the order of their first appearance, and sentences for users."""
+        """All MeshInstances, in order of first appearance, and sentences for users."""
         parts = []
         read = {key: mesh for key, mesh in self._meshes.items() if mesh is not None}
         meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
         for key, placed in self._placed.items():
             mesh = meshes[key]
-            width = max(len(each.slots) for each in placed)  # the last slot is repeated, as for faces beyond the slots
+            width = max(len(each.slots) for each in placed)  # repeat the last slot, as for faces beyond the slots
             slots = [(*each.slots, *(each.slots[-1:] * (width - len(each.slots)))) for each in placed]
             parts.append(
                 MeshInstances(
@@ -222,7 +220,7 @@ class _Reader:
 
 
 def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
-    """Values (P, C) float32 of placed objects by their layer; zero where nobody asks."""
+    """Values (P, C) float32 of placed objects by layer; zero without a request."""
     widths = {asked: len(value) for each in placed for asked, value in each.values.items()}
     return {
         asked.layer: np.array([each.values.get(asked, (0.0,) * width) for each in placed], np.float32)
@@ -235,7 +233,7 @@ def _read_mesh(instance: bpy.types.DepsgraphObjectInstance, layers: frozenset[st
     item = instance.object
     origin = origin_of_corners(item)
     if instance.is_instance and isinstance(item.data, bpy.types.Mesh):
-        # It may belong to no object: geometry nodes instance meshes, curves evaluate to them.
+        # A mesh of geometry nodes or of a curve belongs to no object.
         return read_local_mesh(item.data, item.name, layers, origin)
     mesh = item.to_mesh()
     try:

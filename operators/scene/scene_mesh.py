@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Surface of a scene: each mesh once, placed many times, streamed batch by batch."""
+"""Surface of a scene: each mesh once with its placements, streamed in batches."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MeshInstances:
 
     mesh: the triangles in their own space. objects: (P,) names of the placed objects.
     matrices_world: (P, 4, 4) float64. materials: (P, S) int32, index into the scene's materials for each slot.
-    values: layer -> (P, C) float32, what materials ask of each object. links: (P,) int32, index into the scene's
+    values: layer -> (P, C) float32, values of each object for its materials. links: (P,) int32, index into the scene's
     `light_links`.
     """
 
@@ -37,7 +37,7 @@ class MeshInstances:
 
     @property
     def mirrored(self) -> np.ndarray:
-        """(P,) bool: the transform turns triangles inside out, so that their winding has to be reversed."""
+        """(P,) bool: the transform mirrors triangles, whose winding has to be reversed."""
         return np.linalg.det(self.matrices_world[:, :3, :3]) < 0
 
     @property
@@ -65,7 +65,7 @@ class Run:
         return self.instances.mirrored[self.lo : self.hi]
 
     def corners_world(self) -> np.ndarray:
-        """(N, 3, 3) float64, wound so that normals are those of Blender also under mirroring transforms."""
+        """(N, 3, 3) float64, with the winding of Blender's normals also under mirroring transforms."""
         mesh, matrices = self.instances.mesh, self.instances.matrices_world[self.lo : self.hi]
         triangles = mesh.triangles[self.first : self.last]
         if self.first == 0 and self.last == len(mesh):
@@ -87,7 +87,7 @@ class Run:
         uvs = np.zeros((len(self), 3, 2), np.float32) if mesh.uvs is None else self.per_corner(mesh.uvs)
         used = np.unique(self.instances.materials[self.lo : self.hi]).tolist()
         for name in sorted({materials[number].uv_map for number in used} - {""}):
-            uvs = uvs.copy()  # of what may be the mesh's own
+            uvs = uvs.copy()  # the array may be the mesh's own
             mine = np.array([material.uv_map == name for material in materials])[self.materials()]
             uvs[mine] = self.per_corner(mesh.layers[name][..., :2])[mine] if name in mesh.layers else 0.0
         return uvs
@@ -115,7 +115,7 @@ class Run:
         if normals is None:
             return None
         linear = self.instances.matrices_world[self.lo : self.hi, :3, :3]
-        # The cofactor matrix turns normals also where the transform cannot be inverted; its sign follows mirroring.
+        # The cofactor matrix transforms normals also without an inverse; its sign follows mirroring.
         cofactors = np.stack([np.cross(linear[:, :, (i + 1) % 3], linear[:, :, (i + 2) % 3]) for i in range(3)], -1)
         cofactors = np.where(self.mirrored[:, None, None], -cofactors, cofactors)
         turned = normals.reshape(1, -1, 3).astype(np.float64) @ cofactors.transpose(0, 2, 1)
@@ -128,7 +128,7 @@ class SceneMesh:
     """`MeshSource` of a Blender scene; meshes are kept once; placed triangles exist only batch by batch.
 
     material_names: Blender's (full) name for each of `materials`, "" where a surface has none.
-    warnings: sentences about what is missing or was simplified; color_warnings: those that do not matter to a bake.
+    warnings: sentences about missing or simplified input; color_warnings: those without effect on a bake.
     light_links: receiver collections of lamps that objects are in.
     gloss: of each of `materials`.
     """
@@ -160,21 +160,6 @@ class SceneMesh:
             used.update(np.unique(part.materials[turned]).tolist())
         return frozenset(self.material_names[index] for index in used)
 
-    def objects_of(self, triangles: np.ndarray) -> np.ndarray:
-        """(N,) names of the objects of triangles (N,)."""
-        return np.array(self._names, object)[self.object_numbers(triangles)]
-
-    def object_numbers(self, triangles: np.ndarray) -> np.ndarray:
-        """(N,) int64, the same for all places of objects of one name, of triangles (N,)."""
-        names = [name for part in self.parts for name in part.objects]
-        ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in self.parts]))
-        number = {name: index for index, name in enumerate(self._names)}
-        return np.array([number[name] for name in names])[np.searchsorted(ends, triangles, side="right")]
-
-    @property
-    def _names(self) -> list[str]:
-        return list(dict.fromkeys(name for part in self.parts for name in part.objects))
-
     def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""
         corners, materials = np.empty((len(triangles), 3, 3)), np.empty(len(triangles), np.int32)
@@ -193,7 +178,7 @@ class SceneMesh:
             first += len(batch)
 
     def runs(self) -> Iterator[tuple[Run, ...]]:
-        """Runs that each of the `batches` is made of: large meshes divided, small ones grouped."""
+        """Runs of each of the `batches`: large meshes are divided, small ones grouped."""
         group: list[Run] = []
         count = 0
         for part in self.parts:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's bake as an operator that lasts as long as its job, whatever scene the window shows.
+"""Bake operator that lasts as long as its job, whatever scene the window shows.
 
-Blender's own ends at the next event unless the window shows the scene that is baked, and with it go the reports that
-the job's thread writes to. As the first step of a macro it stays with the macro, whose second step waits for the job.
-Its report at the end of each page, which asks users to save what is none of theirs, is nobody's then, and not shown.
+Blender's bake operator ends at the next event unless the window shows the baked scene, and frees the reports that the
+job's thread writes to. As the first step of a macro it lives until the second step ends, which waits for the job. The
+macro also hides the report at the end of each page, which asks users to save an image that is not theirs.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class PATCHNET_OT_await_bake(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Let all events go on."""
+        """Pass all events through."""
         return {"PASS_THROUGH"} if job_is_running(BAKE) else {"FINISHED", "PASS_THROUGH"}
 
 
@@ -50,7 +50,7 @@ CLASSES = (PATCHNET_OT_await_bake, PATCHNET_OT_bake_beside_window)
 
 
 def register() -> None:
-    """Tell Blender of both, and of the macro's steps."""
+    """Register both operators, and the steps of the macro."""
     for item in CLASSES:
         bpy.utils.register_class(item)
     for name in ("OBJECT_OT_bake", "PATCHNET_OT_await_bake"):
@@ -58,6 +58,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Forget both."""
+    """Unregister both operators."""
     for item in reversed(CLASSES):
         bpy.utils.unregister_class(item)

@@ -13,7 +13,7 @@ _ENABLE = "enable one in the preferences under System > Cycles Render Devices, o
 
 
 def gpu_is_enabled(context: bpy.types.Context) -> bool:
-    """Return whether a GPU is enabled in the preferences of Cycles; it then bakes, whatever the scene's file says."""
+    """Return whether a GPU is enabled in the preferences of Cycles."""
     addon = context.preferences.addons.get("cycles")
     return addon is not None and bool(addon.preferences.has_active_device())
 
@@ -32,7 +32,7 @@ def bakes_on_gpu(context: bpy.types.Context, device: str = AUTO) -> bool:
 
 
 def device_text(context: bpy.types.Context, device: str = AUTO) -> str:
-    """Name of what a bake would run on, in a few words; raises as `bakes_on_gpu`."""
+    """Name of the device that a bake would run on; raises as `bakes_on_gpu`."""
     if not bakes_on_gpu(context, device):
         return "CPU"
     values = context.preferences.addons["cycles"].preferences

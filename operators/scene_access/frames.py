@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frame iteration over a scene, which is at its own frame again afterwards.
+"""Frame iteration over a scene, with the user's frame restored afterwards.
 
-Going to another frame sets whatever is animated, and so drops what the user changed there without a key. That comes
-back, too.
+Setting a frame overwrites animated properties, and so discards values that the user changed without a keyframe. These
+are restored, too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError)
 
 @contextmanager
 def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Keep the scene's frame: within the block any may be gone to; afterwards, and in saved files, it is as before."""
+    """Restore the scene's frame after the block, and in files that are saved meanwhile."""
     frame, subframe = scene.frame_current, scene.frame_subframe
     gone_to = frame
     before = list(_animated_values())
@@ -51,8 +51,8 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
 def values_of_graph(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
     """Let data-blocks hold the animated values that a graph has evaluated, within the block.
 
-    The graph of an animation that is rendered does not write them back: without this, what reads the data-blocks again,
-    as a bake of Blender's does without looking at keys, sees the frame that the file was left at.
+    The graph of a rendered animation does not write them back. Without this, a bake, which reads the data-blocks again
+    without evaluating keyframes, uses the frame that the file was left at.
     """
     before = []
     for block, owner, path, index, value in _animated_values():
@@ -71,16 +71,16 @@ def values_of_graph(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
 
 
 def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
-    """Let the scene be at a frame; its own handlers run, and finish."""
+    """Set the frame of a scene; its handlers run and finish."""
     with interrupts_wait():
         scene.frame_set(frame, subframe=subframe)
 
 
 def _animated_values() -> Iterator[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]:
-    """Data-block, owner, path, index and present value of all that has keys; the owner may be the block's node tree."""
+    """Data-block, owner (it or its node tree), path, index and current value of each property with keyframes."""
     for block, owner in _animated():
         for curve in fcurves(owner.animation_data):
-            with suppress(*_UNREADABLE):  # keys of something that is gone
+            with suppress(*_UNREADABLE):  # keyframes of a deleted property
                 yield block, owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image Editors during a bake, which Blender shows its image in."""
+"""Image Editors during a bake, in which Blender shows the baked image."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import bpy
 
 @contextmanager
 def editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
-    """Image Editors show what they did before: a bake puts its image into the largest, as a job into all of them.
+    """Restore the images of Image Editors: Blender shows a baked image in the largest one, and a job's in all of them.
 
-    The value gives the images back at once; Blender takes the editors soon after a job began, not right then.
+    The value restores them at once; Blender replaces the images shortly after a job begins.
     """
     areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
     shown = [(area.spaces.active, area.spaces.active.image) for area in areas]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays as Blender images and as files that Blender writes, and which of them a view has.
+"""Arrays as Blender images and as image files, and the names of a view's pictures.
 
 Pictures are (H, W), (H, W, 3), or (H, W, 4) with straight alpha, float32, row 0 at the bottom as Blender stores them.
 """
@@ -16,17 +16,17 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError
 from .own import OWNER
 
-# Pictures of a view, each a file and a Blender image, in the order in which a user would look at them.
+# Pictures of a view, each a file and a Blender image, in the order of the panel.
 PICTURES = ("preview", "predicted", "heatmap", "overlay", "refined", "reference", "error")
-OF_REFERENCE = ("reference", "error")  # those of views with a reference alone
+OF_REFERENCE = ("reference", "error")  # only of views with a reference
 PRIORITY_NAME = "priority.exr"
 _DEPTHS_WITH_ALPHA = (32, 128)  # bits of a pixel, bytes and floats
-VIEW_TRANSFORM = "Standard"  # of pictures of light, as sRGB: heatmaps and errors are of what they show
+VIEW_TRANSFORM = "Standard"  # of pictures of light; heatmaps and errors are computed from it
 ERROR_MAXIMUM = 0.5  # luminance error at the end of an error picture's legend
 
 
 def unlike_view(scene: bpy.types.Scene) -> str:
-    """Say which view transform pictures of light have, which measures need, where the scene's view is another."""
+    """Sentence about the view transform of pictures if it differs from the scene's, else ""."""
     view = scene.view_settings
     plain = view.look == "None" and (view.exposure, view.gamma, view.use_curve_mapping) == (0.0, 1.0, False)
     if view.view_transform == VIEW_TRANSFORM and plain:
@@ -38,8 +38,8 @@ def unlike_view(scene: bpy.types.Scene) -> str:
 def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.types.Image:
     """Create or update the result image `name`; `raw`: float values (Non-Color) instead of encoded colours.
 
-    An image of the user's that happens to have this name is left alone. The pixels are packed, and the image has a fake
-    user: so all pictures are saved with the file, shown or not, and closing Blender does not ask about them.
+    A user's image of this name is left alone. The pixels are packed, and the image has a fake user, so that all
+    pictures are saved with the file, and closing Blender does not ask about them.
     """
     height, width = picture.shape[:2]
     image = next((item for item in bpy.data.images if item.get(OWNER) == name), None)
@@ -72,9 +72,9 @@ def drop_image(name: str) -> None:
 
 
 def free_copies(image: bpy.types.Image) -> None:
-    """Free the pixels of a packed image in memory and on the graphics card; Blender reads them again when it needs to.
+    """Free the pixels of a packed image in memory and on the graphics card; Blender reloads them when needed.
 
-    Pixels that the user has painted over since are only in memory, and stay.
+    Painted pixels that were not packed stay.
     """
     image.gl_free()
     if image.packed_file is not None and not image.is_dirty:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lengths in words, in the units of a scene as Blender's fields show them."""
+"""Lengths as text in the units of a scene."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary changes of settings and modes by a job: undone afterwards, and in files that are saved meanwhile.
+"""Temporary changes of settings and modes by a job, which are undone afterwards and in files saved meanwhile.
 
-Data-blocks that a job adds need none of this: they are `temporary`, which Blender never writes.
+Data-blocks of a job do not need this: they are `temporary`, and Blender never saves them.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from bpy.app.handlers import persistent
 from .own import quiet
 
 Act = Callable[[], object]
-_changes: list[tuple[Act, Act]] = []  # how to put a change back, and how to make it again; in the order they were made
+_changes: list[tuple[Act, Act]] = []  # functions that undo and redo each change, in order
 
 
 @contextmanager
 def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
-    """Put back what the block changes of the user's in a file that is saved meanwhile, which has no such change."""
+    """Undo a change of the block while a file is saved."""
     change = put_back, make_again
     _changes.append(change)
     try:
@@ -32,7 +32,7 @@ def put_back_when_saved(put_back: Act, make_again: Act) -> Iterator[None]:
 
 @contextmanager
 def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
-    """Set properties of `owner` that this Blender has; afterwards, and in saved files, each is as before or unset."""
+    """Set properties of `owner` that this Blender has; restore them afterwards, and in files saved meanwhile."""
     names = [name for name in values if hasattr(owner, name)]
     before = {name: (owner.is_property_set(name), getattr(owner, name)) for name in names}
     find = _finder(owner)
@@ -60,7 +60,7 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 
 
 def _finder(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
-    """Function that finds `owner` again: Blender notices a data-block that is gone, but not settings in it that are."""
+    """Function that finds `owner` again: Blender detects deleted data-blocks, but no deleted settings in them."""
     block = owner.id_data
     if block is None or block == owner:
         return lambda: owner
@@ -70,7 +70,7 @@ def _finder(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
 
 @contextmanager
 def object_mode(context: bpy.types.Context) -> Iterator[None]:
-    """Object mode, and the mode from before afterwards."""
+    """Switch to Object Mode, and back after the block."""
     active = context.view_layer.objects.active
     mode = active.mode if active else "OBJECT"
     if mode == "OBJECT":
@@ -101,18 +101,4 @@ def _after_save(*_: object) -> None:
                 make_again()
 
 
-def _handlers() -> list[tuple[list[Any], Callable[..., None]]]:
-    lists = bpy.app.handlers
-    return [(lists.save_pre, _before_save), (lists.save_post, _after_save), (lists.save_post_fail, _after_save)]
-
-
-def register() -> None:
-    """Listen to saves."""
-    for handlers, function in _handlers():
-        handlers.append(function)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    for handlers, function in reversed(_handlers()):
-        handlers.remove(function)
+HANDLERS = (("save_pre", _before_save), ("save_post", _after_save), ("save_post_fail", _after_save))

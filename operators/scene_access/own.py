@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data-blocks and changes that are the extension's own: no part of the scene that is read, lit and watched for changes.
+"""Data-blocks and changes of the extension itself, which are no part of the scene that is read, lit and compared.
 
-The data-blocks are those that operators leave in a file on purpose: pictures, and the object that shows voxels.
+The data-blocks are results that operators leave in a file: pictures, and the object that shows voxels.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
 
-OWNER = "patchnet_result"  # custom property that marks a data-block as ours to overwrite
+OWNER = "patchnet_result"  # custom property of our data-blocks, which may be overwritten
 _blocks = 0  # of `quiet` that are open now
 
 
 def is_own(item: bpy.types.ID) -> bool:
-    """Return whether an operator of ours made this data-block, original or evaluated, as a result."""
+    """Return whether this data-block, original or evaluated, is a result of our operators."""
     return OWNER in item
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Mark changes within the block as the extension's own, undone in it: they make nothing stale."""
+    """Mark changes within the block as our own and undone in it: they make no result stale."""
     global _blocks
     _blocks += 1
     try:
@@ -35,7 +35,7 @@ def quiet() -> Iterator[None]:
 
 
 def _update_layer() -> None:
-    """Update what the context shows. Blender crashes where an override holds a layer of another scene than is shown."""
+    """Update the shown view layer. Blender crashes if an override holds a layer of a scene that is not shown."""
     context = bpy.context
     if context.view_layer in context.scene.view_layers.values():
         context.view_layer.update()
@@ -44,14 +44,14 @@ def _update_layer() -> None:
 
 
 def check_own_scene(scene: bpy.types.Scene) -> None:
-    """Raise SceneError for a scene that belongs to another file: nothing can be put into it, not for a moment."""
+    """Raise SceneError for a scene that is linked from another file: nothing can be added to it."""
     if scene.library is not None:
         raise SceneError(
-            f"Scene '{scene.name}' is linked from {scene.library.filepath}, and what is linked cannot be changed: "
+            f"Scene '{scene.name}' is linked from {scene.library.filepath} and cannot be changed: "
             "open that file, or make the scene local"
         )
 
 
 def is_quiet() -> bool:
-    """Return whether changes are our own now."""
+    """Return whether a `quiet` block is open."""
     return _blocks > 0

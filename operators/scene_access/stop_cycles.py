@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stop of a bake or render that runs as a job of Blender's, from Python, as Esc stops it.
+"""Stop a bake or render job of Blender from Python, as Esc does.
 
-A bake asks for one flag, which Esc sets, and which nothing of Python's can set. But a render that reports an error sets
-it, too: so a render engine of ours fails at a picture of one pixel, in a scene of its own, which takes milliseconds.
+A bake polls a flag that Esc sets and that Python cannot set. A render that reports an error also sets it, so a render
+engine of ours fails in a scene of its own, which takes milliseconds.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _OF_ENGINES = ("RENDER", "RENDER_PREVIEW")  # Blender's jobs that work with an e
 
 
 class _Failing(bpy.types.RenderEngine):
-    """Engine that fails; it is known to Blender for a moment only, so that nobody can choose it."""
+    """Engine that fails; it is registered only for a moment, so that users cannot choose it."""
 
     bl_idname = "PATCHNET_STOP"
     bl_label = _NAME
@@ -32,7 +32,7 @@ class _Failing(bpy.types.RenderEngine):
 
 @contextmanager
 def stopped_cycles() -> Iterator[None]:
-    """Let the bake that runs end at its next look at the flag; within the block its thread has to be waited for."""
+    """Stop the current bake at its next poll; the block has to wait for its thread."""
     bpy.utils.register_class(_Failing)
     try:
         with _failing_scene() as scene, suppress(RuntimeError):  # what the engine reports
@@ -44,9 +44,9 @@ def stopped_cycles() -> Iterator[None]:
 
 
 def forget_engine(engine: type[bpy.types.RenderEngine]) -> None:
-    """Unregister an engine, after all renders and previews that run have ended, whatever engine they use.
+    """Unregister an engine after all renders and previews, of any engine, have ended.
 
-    Blender frees all engines then, and crashes where one of them works.
+    Blender then frees all engines, and crashes if one of them is at work.
     """
     bpy.utils.register_class(_Failing)
     try:
@@ -57,7 +57,7 @@ def forget_engine(engine: type[bpy.types.RenderEngine]) -> None:
 
 
 def _end_renders() -> None:
-    """End all that renders beside a window: another render ends it first, and is itself ended with its scene."""
+    """End all renders beside a window: a new render ends them, and ends itself with its scene."""
     windows = bpy.context.window_manager.windows
     if not windows or not any(bpy.app.is_job_running(kind) for kind in _OF_ENGINES):
         return
@@ -73,10 +73,10 @@ def _end_renders() -> None:
 
 @contextmanager
 def _failing_scene() -> Iterator[bpy.types.Scene]:
-    """Make a scene whose render fails, of which nothing is left after the block."""
+    """Make a temporary scene whose render fails."""
     with ExitStack() as stack:
         stack.callback(sync_view_layers)
-        stack.enter_context(_nobody_hears())
+        stack.enter_context(_without_handlers())
         stack.enter_context(new_render_results_go())
         scene = stack.enter_context(temporary(bpy.data.scenes.new(_NAME)))
         data = stack.enter_context(temporary(bpy.data.cameras.new(_NAME)))
@@ -85,13 +85,13 @@ def _failing_scene() -> Iterator[bpy.types.Scene]:
         scene.render.resolution_x = scene.render.resolution_y = 4  # the least
         scene.render.engine = _Failing.bl_idname
         yield scene
-        with suppress(ReferenceError):  # of a scene that is gone
+        with suppress(ReferenceError):  # of a deleted scene
             scene.render.engine = "CYCLES"
 
 
 @contextmanager
-def _nobody_hears() -> Iterator[None]:
-    """Keep the render from handlers, the user's among them."""
+def _without_handlers() -> Iterator[None]:
+    """Hide the render from all handlers, the user's included."""
     kept = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers) if name.startswith("render_")}
     before = {name: list(handlers) for name, handlers in kept.items()}
     for handlers in kept.values():

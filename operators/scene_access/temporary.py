@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary data-blocks, only there while a job runs, and the temporary folder of this Blender process.
+"""Temporary data-blocks, which exist only while a job runs, and the temporary folder of this Blender process.
 
-Blender never writes such data-blocks into a file that is saved meanwhile. But it keeps them in a step of undo that is
-made meanwhile, as ordinary ones: where they come back, they go.
+Blender does not save them into files. But it keeps them in undo steps as ordinary data-blocks; when undo restores them,
+they are removed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import bpy
 from bpy.app.handlers import persistent
@@ -27,14 +27,14 @@ _COLLECTIONS = {
     "Object": "objects", "Scene": "scenes", "ShaderNodeTree": "node_groups", "SunLight": "lights", "World": "worlds",
 }  # fmt: skip
 _MARK = "patchnet_temporary"  # custom property
-_FOLDER = re.compile(r"blender_\w{6}")  # without one of its own, Blender names the folder of all temporary files
+_FOLDER = re.compile(r"blender_\w{6}")  # otherwise Blender uses the system's folder for temporary files
 
 
 @contextmanager
 def temporary(block: Block, instead_of: bpy.types.ID | None = None) -> Iterator[Block]:
-    """Create a data-block that is removed after the block of code, unless opening another file has done so.
+    """Remove a new data-block after the block of code, unless opening another file has done so.
 
-    instead_of: what users of the block get back where a step of undo has it.
+    instead_of: replaces the data-block if undo restores it.
     """
     block.is_runtime_data = True
     block[_MARK] = instead_of or True
@@ -48,9 +48,9 @@ def temporary(block: Block, instead_of: bpy.types.ID | None = None) -> Iterator[
 
 @contextmanager
 def scene_copy(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
-    """Copy a scene, with the same objects and settings of its own: some, once changed, cannot be unset again.
+    """Copy a scene with the same objects and separate settings, since some settings cannot be unset once changed.
 
-    What is set in it and linked to it is the job's alone. Afterwards the view layers of all scenes are up to date.
+    Afterwards the view layers of all scenes are up to date.
     """
     try:
         with temporary(scene.copy()) as copy:
@@ -61,7 +61,7 @@ def scene_copy(scene: bpy.types.Scene) -> Iterator[bpy.types.Scene]:
 
 @contextmanager
 def new_render_results_go() -> Iterator[None]:
-    """Remove and never save a render result that was not there before the block: Blender keeps what it rendered."""
+    """Remove render results that the block creates, and exclude them from saved files."""
     before = {image.name_full for image in bpy.data.images}
 
     def new() -> list[bpy.types.Image]:
@@ -80,19 +80,19 @@ def new_render_results_go() -> Iterator[None]:
 
 
 def sync_view_layers() -> None:
-    """Bring all view layers up to date with their collections, which removing a data-block leaves undone until needed.
+    """Synchronise all view layers with their collections, which Blender delays after removing a data-block.
 
-    Before the next frame of an animation, Blender 5.2 copies the scene for its render's own graph. From a layer that is
-    not up to date it copies objects that point nowhere, and crashes (`deg_check_base_in_depsgraph`).
+    Before the next frame of an animation, Blender 5.2 copies the scene for the graph of its render. From an outdated
+    layer it copies dangling pointers to objects, and crashes (`deg_check_base_in_depsgraph`).
     """
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
-            layer.objects.active  # noqa: B018  reading it is what brings the layer up to date
+            layer.objects.active  # noqa: B018  reading it synchronises the layer
 
 
 @persistent
 def _leftovers_go(*_: object) -> None:
-    """Remove what a step of undo or quit.blend has of a job, which has been ended by then."""
+    """Remove data-blocks of an ended job that an undo step or quit.blend restored."""
     with quiet():
         for name in _COLLECTIONS.values():
             collection = getattr(bpy.data, name)
@@ -103,25 +103,11 @@ def _leftovers_go(*_: object) -> None:
         sync_view_layers()
 
 
-def _handlers() -> tuple[list[Any], ...]:
-    lists = bpy.app.handlers
-    return lists.undo_post, lists.redo_post, lists.load_post
-
-
-def register() -> None:
-    """Listen to what brings data-blocks back."""
-    for handlers in _handlers():
-        handlers.append(_leftovers_go)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    for handlers in _handlers():
-        handlers.remove(_leftovers_go)
+HANDLERS = tuple((name, _leftovers_go) for name in ("undo_post", "redo_post", "load_post"))
 
 
 def session_folder_goes() -> None:
-    """Let Blender's temporary folder go with a process that is ended at once, as Blender lets it go with itself."""
+    """Remove Blender's temporary folder with a process that ends without Blender's own cleanup."""
     folder = Path(bpy.app.tempdir)
     if _FOLDER.fullmatch(folder.name):
         goes_with_process(folder)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Failed file load: a batch job would else work on what is open instead of the file that Blender could not open.
+"""Failed loading of a file, after which a batch job must not use the default scene instead.
 
-`blender -b damaged.blend` says one line on the terminal and goes on with an untitled scene.
+`blender -b damaged.blend` prints one line and continues with an untitled scene.
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.errors import SceneError
 
-_unread: list[str] = []  # its path, while nothing was opened since
+_unread: list[str] = []  # path of a file that failed to load, until another one is opened
 
 
 def check_opened() -> None:
-    """Raise SceneError in a Blender without a window that has no file open because the one it was given is damaged."""
+    """Raise SceneError in background if the file to open failed to load."""
     if bpy.app.background and _unread and not bpy.data.filepath:
         raise SceneError(
-            f"Scene file {_unread[-1]} could not be opened, it may be damaged: nothing of it is there to work on; "
-            "open a file that is whole"
+            f"Scene file {_unread[-1]} could not be opened and may be damaged: open another file, or a backup of it"
         )
 
 
@@ -33,14 +32,4 @@ def _opened(_path: str) -> None:
     _unread.clear()
 
 
-def register() -> None:
-    """Listen to how opening files ends."""
-    bpy.app.handlers.load_post_fail.append(_failed)
-    bpy.app.handlers.load_post.append(_opened)
-
-
-def unregister() -> None:
-    """Stop listening."""
-    bpy.app.handlers.load_post.remove(_opened)
-    bpy.app.handlers.load_post_fail.remove(_failed)
-    _unread.clear()
+HANDLERS = (("load_post_fail", _failed), ("load_post", _opened))

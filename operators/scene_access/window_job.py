@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Window jobs: work beside a window that stays alive, and Blender's own bake and render jobs, on copies of scenes."""
+"""Jobs in a responsive window, among them Blender's bake and render jobs on copies of scenes."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _HANDLERS = {
     RENDER: {_COMPLETE: bpy.app.handlers.render_complete, _CANCEL: bpy.app.handlers.render_cancel},
 }
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
-_own_kinds: list[str] = []  # of the job that steps wait for
+_own_kinds: list[str] = []  # kinds of our running jobs
 
 
 @contextmanager
 def in_window(alive: bool) -> Iterator[None]:
-    """Steps that are pulled within the block return often, so that a window stays alive, if `alive` is true."""
+    """Tell steps of the block whether a window waits for them, so that they return often."""
     token = _in_window.set(alive)
     try:
         yield
@@ -45,26 +45,26 @@ def window_is_alive() -> bool:
 
 
 def job_is_running(*kinds: str) -> bool:
-    """Return whether Blender bakes or renders beside its window, or does what is in `kinds`."""
+    """Return whether a bake or render job runs, or one of `kinds`."""
     return any(bpy.app.is_job_running(kind) for kind in kinds or (BAKE, RENDER))
 
 
 def others_job_is_running() -> bool:
-    """Return whether Blender bakes or renders for somebody else: a job of ours would stop that."""
+    """Return whether a bake or render job of others runs, which a job of ours would stop."""
     return any(job_is_running(kind) for kind in (BAKE, RENDER) if kind not in _own_kinds)
 
 
 def check_no_job() -> None:
-    """Raise SceneError while Blender bakes or renders beside its window: a render of ours would end that."""
+    """Raise SceneError while a bake or render job runs, which a render of ours would end."""
     if job_is_running():
         raise SceneError("Blender is rendering or baking: wait for it, or press Esc over the window, then start again")
 
 
 @dataclass(frozen=True)
 class JobEnd:
-    """End of a job, as far as Blender says, and the seconds until then, without those of the caller that waited.
+    """End of a job as Blender reports it, and its seconds.
 
-    interrupted: by a render of the user's, for which Blender ends all other jobs.
+    interrupted: by a render of the user, for which Blender ends all other jobs.
     """
 
     completed: bool
@@ -73,12 +73,10 @@ class JobEnd:
     seconds: float
 
 
-def as_job(
-    kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: Callable[[], Progress]
-) -> Steps[JobEnd]:
-    """Call `start`, which starts a job of that kind on a copy of a scene, and wait until it has ended.
+def as_job(kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: Callable[[], Progress]) -> Steps[JobEnd]:
+    """Call `start`, which starts a job of a kind on a copy of a scene, and wait until it ends.
 
-    Reports are `at`, as waiting. Closing these steps stops the job, whose thread has ended then; the copy is gone.
+    Reports are `at`, as waiting. Closing these steps stops the job, waits for its thread and deletes the copy.
     """
     ended: list[tuple[str, float]] = []
     with _told(kind, ended):
@@ -101,7 +99,7 @@ def as_job(
 
 @contextmanager
 def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
-    """Collect in `ended` Blender's word for the end of a job, and its time; Blender says it in the job's thread."""
+    """Collect in `ended` how a job ended, and when; Blender calls handlers in the job's thread."""
 
     def note(word: str) -> Callable[..., None]:
         return lambda *_: ended.append((word, time.perf_counter()))
@@ -118,7 +116,7 @@ def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
 
 
 def _end(kind: str, scene: bpy.types.Scene) -> None:
-    """End a job with its scene: Blender waits for the thread of a job before it deletes a scene."""
+    """End a job by deleting its scene, for which Blender waits for the job's thread."""
     if job_is_running(kind):
         with bpy.context.temp_override(scene=scene), stopped_cycles() if kind == BAKE else nullcontext():
             bpy.ops.scene.delete()

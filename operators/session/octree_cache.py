@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Disk cache of finished octrees and codes of scenes: there again when the file is opened.
+"""Disk cache of finished octrees and codes, which restores them when a file is opened.
 
-An entry is found by the state of the scene that it was made of, so it fits whatever file that scene stands in, saved or
-recovered, and fits nothing else. Without a window it is looked for when voxels are asked for; beside a window a
-moment after a file was opened.
+The key of an entry is the state of the scene that it was made of, whatever the name of the file. In background, the
+cache is searched when a job needs voxels; in a window, shortly after a file is opened.
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ if TYPE_CHECKING:
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
 _AFTER_OPENING_S = 0.1
-_writer = ThreadPoolExecutor(1, "PatchNet cache")  # one entry after the other: an older one never ends last
-_looked: set[int] = set()  # scenes of the open file that were looked for, by session_uid
+_writer = ThreadPoolExecutor(1, "PatchNet cache")  # one thread: an older entry never replaces a newer one
+_looked: set[int] = set()  # session_uids of scenes of the open file that were searched for
 
 
 def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
-    """Write a scene's result into the cache folder, beside a window in a thread: nobody waits for it."""
+    """Write a scene's result into the cache folder, in a window by a thread."""
     if result.state is None or limit_bytes() <= 0:
         return
     cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
@@ -46,12 +45,12 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
 
 
 def restore(scene: bpy.types.Scene) -> bool:
-    """Take the result of a scene from the cache folder, if there is one that fits it; whether there was."""
+    """Restore the result of a scene from the cache folder; return whether one fits."""
     result = None if results.result_of(scene) is not None else found_on_disk(scene)
     if result is None:
         return False
     results.keep(scene, result)
-    look_again(result, scene)  # at the camera that gloss is seen from: all else is the same, or it was not found
+    look_again(result, scene)  # at the camera that gloss was baked for; all else is equal
     return True
 
 
@@ -62,7 +61,7 @@ def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
     apply_preferences(bpy.context)
     cache, fingerprint = _cache(), _fingerprint(scene)
     if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
-        return None  # found out without looking at the scene's contents
+        return None  # without hashing the scene
     from ..pipeline.stages import load_network
     from ..properties import scene_settings
     from ..state.scene_state import scene_state
@@ -71,7 +70,7 @@ def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
     found = cache.load(_key(state), load_network(scene_settings(scene).network))
     if found is None:
         return None
-    if (names := found.notes.get("chosen")) is not None:  # selected may be others by now
+    if (names := found.notes.get("chosen")) is not None:  # the selection may have changed
         chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
         state = scene_state(scene, chosen=chosen)
     return _result(found, state)
@@ -82,14 +81,14 @@ def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
     result = results.result_of(scene)
     if result is None and bpy.app.background and scene.session_uid not in _looked:
         _looked.add(scene.session_uid)
-        with suppress(PatchNetError):  # no weights, say: code that needs them says so
+        with suppress(PatchNetError):  # such as missing weights, which the job reports
             restore(scene)
         result = results.result_of(scene)
     return result
 
 
 def limit_bytes() -> int:
-    """Bytes that all entries may take together."""
+    """Size limit of the cache in bytes."""
     text = os.environ.get(VARIABLE, "")
     with suppress(SettingError):
         return int(KEPT_GIB.read(text, VARIABLE) * 2**30)
@@ -104,14 +103,14 @@ def _cache() -> OctreeCache:
 
 
 def _key(state: SceneState) -> str:
-    """Key of what an octree depends on beside the settings it was last made with, which stand in the entry."""
+    """Key of an octree without its settings, which the entry holds."""
     from ..animation.frame_record import code_hash
 
     return state.identity(code_hash(), bpy.app.version_string)
 
 
 def _fingerprint(scene: bpy.types.Scene) -> list[Any]:
-    """Fingerprint that tells most scenes apart at once, by what is saved with them: blocks without users are not."""
+    """Cheap fingerprint that tells most scenes apart."""
     meshes = [item.data for item in scene.objects if item.type == "MESH"]
     return [len(meshes), len(set(meshes))]
 
@@ -166,7 +165,7 @@ def _on_load_post(*_: object) -> None:
 
 
 def _restore_shown() -> None:
-    """Results of the scenes that windows show."""
+    """Restore results of the scenes in windows."""
     for scene in {window.scene for window in bpy.context.window_manager.windows}:
         with suppress(PatchNetError):
             restore(scene)
@@ -175,16 +174,17 @@ def _restore_shown() -> None:
             area.tag_redraw()
 
 
+HANDLERS = (("load_post", _on_load_post),)
+
+
 def register() -> None:
-    """Keep what is computed, and look for results when a file is opened, and for those of the one that is open."""
+    """Keep what is computed, and look for results of the open file."""
     results.listeners.append(keep_on_disk)
-    bpy.app.handlers.load_post.append(_on_load_post)
     _on_load_post()
 
 
 def unregister() -> None:
     """Keep and look for nothing any more."""
     results.listeners.remove(keep_on_disk)
-    bpy.app.handlers.load_post.remove(_on_load_post)
     if bpy.app.timers.is_registered(_restore_shown):
         bpy.app.timers.unregister(_restore_shown)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results of scenes, as operators keep and find them; `staleness.py` compares them with the scene."""
+"""Results of scenes, which operators keep and read; `staleness.py` compares them with the scene."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _STEPS = {
 }  # fmt: skip
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
 NO_CODES = "Look-ahead is not prepared yet: run Prepare Look-Ahead first"
-# Called with a scene and its result after a step that is worth keeping.
+# Called with a scene and its result after each step but a view.
 listeners: list[Callable[[bpy.types.Scene, SceneResult], None]] = []
 
 
 def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
-    """Lines for the panel: size, light, look-ahead, errors, and where the time went; lengths in the scene's units."""
+    """Lines for the panel: size, light, look-ahead, errors and times; lengths in the scene's units."""
     octree = result.octree
     side = length_text(scene, octree.grid.voxel_size_world)
     lines = [
@@ -55,14 +55,13 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
     return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
 
 
-
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:
     """Result of `scene`, or None."""
     return session_of(scene).result
 
 
 def voxels_of(scene: bpy.types.Scene) -> SceneResult:
-    """Result of `scene`; raises SettingError with what to do if there is none."""
+    """Result of `scene`; raises SettingError without one."""
     result = result_of(scene)
     if result is None:
         raise SettingError(NO_VOXELS)
@@ -70,7 +69,7 @@ def voxels_of(scene: bpy.types.Scene) -> SceneResult:
 
 
 def codes_of(scene: bpy.types.Scene) -> CodedOctree:
-    """Codes of `scene`; raises SettingError with what to do if there are none."""
+    """Codes of `scene`; raises SettingError without any."""
     coded = voxels_of(scene).coded
     if coded is None:
         raise SettingError(NO_CODES)
@@ -78,13 +77,13 @@ def codes_of(scene: bpy.types.Scene) -> CodedOctree:
 
 
 def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: JobSettings | None = None) -> None:
-    """Replace what is there for `scene`. `steps`: done now by `settings`, of "octree", "light", "codes", "view"."""
+    """Replace the result of `scene`. `steps`: done now with `settings`, of "octree", "light", "codes", "view"."""
     if settings is not None:
         result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
-        for step, what, key in changes_meanwhile():
-            result.mark(step, what, key)
+        for change in changes_meanwhile():
+            result.see(change)
     result.octree.free_keys()
     result.summary = summary(result, scene)
     session_of(scene).result = result
@@ -95,7 +94,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: Job
 
 
 def without_view(result: SceneResult) -> SceneResult:
-    """Copy a result without what was found out about a view."""
+    """Copy a result without the figures of a view."""
     made = replace(result, lookahead_share=None, pictures=False, comparison=None, errors=None)
     made.notes = {step: texts for step, texts in result.notes.items() if step not in ("view", "cycles")}
     made.unmark("view")
@@ -103,7 +102,7 @@ def without_view(result: SceneResult) -> SceneResult:
 
 
 def forget(scene: bpy.types.Scene) -> None:
-    """Free the memory that `scene` takes: its result, views, and octrees of frames."""
+    """Free the result, views and octrees of frames of `scene`."""
     session_of(scene).free()
     redraw_viewports()
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Result of a scene: its octree, light and codes, what was measured on views, and what of it is stale."""
+"""Result of a scene: octree, light, codes, figures of views, and its stale steps."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -32,8 +31,8 @@ class Row:
 class Comparison:
     """Comparison of all strategies on one view, best first.
 
-    view: camera and size, in words. unrefined: the error without a budget, of what unrefined pixels show. pictures:
-    titles and errors of all pictures that they may show.
+    view: camera and size in words. unrefined: error of unrefined pixels without a budget. pictures: titles and errors
+    of the pictures that unrefined pixels can show.
     """
 
     view: str
@@ -52,12 +51,10 @@ class SceneResult:
     light: "none" while the octree shows the surface's own colour, else the light that was baked.
     pictures: whether the result's pictures stand among Blender's images.
     comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
-    reasons: what changed since, in words, by step ("surface", "light", and "view" for the pictures) and by what it is.
-    made_with: the scene's settings when each step was done, by step; made_by: keys of the job's, and of the cameras
-    that the depth was found for. state: of the scene when it was read for them,
-    None where nothing was compared with it.
-    notes: sentences on what was left out or is approximate, by what they are of: "objects", "octree", "codes", "view",
-    "cycles".
+    reasons: what changed since, in words, by step: "surface", "light", and "view" for the pictures.
+    made_with: the scene's settings at each step, by step. made_by: keys of the job's settings by step, and of the
+    cameras that the depth was chosen for. state: of the scene when it was read, None if it is unknown.
+    notes: sentences about omissions and approximations, by subject: "objects", "octree", "codes", "view", "cycles".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
@@ -72,7 +69,7 @@ class SceneResult:
     seconds: dict[str, float] = field(default_factory=dict)
     encoder: str = ""
     errors: tuple[float, float] | None = None
-    reasons: dict[str, dict[Hashable, str]] = field(default_factory=dict)
+    reasons: dict[str, list[str]] = field(default_factory=dict)
     made_with: dict[str, dict[str, Any]] = field(default_factory=dict)
     made_by: dict[str, str] = field(default_factory=dict)
     state: SceneState | None = None
@@ -81,34 +78,27 @@ class SceneResult:
 
     @property
     def stale(self) -> set[str]:
-        """Steps whose input changed since: "surface", "light"; pictures make nothing else stale."""
+        """Stale steps of "surface" and "light"; no step depends on pictures."""
         return set(self.reasons) - {VIEW}
 
     def see(self, change: Change) -> None:
-        """Mark what a change does not fit any more, and unmark what it was marked for and fits again."""
-        for step in set(self.reasons) - set(change.steps):
-            self.reasons[step].pop(change.key, None)
-            if not self.reasons[step]:
-                self.unmark(step)
+        """Mark the steps that a change makes stale."""
         for step in change.steps:
-            if step != VIEW or self.lookahead_share is not None:
-                self.mark(step, change.text, change.key)
+            self.mark(step, change.text)
 
-    def mark(self, step: str, what: str, key: Hashable = None) -> None:
-        """Mark a step, or the "view", as stale because of `what`; key: what it is, by default its words."""
-        self.reasons.setdefault(step, {})[what if key is None else key] = what
-
-    def known_changes(self) -> set[Hashable]:
-        """Keys of what is marked."""
-        return {key for marks in self.reasons.values() for key in marks}
+    def mark(self, step: str, why: str) -> None:
+        """Mark a step, or the "view", as stale."""
+        reasons = self.reasons.setdefault(step, [])
+        if why not in reasons:
+            reasons.append(why)
 
     def unmark(self, step: str) -> None:
-        """Take back that a step is stale."""
+        """Mark a step as current."""
         self.reasons.pop(step, None)
 
     def why(self, step: str) -> str:
         """Reason why a step is stale, in a few words."""
-        names = list(dict.fromkeys(self.reasons.get(step, {}).values()))
+        names = self.reasons.get(step, [])
         return ", ".join(names[:_MAX_NAMES]) + (" and more" if len(names) > _MAX_NAMES else "")
 
     @property
@@ -118,5 +108,5 @@ class SceneResult:
 
     @property
     def is_stale_by_gloss_alone(self) -> bool:
-        """Whether all that does not fit is where gloss is seen from: all else of the light is as it would be now."""
-        return self.stale == {"light"} and set(self.reasons["light"]) == {GLOSS_MOVED}
+        """Return whether only the camera moved that gloss was baked for."""
+        return self.stale == {"light"} and self.reasons["light"] == [GLOSS_MOVED]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Session of a scene: everything that panel, overlay, render engine and operators share of it, with one lifetime.
+"""Session of a scene: the data that panel, overlay, render engine and operators share, with one lifetime.
 
-It ends when another file is opened, its scene is deleted, or the extension is disabled; Free Memory empties it.
+A session ends when another file is opened, its scene is deleted, or the extension is disabled; Free Memory empties it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KeyedResult:
-    """Result that frames are rendered from, and the key of the surface that it shows."""
+    """Result for rendering frames, and the key of its surface."""
 
     result: SceneResult
     key: str
@@ -30,7 +30,7 @@ class KeyedResult:
 
 @dataclass(frozen=True, eq=False)
 class KeyedMap:
-    """Map of a world; None where Cycles could not make one, with the problem. key: of the world that it shows."""
+    """Map of a world, or None with the problem if Cycles cannot make one. key: of the world."""
 
     key: str
     map: CubeMap | None
@@ -42,8 +42,8 @@ class SceneSession:
     """State that is kept of one scene.
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
-    kept_frame: `result`, once a render has asked for its key; made_frame: what was made for the last frame that needed
-    an octree of its own. world: its light in all directions.
+    kept_frame: `result` with its key, once a render needs the key. made_frame: result of the last rendered frame
+    with an octree of its own. world: its light in all directions.
     """
 
     result: SceneResult | None = None
@@ -59,7 +59,7 @@ class SceneSession:
         self.views.clear()
 
     def free_frames(self) -> None:
-        """Drop what was made for frames of an animation."""
+        """Free the results of rendered frames."""
         self.kept_frame = self.made_frame = None
 
 
@@ -82,12 +82,12 @@ def open_sessions() -> list[SceneSession]:
 
 
 def in_main_thread() -> bool:
-    """Test whether this is not the thread of a render beside a window."""
+    """Return whether this is the main thread, not that of a render beside a window."""
     return threading.current_thread() is threading.main_thread()
 
 
 def _close_deleted() -> None:
-    """Close sessions of scenes that are gone, in the main thread: others may not look at the file."""
+    """Close sessions of deleted scenes; only the main thread reads the file."""
     if in_main_thread():
         there = {scene.session_uid for scene in bpy.data.scenes}
         for number in [number for number in _sessions if number not in there]:
@@ -99,12 +99,9 @@ def _on_load(_path: str) -> None:
     _sessions.clear()
 
 
-def register() -> None:
-    """Close all sessions when another file is opened."""
-    bpy.app.handlers.load_post.append(_on_load)
+HANDLERS = (("load_post", _on_load),)
 
 
 def unregister() -> None:
     """Close all sessions."""
-    bpy.app.handlers.load_post.remove(_on_load)
     _sessions.clear()

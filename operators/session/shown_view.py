@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays of a camera's result for overlay and pixel inspection: no drawing, nothing of the octree."""
+"""Arrays of a camera's result for overlay and pixel inspection, without drawing and without the octree."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def attach_view_stats(result: SceneResult, view: View, *, compared: bool = False) -> SceneResult:
-    """Add a view's figures to a result; a comparison of all strategies if there was one, else none any more."""
+    """Add a view's figures to a result, and replace its comparison of strategies."""
     made = replace(
         result,
         lookahead_share=view.buffers.lookahead_share,
@@ -37,7 +37,7 @@ def attach_view_stats(result: SceneResult, view: View, *, compared: bool = False
 
 
 def comparison_of(view: View) -> Comparison:
-    """Table of a view on which all strategies were measured."""
+    """Table of all strategies, measured on a view."""
     report, figures = view.report, shown_figures(view.report)
     width, height = report["size"]
     rows = [Row(name, STRATEGIES[name].title, error) for name, error in figures["mse"].items()]
@@ -65,7 +65,7 @@ TITLES = {
     PREDICTED_ERROR: "Predicted Error",
     REFINED_ERROR: "Refined Error",
 }
-# Quantities of a pixel, each a picture of its own; coverage only where a network was asked.
+# Quantities of a pixel, each with a picture; coverage only with a network.
 PRIORITY, COVERAGE, LEVEL = "priority", "coverage", "level"
 LUMINANCES = ("preview luminance", "predicted luminance", "refined luminance", "reference luminance")
 SAMPLES = "samples"
@@ -75,12 +75,11 @@ SAMPLES = "samples"
 class ShownView:
     """Values of each pixel of a view.
 
-    camera: what it looked through. values: quantity -> (H, W) float32, raw; level is -1 where nothing was met.
-    looks: PREVIEW, PREDICTED, REFINED, REFERENCE, CYCLES_PICTURE -> (H, W, 3) uint8, as a screen shows them, or
-    (H, W, 4) with alpha where no background is. Without a reference that, and errors against it, are
-    missing. strategy: name.
-    maximum: priority at the end of the legend as the view was made. chosen_maximum: the scene's setting then.
-    octree: that it shows, which may be gone.
+    values: quantity -> (H, W) float32, raw; level is -1 where no surface is.
+    looks: PREVIEW, PREDICTED, REFINED, REFERENCE, CYCLES_PICTURE -> (H, W, 3) uint8, sRGB, or (H, W, 4) with alpha if
+    there is no background. Without a reference, errors are missing, too. strategy: name.
+    maximum: priority at the end of the legend when the view was made. chosen_maximum: the scene's setting then.
+    octree: of the view, which may have been freed.
     """
 
     camera: Camera
@@ -97,7 +96,7 @@ class ShownView:
         return self.camera.width_px, self.camera.height_px
 
     def maximum_now(self, chosen: float) -> float:
-        """Priority at the end of the legend, now that the scene's setting is `chosen` (0: the strategy's own)."""
+        """Priority at the end of the legend for the scene's current setting `chosen` (0: that of the strategy)."""
         return self.maximum if chosen == self.chosen_maximum else chosen or strategy(self.strategy).maximum
 
     def has(self, name: str) -> bool:
@@ -112,7 +111,7 @@ class ShownView:
         return colormap(values / np.float32(end), ramp)
 
     def mapped(self, name: str, maximum: float) -> tuple[np.ndarray, float]:
-        """Values (H, W) that a picture shows in colours, and the one at the end of its legend."""
+        """Values (H, W) of a colour-mapped picture, and the value at the end of its legend."""
         if name == HEATMAP:
             return self.values[PRIORITY], maximum
         *pictures, reference = (self.values[item] for item in LUMINANCES)
@@ -142,7 +141,7 @@ class ShownView:
 
 
 def view_to_show(view: View, settings: ViewSettings, chosen_maximum: float) -> ShownView:
-    """Select what overlay and inspection need of a view that was made with `settings`."""
+    """Arrays for overlay and inspection of a view that was made with `settings`."""
     buffers, refined = view.buffers, view.refined
     assert buffers.predicted is not None
     pictures = buffers.preview, buffers.predicted, refined.luminance, buffers.reference

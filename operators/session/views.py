@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Views that can be laid over a scene, by camera, and whether they still fit it."""
+"""Views for the overlay, by camera, and whether they still fit the scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def keep_view(scene: bpy.types.Scene, view: ShownView) -> None:
 
 
 def has_views(scene: bpy.types.Scene) -> bool:
-    """Return whether there is something to lay over this scene."""
+    """Return whether the scene has a view for the overlay."""
     return bool(session_of(scene).views)
 
 
@@ -34,7 +34,7 @@ def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:
-    """View that an image of ours belongs to, and which of its pictures it is."""
+    """View of one of our images, and the name of its picture."""
     owner = image.get(OWNER)
     for camera, view in session_of(scene).views.items():
         for name in (*PICTURES, *RAW):
@@ -51,6 +51,11 @@ def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
     for step in ("surface", "light"):
         if step in result.stale:
             return result.why(step) or "the scene changed"
+    return camera_change(scene, view)
+
+
+def camera_change(scene: bpy.types.Scene, view: ShownView) -> str:
+    """Sentence if the camera of a view does not look as it did, else ""."""
     camera = scene_cameras(scene).get(view.camera.name)
     return "the camera changed" if camera is not None and _changed(scene, camera, view.camera) else ""
 
@@ -71,7 +76,7 @@ def _changed(scene: bpy.types.Scene, item: bpy.types.Object, before: Camera) -> 
 
 
 def _is_placed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
-    """Return whether Blender keeps the place of a camera up to date: not that of one that all view layers leave out."""
+    """Return whether Blender evaluates a camera: not if all view layers exclude it."""
     graphs = (layer.depsgraph for layer in scene.view_layers)
     return any(graph is not None and item.evaluated_get(graph).is_evaluated for graph in graphs)
 

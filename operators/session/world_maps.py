@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """World maps: the world's light in all directions, for viewports, and for renders beside a window.
 
-Cycles bakes in Blender's main thread, and not while a viewport is drawn. So a map is made by a timer, as soon as a
-window has time, part by part, and kept in the scene's session with the key of the world that it shows. A render, which
-has a thread of its own there, waits for the map: Blender's data rests meanwhile.
+Cycles bakes only in Blender's main thread, and not while a viewport is drawn. So a timer makes a map, part by part, and
+the scene's session keeps it with the key of the world. A render in a thread of its own waits for the map; meanwhile,
+Blender's data do not change.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from .results import listeners, redraw_viewports
 from .scene_session import KeyedMap, session_of
 
 _AGAIN_S, _BETWEEN_S = 0.5, 0.2
-_POLL_S = 0.05  # between two looks of a render that waits
-_PATIENCE_S = 60.0  # a render gives up when the window has done nothing for so long
+_POLL_S = 0.05  # of a waiting render
+_PATIENCE_S = 60.0  # after which a render gives up an idle window
 _ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
 _UNSEEN = "Black is shown behind objects: {}"
-_BUSY = "the window was too busy to let Cycles look at the world: render again"
+_BUSY = "Blender's window was busy for too long: render again"
 
 
 @dataclass(eq=False)
 class _Awaited:
-    """Map that a render waits for: of the world in its graph. seen_at: when the window last worked at it."""
+    """Map that a render waits for, of the world in its graph. seen_at: time of the window's last work on it."""
 
     depsgraph: bpy.types.Depsgraph
     seen: SeenWorld
@@ -49,13 +49,13 @@ class _Awaited:
     ended: bool = False
 
 
-_waiting: list[str] = []  # names of scenes whose maps are to be made
-_awaited: _Awaited | None = None  # what a render waits for
-_making: tuple[str | _Awaited, Steps[None]] | None = None  # map that is being made
+_waiting: list[str] = []  # names of scenes that wait for their maps
+_awaited: _Awaited | None = None  # for a render
+_making: tuple[str | _Awaited, Steps[None]] | None = None  # current map
 
 
 def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:
-    """Background as `background` has it, for a thread that cannot bake: of a map that the window makes meanwhile.
+    """Background as of `background`, for a thread that cannot bake: from a map that the window makes meanwhile.
 
     Black with a warning if it cannot.
     """
@@ -83,7 +83,7 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
 
 
 def ask_for_map(scene: bpy.types.Scene) -> None:
-    """Have the map of a scene's world made soon, where there is a window."""
+    """Request the map of a scene's world, in a window."""
     if bpy.app.background:
         return
     if scene.name not in _waiting:
@@ -97,7 +97,7 @@ def _start() -> None:
 
 
 def _make_maps() -> float | None:
-    """Make a part of a map, so that the window lives between two; while Blender renders, what the render waits for."""
+    """Make one part of a map; the map of a waiting render goes first."""
     global _making
     awaited = _awaited if _awaited is not None and not _awaited.ended else None
     if job_is_running(BAKE) or (awaited is None and job_is_running()):
@@ -129,7 +129,7 @@ def _make_maps() -> float | None:
 
 
 def _end_map() -> None:
-    """Forget the map that is being made."""
+    """Drop the current map."""
     global _making
     if _making is not None:
         wanted, steps = _making
@@ -147,7 +147,7 @@ def _map_of(wanted: str | _Awaited) -> Steps[None]:
 
 
 def keep_map(scene: bpy.types.Scene) -> Steps[None]:
-    """Make the map of a scene's world, if there is none that shows it, and redraw the viewports."""
+    """Make the map of a scene's world unless the session has it, and redraw the viewports."""
     layer = next((window.view_layer for window in bpy.context.window_manager.windows if window.scene == scene), None)
     depsgraph = (layer or scene.view_layers[0]).depsgraph
     if depsgraph is None:  # nothing has looked at the scene yet

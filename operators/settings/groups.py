@@ -31,13 +31,13 @@ _FLAT = "flat name"  # of a field whose own name says too little among all setti
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """Settings of what is voxelized, and how finely.
+    """Settings of the voxelized surface and its resolution.
 
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_size_world: leaf side instead of a depth.
-    fit: leaves only as deep as the cameras need them, coarse elsewhere, instead of one depth. track: the cameras are
-    looked through at all frames of the scene for that, not only at the present one.
-    bounds: lower and upper corner, in world units, that the octree's cube is put around; None takes the surface's own.
+    fit: leaves as deep as the cameras need, instead of one depth. track: the cameras count at all frames of the scene,
+    not only at the current one. bounds: lower and upper corner of the octree's cube in world units; None takes the
+    surface's own.
     """
 
     scope: str = VISIBLE
@@ -51,18 +51,18 @@ class SurfaceSettings:
         if self.depth is not None and self.voxel_size_world is not None:
             raise SettingError("Depth and voxel size are both given: choose one of them")
         if self.fit and self.has_given_depth:
-            raise SettingError("Leaves that fit the cameras have no one depth or voxel size: choose one of them")
+            raise SettingError("Fit to Cameras and a given depth or voxel size exclude each other: choose one of them")
         if self.track and not self.fit:
             raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")
         _check_numbers(self)
 
     @property
     def has_given_depth(self) -> bool:
-        """Return whether a depth or a voxel size is given, so that no camera is asked for it."""
+        """Return whether a depth or a voxel size is given, so that cameras do not decide it."""
         return self.depth is not None or self.voxel_size_world is not None
 
     def bounds_world(self, source: MeshSource) -> np.ndarray:
-        """(2, 3): what the octree's cube is put around."""
+        """(2, 3): bounds of the octree's cube."""
         return source.bounds_world if self.bounds is None else np.array(self.bounds, np.float64)
 
 
@@ -72,13 +72,13 @@ class LightSettings:
 
     kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
-    gloss: whose reflections are baked, and from where they are seen: auto, off, above, camera.
-    denoise: baked light is averaged with that around it, as far as it differs by its noise (methods 7.2g).
+    gloss: which reflections are baked, seen from where: auto, off, above, camera.
+    denoise: average baked light with its neighbourhood, within its noise (methods 7.2g).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
     texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     sides: whether voxels show light by direction, "six", or one mean (methods 7.2i).
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
-    from_camera: whether gloss is seen from the active camera; None: as `gloss` and the job's cameras say.
+    from_camera: whether gloss is seen from the active camera; None: by `gloss` and the job's cameras.
     """
 
     kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})

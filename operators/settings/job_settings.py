@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of a job as one value of five groups, checked when it is made, and all of them by flat names."""
+"""Settings of a job: five groups, which check their values, and access by flat names."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .groups import (
     fields_by_flat_name,
 )
 
-ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # what an estimate depends on
-_PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step that several stages feed
+ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # inputs of an estimate
+_PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step with several inputs
 
 
 def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]:
-    """Names of the settings of a step that count now, as the panel shows them.
+    """Names of the settings of a step that are in use, as in the panel.
 
-    step: "octree", "light", "codes", "view", or "cameras" and "importance", which are parts of the view's.
+    step: "octree", "light", "codes", "view", or a part of the view's, "cameras" or "importance".
     """
     return tuple(row.name for row in rows(*_PARTS.get(step, (step,))) if row.counts(values))
 
 
 def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
-    """Record the values of the steps' settings, to compare with later ones."""
+    """Record the values of the steps' settings for a later comparison."""
     found = {}
     for step in steps:
         for name in step_settings(values, step):
@@ -45,7 +45,7 @@ def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
 
 
 def changed(values: bpy.types.PropertyGroup, before: dict[str, Any], *steps: str) -> str:
-    """Name of a setting of the steps that is not as it was, as the panel shows it; "" if all are."""
+    """Name in the panel of a changed setting of the steps, or ""."""
     now = recorded(values, *steps)
     for name in now:
         if name not in before or before[name] != now[name]:
@@ -57,10 +57,10 @@ def changed(values: bpy.types.PropertyGroup, before: dict[str, Any], *steps: str
 class JobSettings:
     """Settings of a job on a scene.
 
-    surface: what is voxelized. light: what falls on it. network: what looks ahead. view: who looks, and what is
-    refined. compute: devices and memory. out: folder for files; None writes none.
+    surface: voxelized objects and resolution. light: light in the voxels. network: look-ahead. view: cameras and
+    refinement. compute: devices and memory. out: folder for files; None writes none.
 
-    The table, properties, arguments and keys know each setting by its flat name, which no two groups share:
+    Table, properties, arguments and keys use the flat name of each setting, unique among groups:
     `JobSettings.of(depth=8, light="two-lights", budget=0.2)`.
     """
 
@@ -74,7 +74,7 @@ class JobSettings:
     def __post_init__(self) -> None:
         if self.view.cycles is not None and not self.light.is_baked:
             other = self.light.kind
-            raise SettingError(f"Regions by Cycles need voxels in Cycles' light, not {other}: choose {CYCLES}")
+            raise SettingError(f"Refine with Cycles needs voxels with light {CYCLES}, not {other}: choose {CYCLES}")
 
     @classmethod
     def of(cls, **values: Any) -> JobSettings:
@@ -94,7 +94,7 @@ class JobSettings:
         return replace(self, **own, **groups)
 
     def key(self, stage: str) -> str:
-        """All values that results of a stage depend on, "octree", "light" or "codes", as text."""
+        """Values that results of a stage, "octree", "light" or "codes", depend on, as text."""
         values = self.flat()
         return repr([(name, values[name]) for name in result_fields(stage)])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hashes of one data-block of the user's own data: what it is made of, and how it looks in light, whatever its name."""
+"""Hashes of one original data-block: its geometry and its appearance in light, without its name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAMPS = frozenset({"LIGHT", "LIGHT_PROBE"})
 # Whose contents `Digest` knows.
 _WHOLE = (bpy.types.Image, bpy.types.NodeTree, bpy.types.Text, bpy.types.Collection, bpy.types.Curve)
 _SKIPPED_OF_DATA = names("name name_full materials texspace_location texspace_size is_editmode")
-# Of hair and points: what `Digest.geometry` hashes as arrays, far faster.
+# Of hair and points: `Digest.geometry` hashes these as arrays.
 _SKIPPED_OF_STRANDS = _SKIPPED_OF_DATA | names("points curves position_data curve_offset_data normals attributes")
 _OF_OBJECTS = (
     "type", "parent_type", "parent_bone", "instance_type", "instance_faces_scale", "use_instance_faces_scale",
@@ -27,7 +27,7 @@ _OF_OBJECTS_LIT = (
     "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
 )  # fmt: skip
 _REFERRED = ("parent", "instance_collection", "data")
-# Modifiers whose result may differ between frames without any keys.
+# Modifiers whose result can differ between frames without keyframes.
 MOVES_BY_ITSELF = frozenset(
     {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
      "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
@@ -38,28 +38,28 @@ GLOSS_MOVED = "the camera that gloss is seen from moved"
 
 
 class Part(NamedTuple):
-    """Hash of some of a data-block's contents, and session_uids of the data-blocks that they refer to."""
+    """Hash of a part of a data-block's contents, and session_uids of the data-blocks that it refers to."""
 
     text: str = ""
     references: tuple[int, ...] = ()
 
 
 class OwnDigest(Digest):
-    """Hash of one data-block alone, whatever its name: others that it refers to are listed."""
+    """Hash of one data-block without its name; data-blocks that it refers to are listed."""
 
     def __init__(self) -> None:
         super().__init__()
         self.references: list[bpy.types.ID] = []
 
     def block(self, block: bpy.types.ID | None) -> None:
-        """List a data-block; nothing of one that shows results."""
+        """List a data-block, unless it shows results."""
         if block is None or not passed_over(block):
             self.text(block is not None)
         if block is not None and not passed_over(block):
             self.references.append(block)
 
     def part(self) -> Part:
-        """What was hashed."""
+        """Hash and references so far."""
         text = "" if self.is_empty else self.hexdigest()
         return Part(text, tuple(block.session_uid for block in self.references))
 
@@ -71,7 +71,7 @@ class BlockReader:
         self.animated = False
 
     def parts(self, block: bpy.types.ID) -> tuple[Part, Part, tuple[list[bpy.types.ID], list[bpy.types.ID]]]:
-        """Hash one data-block, how it looks in light apart; and the data-blocks that both refer to."""
+        """Hash one data-block and, separately, its appearance in light; with the data-blocks that both refer to."""
         self.animated = False
         main, look = OwnDigest(), OwnDigest()
         if isinstance(block, bpy.types.Object):
@@ -84,10 +84,8 @@ class BlockReader:
         return main.part(), look.part(), (main.references, look.references)
 
     def _object(self, item: bpy.types.Object, surface: OwnDigest, light: OwnDigest) -> None:
-        # What Blender computes from this, the world's matrix, is not known right after an undo. Cameras are not
-        # compared then, and what moves them need not be part of the surface.
-        moved_by = (item.matrix_world,) if is_camera(item) else (item.matrix_basis, item.matrix_parent_inverse)
-        for matrix in moved_by:
+        # Blender computes the world matrix from these; right after an undo it is outdated.
+        for matrix in (item.matrix_basis, item.matrix_parent_inverse):
             surface.text(_rows(matrix))
         surface.text(*(getattr(item, name) for name in _OF_OBJECTS), tuple(item.color))
         for name in _REFERRED:
@@ -135,7 +133,7 @@ def _other(block: bpy.types.ID, digest: OwnDigest) -> None:
 
 
 def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:
-    """Geometry to the surface, all else that a bake shows to the light."""
+    """Hash geometry for the surface, and all other attributes for the light."""
     if _POSITION in data.attributes:  # not in a mesh without vertices
         surface.attribute(data.attributes[_POSITION])
     surface.faces(data)
@@ -144,20 +142,15 @@ def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:
 
 
 def passed_over(block: bpy.types.ID) -> bool:
-    """Return whether a data-block shows results, or is there only while a job runs."""
+    """Return whether a data-block shows results, or exists only while a job runs."""
     return is_own(block) or block.is_runtime_data
 
 
-def is_camera(block: bpy.types.ID) -> bool:
-    """Return whether a data-block is a camera, as object or as its data."""
-    return isinstance(block, bpy.types.Camera) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA")
-
-
 def place_of_gloss(scene: bpy.types.Scene) -> str:
-    """32 hex digits over what says where the active camera of a scene stands; other words without one.
+    """32 hex digits over the place of a scene's active camera; "no camera" without one.
 
-    Cycles bakes gloss as a perspective camera sees it from its place, whichever way it looks, and as an orthographic
-    one sees it from its direction. Objects that the camera follows are part of the surface, but for other cameras.
+    Cycles bakes gloss as seen from the position of a perspective camera, whatever its rotation, and as seen from the
+    direction of an orthographic one. Objects that the camera follows are part of the surface, except other cameras.
     """
     item = scene.camera
     if item is None or item.type != "CAMERA":

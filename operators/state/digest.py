@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hash over Blender's data: properties as RNA enumerates them, node trees, images, arrays of geometry.
 
-It is the same in every process that opened the same file, and differs with anything that a render could show. What only
-the interface shows is left out where it is known; the rest rather counts too much than too little.
+It is equal in every process that opens the same file, and changes with everything that a render can show. Properties
+that only the interface shows are left out where they are known; unknown properties count.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SKIPPED = names(
 )
 if not NODES_ARE_OPTIONAL:
     _SKIPPED |= {"use_nodes"}
-# Of nodes: how the editor shows them; sockets are asked on their own.
+# Of nodes: their appearance in the editor; sockets are hashed separately.
 _SKIPPED_OF_NODES = names(
     """location location_absolute width width_hidden height dimensions select show_options show_preview show_texture
     hide label parent color color_tag use_custom_color inputs outputs internal_links"""
@@ -38,7 +38,7 @@ _IMAGE_KEYS = (
     "source", "alpha_mode", "generated_type", "generated_width", "generated_height", "use_half_precision",
     "use_deinterlace",
 )  # fmt: skip
-# Of modifiers: how the interface shows them. Inputs of geometry nodes are asked on their own.
+# Of modifiers: their appearance in the interface. Inputs of geometry nodes are hashed separately.
 _SKIPPED_OF_MODIFIERS = names(
     "name show_expanded show_in_editmode show_on_cage is_active use_pin_to_last persistent_uid properties node_warnings"
 )
@@ -57,18 +57,18 @@ _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "r
 _CORNERS = ".corner_vert"
 _DEPTH = 6
 _MAX_TEXTS = 4096
-# Modifiers that give corners UV coordinates and colours whose last bits differ each time Blender evaluates an object:
-# means of what meets at a vertex, in an order that follows addresses in memory.
+# Modifiers whose UV coordinates and colours at corners differ in their last bits at each evaluation: Blender sums the
+# values at a vertex in an order that depends on memory addresses.
 _UNSTEADY = frozenset({"BEVEL"})
 
 
 class Digest:
-    """Hash that grows; the contents of a data-block count when it is first met, later its name."""
+    """Incremental hash; a data-block adds its contents once, and only its name after that."""
 
     def __init__(self) -> None:
         self.is_empty = True
         self._hash = hashlib.blake2b(digest_size=16)
-        self._texts: list[str] = []  # still to be hashed; all at once takes a third less time
+        self._texts: list[str] = []  # not hashed yet; hashing them together takes a third less time
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
 
     def hexdigest(self) -> str:
@@ -144,7 +144,7 @@ class Digest:
             self._value(kind, is_array, value, depth)
 
     def modifier(self, modifier: bpy.types.Modifier, depth: int = _DEPTH) -> None:
-        """Hash a modifier, and what it gives to geometry nodes."""
+        """Hash a modifier, with its inputs of geometry nodes."""
         self.struct(modifier, _SKIPPED_OF_MODIFIERS, depth)
         if modifier.type != "NODES":
             return
@@ -163,7 +163,7 @@ class Digest:
                         self._input(getattr(given, prop.identifier))
 
     def particles(self, system: bpy.types.ParticleSystem) -> None:
-        """Hash a particle system, and its hair where that was combed."""
+        """Hash a particle system, with combed hair."""
         self.text(system.name, system.seed)
         self.block(system.settings)
         for particle in system.particles if system.is_edited else ():
@@ -227,7 +227,7 @@ class Digest:
                 self.file(bpy.path.abspath(name, library=image.library))
 
     def _curve(self, curve: bpy.types.Curve) -> None:
-        """Settings, and the points of all splines, which are too many to ask for one by one."""
+        """Hash settings, and the points of all splines as arrays, which is faster than point by point."""
         self.struct(curve, names("splines materials"))
         for spline in curve.splines:
             self.struct(spline, names("points bezier_points"))
@@ -238,7 +238,7 @@ class Digest:
             self.block(material)
 
     def file(self, path: str) -> None:
-        """Hash a file outside, by its size and time; a file that is not there counts too."""
+        """Hash an external file by its size and time; a missing file counts, too."""
         try:
             state = os.stat(path)
         except OSError:
@@ -247,7 +247,7 @@ class Digest:
         self.text(path, state.st_size, state.st_mtime_ns)
 
     def geometry(self, data: Any, without: str = "", *, corners: bool = True) -> None:
-        """Mesh, hair or points: attributes, `without` one, and faces; not what is selected or hidden in edit mode.
+        """Hash the attributes of a mesh, hair or points, `without` one, and faces, but no selection of Edit Mode.
 
         corners: with the values of attributes at the corners of faces; otherwise with their names alone.
         """
@@ -268,7 +268,7 @@ class Digest:
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 
     def faces(self, data: Any) -> None:
-        """Hash the vertex indices of a mesh's faces, or where the strands of hair begin; nothing of what has none."""
+        """Hash the vertex indices of a mesh's faces, or the first points of strands of hair."""
         if isinstance(data, bpy.types.Curves):
             self.array("strands", values_of(data.curve_offset_data, "value", 1, np.int32))
         if not isinstance(data, bpy.types.Mesh):
@@ -283,8 +283,8 @@ class Digest:
 def origin_of_corners(item: bpy.types.Object) -> str:
     """32 hex digits over the user's own mesh and the modifiers of an evaluated object; "" where values are steady.
 
-    Hashes of an object with unsteady corner values hold it in their place: the same scene has the same key in each
-    process, and a bake that was stopped goes on there.
+    It replaces unsteady corner values in hashes, so that a scene has the same key in each process, and a stopped bake
+    can resume in another one.
     """
     if not any(modifier.type in _UNSTEADY for modifier in item.modifiers):
         return ""
@@ -295,13 +295,12 @@ def origin_of_corners(item: bpy.types.Object) -> str:
     return digest.hexdigest()
 
 
-# By type, for as long as a hash is computed: asking for them takes longer than for values. Types may change later, when
-# add-ons are enabled.
+# By type: listing properties takes longer than reading values.
 _properties: dict[type, list[tuple[str, str, bool]]] = {}
 
 
 def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
-    """Identifier and type of each property that counts, and whether it is an array."""
+    """Identifier and type of each hashed property, and whether it is an array."""
     kind = type(owner)
     if kind not in _properties:
         _properties[kind] = [
@@ -313,7 +312,7 @@ def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
 
 
 def render_keys(owner: bpy.types.bpy_struct) -> list[str]:
-    """Properties that renders take in the place of others, by their names, and of an ocean's waves."""
+    """Names of properties that only renders use, and of the resolution of ocean waves."""
     return [
         key
         for key, kind, _ in _properties_of(owner)

@@ -1,34 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hashes of the data-blocks that voxels and their light depend on, to tell what changed from what was only reported.
+"""Hashes of the data-blocks that voxels and their light depend on, which tell changes from mere reports of Blender.
 
-Blender reports far more than changes: after an undo everything, and the lamps whenever its dependency graph is built
-anew, as when a window closes or a collection is added. The state is taken of the user's own data, not of what Blender
-evaluates from it, so that it is the same in every process that opened the same file.
+Blender reports far more than changes: everything after an undo, and all lamps when it rebuilds its dependency graph,
+as when a window closes or a collection is added. The state is read from the user's original data, not from evaluated
+data, so that it is the same in each process that opens the same file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import bpy
 
-from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, is_camera, passed_over, place_of_gloss
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over, place_of_gloss
 from .digest import Digest, render_keys
 
-SURFACE, LIGHT, VIEW = "surface", "light", "view"
-STEPS = (SURFACE, LIGHT, VIEW)  # each needs those after it anew, too
+SURFACE, LIGHT = "surface", "light"
 Named = tuple[str, str]  # word for a kind of data-block, and its name
 _SCENE = 0  # in the place of a session_uid: settings of the scene and its view layer
 
 # Never more than light, whatever refers to them.
 _LIGHT_TYPES = (bpy.types.Light, bpy.types.LightProbe, bpy.types.World, bpy.types.Material)
 _SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"})
-_SHADING = frozenset({"VOLUME", "GREASEPENCIL"})  # without voxels
-_WORDS = {"CAMERA": "camera", "LIGHT": "lamp", "LIGHT_PROBE": "lamp"}  # by type of object
+_SHADING = frozenset({"VOLUME", "GREASEPENCIL"})  # these have no voxels
+_WORDS = {"LIGHT": "lamp", "LIGHT_PROBE": "lamp"}  # by type of object
 _OWN_WORDS = {bpy.types.Material: "material", bpy.types.World: "world", bpy.types.Image: "image",
               bpy.types.Texture: "texture", bpy.types.ShaderNodeTree: "node group"}  # fmt: skip
 _PASSED_OVER = (bpy.types.Scene, bpy.types.Library, bpy.types.Action, bpy.types.WorkSpace)
@@ -39,22 +38,20 @@ _OF_CYCLES = (
     "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree",
 )  # fmt: skip
 _SETTINGS = "world or render settings", ""
-_NEIGHBOURS = 4  # so far is followed what data-blocks refer to, to tell two apart that have the same values
-_SLOW_S = 0.02
+_NEIGHBOURS = 4  # references that are followed, to tell data-blocks with the same values apart
 
 
 class Change(NamedTuple):
-    """Comparison of one thing: what it is, the steps that it does not fit any more, and that in words."""
+    """Change of a scene: the steps that do not fit any more, and a sentence without a full stop."""
 
-    key: Hashable
     steps: tuple[str, ...]
     text: str
 
 
 class _Entry(NamedTuple):
-    """One data-block: `main` counts for `step`, `look`, how it looks in light, never for more than light.
+    """Hashes of one data-block: `main` counts for `step`; `look`, its appearance in light, for the light alone.
 
-    named: None where the object says more, through which it was found: `owner`, a session_uid. seconds: of its hashes.
+    named: None where the name of its `owner`, the session_uid of an object, says more.
     """
 
     named: Named | None
@@ -62,23 +59,22 @@ class _Entry(NamedTuple):
     step: str
     main: Part
     look: Part
-    seconds: float = 0.0
 
-    def changed_steps(self, now: _Entry, step: str) -> tuple[str, ...]:
-        """Steps that it does not fit any more, if its main part counts for `step`."""
-        found = [step] if self.main != now.main else []
-        found += [_at_most(LIGHT, step)] if self.look != now.look else []
+    def changed_steps(self, now: _Entry) -> tuple[str, ...]:
+        """Steps that do not fit the data-block any more."""
+        found = [SURFACE if SURFACE in (self.step, now.step) else LIGHT] if self.main != now.main else []
+        found += [LIGHT] if self.look != now.look else []
         return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
 class SceneState:
-    """State of a scene at some moment, by value: names do not count.
+    """State of a scene at a moment, by value: names do not count, nor do cameras.
 
-    entries: hashes by session_uid of the data-block. shown: of objects that count, how the view layer shows them.
-    layer: its name. chosen: session_uids of the objects that have voxels, None for all. frame: the present one if
-    something is animated. seconds: what it took to find out. gloss_from: where the camera stands that gloss is seen
-    from, empty where none is.
+    entries: hashes by session_uid of the data-block. shown: visibility of each object in the view layer. layer: its
+    name. chosen: session_uids of the objects that have voxels, None for all. frame: the current one if something is
+    animated. seconds: time that reading the state took. gloss_from: place of the camera that gloss was baked for, empty
+    without one.
     """
 
     entries: dict[int, _Entry]
@@ -90,10 +86,9 @@ class SceneState:
     gloss_from: str = ""
 
     def identity(self, *more: object) -> str:
-        """32 hex digits over all of it but the cameras, and over `more`; the same in each process."""
-        lit = {uid: entry for uid, entry in self.entries.items() if entry.step != VIEW}
-        marks = {uid: _short(entry.main.text, entry.look.text) for uid, entry in lit.items()}
-        near = {uid: (uid, *entry.main.references, *entry.look.references) for uid, entry in lit.items()}
+        """32 hex digits over all of it and `more`; the same in each process."""
+        marks = {uid: _short(entry.main.text, entry.look.text) for uid, entry in self.entries.items()}
+        near = {uid: (uid, *entry.main.references, *entry.look.references) for uid, entry in self.entries.items()}
         for _ in range(_NEIGHBOURS):
             marks = {uid: _short(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
         digest = Digest()
@@ -102,64 +97,28 @@ class SceneState:
         return digest.hexdigest()
 
     def differences(self, now: SceneState, scene: bpy.types.Scene) -> list[Change]:
-        """List what is not as it was; nothing where all has the same values, be it in other data-blocks."""
+        """List what changed since; nothing where all values are equal, even in other data-blocks."""
         found = self._differences_of_shown(now.shown, scene)
         for uid, before in self.entries.items():
-            after = now.entries.get(uid)  # what refers to others changed, too
-            if after is None:
-                continue
-            if steps := before.changed_steps(after, min(before.step, after.step, key=STEPS.index)):
+            after = now.entries.get(uid)  # None: what refers to it changed, too
+            if after is not None and (steps := before.changed_steps(after)):
                 named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
-                found.append(Change(uid, steps, _text(named, "changed")))
-        lasting = [change for change in found if change.steps != (VIEW,)]
-        return lasting if lasting and self.identity() != now.identity() else []
+                found.append(Change(steps, _text(named, "changed")))
+        return found if found and self.identity() != now.identity() else []
 
     def seen_from_camera(self, scene: bpy.types.Scene) -> SceneState:
-        """State of a scene whose gloss is seen from its active camera, where that stands now."""
+        """State of a scene whose gloss is baked for the current place of its active camera."""
         return replace(self, gloss_from=place_of_gloss(scene))
 
     def gloss_has_moved(self, scene: bpy.types.Scene) -> bool:
-        """Return whether gloss is seen from a camera, and the active one stands elsewhere now."""
+        """Return whether gloss was baked for a camera's place, and the active camera is elsewhere now."""
         return bool(self.gloss_from) and place_of_gloss(scene) != self.gloss_from
 
-    def compared(self, scene: bpy.types.Scene, block: bpy.types.ID, verb: str = "changed") -> Change | None:
-        """Compare an original data-block with what it was; None for one that nothing depends on."""
-        before = self.entries.get(block.session_uid)
-        if before is None or passed_over(block):
-            return None
-        main, look, _ = BlockReader().parts(block)
-        step = before.step
-        if isinstance(block, bpy.types.Object) and step == LIGHT and _has_voxels(block, self.chosen):
-            step = SURFACE
-        steps = before.changed_steps(before._replace(main=main, look=look), step)
-        text = _text(_named(block) or self._owner(scene, before.owner), verb) if steps else ""
-        return Change(block.session_uid, steps, text)
-
-    def is_slow(self, block: bpy.types.ID) -> bool:
-        """Return whether to compare a data-block takes too long to do it after each movement of the mouse."""
-        entry = self.entries.get(block.session_uid)
-        return entry is not None and entry.seconds > _SLOW_S
-
     def fits_layer(self, scene: bpy.types.Scene, layer: str) -> bool:
-        """Return whether a view layer of the scene shows what the one shows that this is the state of."""
+        """Return whether a view layer shows the same objects as the layer of this state."""
         if layer == self.layer:
             return True
         return _shown(scene, _layer(scene, layer)) == _shown(scene, _layer(scene, self.layer))
-
-    def differences_of_scene(self, scene: bpy.types.Scene) -> list[Change]:
-        """List what the view layer shows otherwise, settings of the scene, and what Blender does not report."""
-        layer = _layer(scene, self.layer)
-        shown = {uid: how for uid, (_, how) in _shown(scene, layer).items()}
-        found = self._differences_of_shown(shown, scene)
-        before = self.entries[_SCENE]
-        if steps := before.changed_steps(_settings(scene, layer), SURFACE):
-            found.append(Change(_SCENE, steps, _text(_SETTINGS, "changed")))
-        return found
-
-    @staticmethod
-    def is_of_scene(key: Hashable) -> bool:
-        """Return whether `differences_of_scene` tells of what has this key."""
-        return key == _SCENE or isinstance(key, tuple)
 
     def _differences_of_shown(self, now: dict[int, tuple[object, ...]], scene: bpy.types.Scene) -> list[Change]:
         if self.shown == now:
@@ -181,25 +140,17 @@ class SceneState:
             else:
                 verb = "changed" if before[1] == after[1] else "was hidden" if after[1] else "was shown"
             named = (entry and entry.named) if item is None else _named(item)
-            found.append(Change(("shown", uid), (step,), _text(named or _SETTINGS, verb)))
+            found.append(Change((step,), _text(named or _SETTINGS, verb)))
         return found
-
-    def _owner(self, scene: bpy.types.Scene, uid: int) -> Named:
-        """Name an object as it is called now."""
-        known = self.entries[uid].named if uid in self.entries else None
-        item = scene.objects.get(known[1]) if known else None
-        if item is None or item.session_uid != uid:
-            item = next((each for each in scene.objects if each.session_uid == uid), None)
-        return (item and _named(item)) or known or _SETTINGS
 
 
 def scene_state(
     scene: bpy.types.Scene, layer: str = "", chosen: frozenset[int] | None = None, *, selected: bool = False
 ) -> SceneState:
-    """Take the state of a scene without objects that show results, and of all that it refers to.
+    """Read the state of a scene and of all data-blocks that it refers to, without objects that show results.
 
-    layer: name of the view layer that is looked at, by default the context's. chosen: session_uids of the objects that
-    have voxels, None for all; selected: those that are selected now.
+    layer: name of the view layer, by default that of the context. chosen: session_uids of the objects that have voxels,
+    None for all; selected: those that are selected now.
     """
     begun = time.perf_counter()
     view_layer = _layer(scene, layer or _present_layer(scene))
@@ -208,33 +159,32 @@ def scene_state(
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
     reader = BlockReader()
     entries = {_SCENE: _settings(scene, view_layer)}
-    waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {step: [] for step in STEPS}
+    waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {SURFACE: [], LIGHT: []}
     for item, _ in found.values():
         waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
     if scene.world is not None:
         waiting[LIGHT].append((scene.world, 0))
-    waiting[VIEW] += [(item, item.session_uid) for item in scene.objects if is_camera(item)]
     animated = False
-    for step in STEPS:
+    for step in (SURFACE, LIGHT):
         while waiting[step]:
             block, owner = waiting[step].pop()
             uid = block.session_uid
             if uid in entries or passed_over(block) or isinstance(block, _PASSED_OVER):
                 continue
-            at, owner = time.perf_counter(), uid if isinstance(block, bpy.types.Object) else owner
-            mine = _at_most(LIGHT, step) if isinstance(block, _LIGHT_TYPES) else step
-            main, look, references = reader.parts(block)
-            entries[uid] = _Entry(_named(block), owner, mine, main, look, time.perf_counter() - at)
-            animated |= reader.animated and mine != VIEW
-            for target, blocks in ((mine, references[0]), (_at_most(LIGHT, mine), references[1])):
-                waiting[target] += [(other, owner) for other in blocks]
+            owner = uid if isinstance(block, bpy.types.Object) else owner
+            mine = LIGHT if isinstance(block, _LIGHT_TYPES) else step
+            main, look, (references, lit_references) = reader.parts(block)
+            entries[uid] = _Entry(_named(block), owner, mine, main, look)
+            animated |= reader.animated
+            waiting[mine] += [(other, owner) for other in references]
+            waiting[LIGHT] += [(other, owner) for other in lit_references]
     frame = scene.frame_current if animated else None
     shown = {uid: how for uid, (_, how) in found.items()}
     return SceneState(entries, shown, view_layer.name, chosen, frame, time.perf_counter() - begun)
 
 
 def _named(block: bpy.types.ID) -> Named | None:
-    """Word and name for a data-block; None where those of an object that it is a part of say more."""
+    """Word and name for a data-block; None where its object is named instead."""
     if isinstance(block, bpy.types.Object):
         return _WORDS.get(block.type, ""), block.name_full
     return next(((word, block.name_full) for kind, word in _OWN_WORDS.items() if isinstance(block, kind)), None)
@@ -243,11 +193,6 @@ def _named(block: bpy.types.ID) -> Named | None:
 def _text(named: Named, verb: str) -> str:
     word, name = named
     return f"{word} '{name}' {verb}".lstrip() if name else f"{word} {verb}"
-
-
-def _at_most(most: str, step: str) -> str:
-    """Return the step, or `most` where that needs less to be done again."""
-    return STEPS[max(STEPS.index(most), STEPS.index(step))]
 
 
 def _short(*texts: str) -> str:
@@ -266,9 +211,9 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 def _shown(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[int, tuple[bpy.types.Object, tuple[object, ...]]]:
-    """Objects of a view layer that have voxels or light them, by session_uid, and how it shows them.
+    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility.
 
-    With values that count for renders alone: Blender reports no change of them.
+    With values that only renders use, whose changes Blender does not report.
     """
     found: dict[int, tuple[bpy.types.Object, set[tuple[bool, ...]]]] = {}
     stack = [(layer.layer_collection, (False,) * 3)]
@@ -289,7 +234,7 @@ def _shown(
 
 
 def _unreported(item: bpy.types.Object) -> Iterator[object]:
-    """Values of an object that renders take in the place of others, of whose changes Blender reports none."""
+    """Values of an object that only renders use."""
     systems = (system.settings for system in item.particle_systems)
     for owner in (*item.modifiers, item.data, *systems):
         for key in render_keys(owner) if owner is not None else ():
@@ -297,7 +242,7 @@ def _unreported(item: bpy.types.Object) -> Iterator[object]:
 
 
 def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
-    """How Cycles renders the scene, and what it puts in the place of its objects' own."""
+    """Settings of Cycles, and overrides of the view layer."""
     surface, light = OwnDigest(), OwnDigest()
     surface.text(layer.use_strand)
     light.block(scene.world)
@@ -309,7 +254,7 @@ def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
 
 
 def _counts(item: bpy.types.Object) -> bool:
-    """Return whether an object of a scene has voxels or lights them, by itself and not as what others refer to."""
+    """Return whether an object itself has voxels or lights them; others count if these refer to them."""
     if passed_over(item) or item.hide_render:
         return False
     if item.type in _SURFACES or item.type in LAMPS or item.type in _SHADING:
@@ -318,7 +263,7 @@ def _counts(item: bpy.types.Object) -> bool:
 
 
 def with_surface(scene: bpy.types.Scene, chosen: frozenset[int] | None) -> frozenset[int]:
-    """Session_uids of a scene's objects that may have voxels, of those that are chosen."""
+    """Session_uids of the chosen objects of a scene that can have voxels."""
     return frozenset(item.session_uid for item in scene.objects if _has_voxels(item, chosen))
 
 

@@ -1,44 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Watch for changes by the user to a scene between a job's reading of it and the job's end.
+"""Monitor of the user's edits to a scene between a job's reading of it and the job's end.
 
-Blender stays usable while a job works, as it does while it renders. What the job has read fits the scene no more then,
-and light that is baked later is that of another scene.
+Blender stays usable while a job works, as it does while it renders. After an edit, the surface that the job has read no
+longer fits the scene, and light that is baked later belongs to another scene.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
-
-if TYPE_CHECKING:
-    from .scene_state import SceneState
+from .scene_state import Change, SceneState, scene_state
 
 
 @dataclass
 class SceneChangeMonitor:
-    """State that a job has read its scene in, None before that; steps that do not fit any more, and why."""
+    """State of the scene when a job read it, None before that; edited: Blender reported an update since.
 
-    scene: int  # its session_uid
+    scene: its session_uid.
+    """
+
+    scene: int
     state: SceneState | None = None
-    changes: list[tuple[str, str, Hashable]] = field(default_factory=list)
+    edited: bool = False
 
 
 _current: ContextVar[SceneChangeMonitor | None] = ContextVar("_current", default=None)
-_watches: list[SceneChangeMonitor] = []  # of jobs that work now, for handlers, which run outside of them
+_monitors: list[SceneChangeMonitor] = []  # of running jobs, for handlers, which run outside of them
 
 
 @contextmanager
-def watching(watch: SceneChangeMonitor) -> Iterator[None]:
-    """Steps that are pulled within the block belong to the watched job."""
-    token = _current.set(watch)
+def watching(monitor: SceneChangeMonitor) -> Iterator[None]:
+    """Steps that are pulled within the block belong to the monitored job."""
+    token = _current.set(monitor)
     try:
         yield
     finally:
@@ -46,21 +46,22 @@ def watching(watch: SceneChangeMonitor) -> Iterator[None]:
 
 
 def begin(scene: bpy.types.Scene) -> SceneChangeMonitor:
-    """Watch a scene for a job that works beside a window, until `end`."""
-    watch = SceneChangeMonitor(scene.session_uid)
-    _watches.append(watch)
-    return watch
+    """Monitor a scene for a job beside a window, until `end`."""
+    monitor = SceneChangeMonitor(scene.session_uid)
+    _monitors.append(monitor)
+    return monitor
 
 
-def end(watch: SceneChangeMonitor) -> None:
-    """End the watch with its job."""
-    if watch in _watches:
-        _watches.remove(watch)
+def end(monitor: SceneChangeMonitor) -> None:
+    """End the monitor with its job."""
+    if monitor in _monitors:
+        _monitors.remove(monitor)
 
 
-def watches_of(scene: bpy.types.Scene) -> list[SceneChangeMonitor]:
-    """Watches of jobs that have read this scene."""
-    return [watch for watch in _watches if watch.scene == scene.session_uid and watch.state is not None]
+def note_update(scene: bpy.types.Scene) -> None:
+    """Note that Blender reported an update of a scene, to compare it later."""
+    for monitor in _monitors:
+        monitor.edited |= monitor.scene == scene.session_uid
 
 
 def read_state(
@@ -71,35 +72,36 @@ def read_state(
     chosen: frozenset[int] | None = None,
     gloss_from_camera: bool = False,
 ) -> SceneState:
-    """Read the scene's state, which is what the present job reads now.
+    """Read the scene's state, which is what the current job reads now.
 
     selected: selected objects alone have voxels, or those `chosen` by session_uid.
     """
-    from .scene_state import scene_state
-
     if threading.current_thread() is threading.main_thread():
         for item in scene.objects:
-            if item.mode == "EDIT":  # what is evaluated shows changes that the data have at its end alone
+            if item.mode == "EDIT":  # evaluated objects show edits that the mesh data lack until Edit Mode ends
                 item.update_from_editmode()
     state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
     if gloss_from_camera:
         state = state.seen_from_camera(scene)
-    watch = _current.get()
-    if watch is not None:
-        watch.state, watch.changes = state, []
+    monitor = _current.get()
+    if monitor is not None:
+        monitor.state, monitor.edited = state, False
     return state
 
 
-def changes_meanwhile() -> list[tuple[str, str, Hashable]]:
-    """Steps that do not fit what the present job has read, what changed in words, and its key."""
-    watch = _current.get()
-    return [] if watch is None else watch.changes
+def changes_meanwhile() -> list[Change]:
+    """List changes of the scene since the current job read it; none in Edit Mode, in which mesh data are empty."""
+    monitor = _current.get()
+    if monitor is None or monitor.state is None or not monitor.edited:
+        return []
+    scene = next(each for each in bpy.data.scenes if each.session_uid == monitor.scene)
+    if any(item.mode == "EDIT" for item in scene.objects):
+        return []
+    now = scene_state(scene, monitor.state.layer, monitor.state.chosen)
+    return monitor.state.differences(now, scene)
 
 
 def check_unchanged() -> None:
-    """Raise SceneError if what the present job has read was changed."""
-    for step, what, _ in changes_meanwhile():
-        if step in ("surface", "light"):
-            raise SceneError(
-                f"{what[:1].upper()}{what[1:]} while its light was baked: start again, with the scene as it is now"
-            )
+    """Raise SceneError if the scene changed since the current job read it."""
+    for change in changes_meanwhile():
+        raise SceneError(f"{change.text[:1].upper()}{change.text[1:]} while its light was baked: start the bake again")

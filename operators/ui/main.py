@@ -12,6 +12,7 @@ from ..scene_access.images import PICTURES
 from ..session import results
 from ..session.memory import held
 from ..session.result_images import shown_pictures
+from ..session.staleness import PERHAPS
 from ..settings.job_settings import ESTIMATED
 from .presets_menu import PATCHNET_PT_presets
 from .tab import (
@@ -91,7 +92,7 @@ def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said:
     if body is None:
         return
     box = body.box().column(align=True)
-    why = changed_text(scene.patchnet, found.settings, *ESTIMATED) or found.stale_because
+    why = changed_text(scene.patchnet, found.settings, *ESTIMATED) or (PERHAPS if found.outdated else "")
     if why:
         draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
     for line in found.made_for:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +21,6 @@ class Atlas:
     opacity, as the renderer saw it at the texel; with colour (.., 4), red and blue weighed by opacity too.
     noise: (pages * side * side,) float32, half of what two halves of the bake differ by, of luminance weighed by
     opacity; None where it is not known. samples: paths a texel. warnings: sentences about what was left out.
-    notes: what was baked, for reports, as plain JSON values.
     spread: side of the square around a texel's centre that its paths go out from, in texels.
     back: the same of the triangles' backs, on the same charts; None where fronts alone were baked.
     lit: (T,) int8, sides that texels hold light of: 1 front, -1 back, 0 both; None: the front. facing: (T,) int8 alike,
@@ -37,7 +35,6 @@ class Atlas:
     samples: int = 0
     warnings: tuple[str, ...] = ()
     noise: np.ndarray | None = None
-    notes: dict[str, Any] = field(default_factory=dict)
     spread: float = 1.0
     back: Atlas | None = None
     lit: np.ndarray | None = None

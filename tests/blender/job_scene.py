@@ -12,6 +12,7 @@ from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -161,5 +162,7 @@ def run_small(**values: object) -> None:
 
 
 def result() -> SceneResult:
-    """What the open scene has of such a job."""
-    return results.voxels_of(bpy.context.scene)
+    """What the open scene has of such a job, compared with the scene as it is before each use."""
+    found = results.voxels_of(bpy.context.scene)
+    look_again(found, bpy.context.scene)
+    return found

@@ -41,7 +41,7 @@ def keyed(owner: bpy.types.bpy_struct, path: str, values: dict[int, object]) -> 
 
 
 def bake(out: Path, weights: Path, frames: tuple[int, ...] = (1, 2, 3), **values: object) -> AnimationResult:
-    plan = {name: values.pop(name) for name in ("overwrite", "one_grid", "scene_file") if name in values}
+    plan = {name: values.pop(name) for name in ("overwrite", "one_grid") if name in values}
     settings = JobSettings.of(weights=weights, **{**QUICK, **values})
     return drain(bake_frames(bpy.context, JobMaker(settings), FramePlan(frames, out, **plan)))
 
@@ -240,7 +240,7 @@ def test_operator(tmp_path: Path, scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError, match="before the first"):
         bpy.ops.patchnet.bake_animation(frame_start=5, frame_end=2)
     scene.patchnet.out = ""
-    with pytest.raises(RuntimeError, match="choose the output folder"):
+    with pytest.raises(RuntimeError, match="choose the folder Output"):
         bpy.ops.patchnet.bake_animation()
 
 

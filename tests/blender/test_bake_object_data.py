@@ -249,15 +249,6 @@ def test_more_uv_maps_than_a_mesh_takes_by_its_own_operator() -> None:
     assert_as_cycles(items)
 
 
-@pytest.mark.parametrize(("kind", "settings"), [("NewGeometry", {}), ("Tangent", {"axis": "Z"})])
-def test_tangents_around_an_axis(kind: str, settings: dict[str, str]) -> None:
-    item = painted("Plate", "FLOAT", "POINT")
-    for vertex in item.data.vertices:
-        vertex.co.z = 0.3 * vertex.co.x
-    item.data.materials[0] = glowing(lambda tree: absolute(tree, read_by(kind, "Tangent", **settings)(tree)))
-    assert_as_cycles([item], 0.05)
-
-
 OWNERS = {
     "OBJECT": {"Plate": {"paint": (0.2, 0.7, 0.4)}},
     "INSTANCER": {"Plate": {"paint": (0.9, 0.9, 0.9)}, "Empty": {"paint": (0.1, 0.5, 0.3)}},

@@ -114,7 +114,7 @@ def test_depth_of_field_is_told_of_chosen_cameras_alone(camera: bpy.types.Object
 
     assert told() == told("auto") == ()
     (text,) = told("all")
-    assert text.startswith("Camera 'Second' has depth of field, which previews do not show")
+    assert text.startswith("Camera 'Second' has depth of field, but previews show all in focus")
     camera.data.dof.use_dof = True
     (text,) = told("all")
     assert text.startswith("Cameras 'Eye', 'Second' have depth of field")
@@ -162,7 +162,11 @@ def test_a_camera_by_numbers(camera: bpy.types.Object) -> None:
     assert eye.name == "Eye" and own.name == "1 -5 1.5 > 1 0 1.5 @ 90" and own.half_y == pytest.approx(1.0)
     assert own.position_world.tolist() == [1.0, -5.0, 1.5] and own.forward == pytest.approx([0.0, 1.0, 0.0])
     assert set(view_folders(bpy.context.scene, ("Eye", own.name))) == {"Eye", own.name}
-    wrong = [("1 2 > 3 4 5", "is no view"), ("1 2 3 > 1 2 3", "its own place"), ("1 2 3 > 4 5 6 @ 180", "180")]
+    wrong = [
+        ("1 2 > 3 4 5", "is not a view"),
+        ("1 2 3 > 1 2 3", "target at its position"),
+        ("1 2 3 > 4 5 6 @ 180", "180"),
+    ]
     for text, why in wrong:
         with pytest.raises(SceneError, match=why):
             choose_cameras(depsgraph, (text,), (64, 32), bounds)

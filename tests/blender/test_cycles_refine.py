@@ -329,5 +329,5 @@ def test_operator_leaves_pictures_and_nothing_else(weights: Path, tmp_path: Path
 def test_light_that_is_not_cycles_is_refused(weights: Path) -> None:
     build()
     bpy.ops.patchnet.run_all(depth=5, light="two-lights", size=(16, 16), weights=str(weights))
-    with pytest.raises(RuntimeError, match="bake the light with Cycles"):
+    with pytest.raises(RuntimeError, match="no light from Cycles: run Bake Light"):
         bpy.ops.patchnet.refine_with_cycles()

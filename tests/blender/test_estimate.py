@@ -52,4 +52,4 @@ def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution = "AUTO"
     bpy.data.objects["Lath 2"].location.x += 0.1
     update()
-    assert "Estimate again: 'Lath 2' moved" in drawn(PATCHNET_PT_main)
+    assert "Estimate again: the scene may have changed" in drawn(PATCHNET_PT_main)

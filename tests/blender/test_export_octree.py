@@ -66,7 +66,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
         ({"filepath": str(tmp_path / "voxels.ply"), "level": 7}, "Level 7 is outside 0 to 6"),
         ({"filepath": str(tmp_path / "nowhere" / "voxels.ply")}, "cannot be written"),
         ({"filepath": "//voxels.ply"}, "save the file first"),
-        ({}, "no file to write"),
+        ({}, "No file to write"),
     ):
         with pytest.raises(RuntimeError, match=message):
             bpy.ops.patchnet.export_octree(**keywords)

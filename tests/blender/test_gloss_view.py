@@ -36,7 +36,7 @@ def test_a_camera_that_moves_makes_gloss_stale_until_it_is_baked_again() -> None
     run()
     bpy.data.objects["Eye"].rotation_euler.z += 0.1  # reflections of what stands still are the same
     bpy.context.view_layer.update()
-    assert result().stale == set() and "view" in result().reasons
+    assert result().stale == set()
     shift()
     assert result().stale == {"light"} and result().is_stale_by_gloss_alone
     assert stale_text(result(), bpy.context.scene, "light") == ADVICE
@@ -100,7 +100,7 @@ def test_the_engine_shows_the_gloss_that_is_there_and_says_so(
     shift()
     octree = result().octree
     bpy.ops.render.render()
-    assert any("where it stood during the bake" in text for text in said)
+    assert any("place during the bake" in text for text in said)
     assert result().octree is octree and result().stale == {"light"} and not bakes
 
 
@@ -132,7 +132,7 @@ def test_an_animation_has_one_gloss_in_all_frames(
     scene.patchnet.gloss = "camera"
     run(gloss="camera")
     bpy.ops.render.render(animation=True)
-    assert any("where it stood during the bake" in text for text in said)
+    assert any("place during the bake" in text for text in said)
 
 
 def test_files_know_from_where_gloss_was_seen(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

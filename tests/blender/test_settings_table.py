@@ -58,8 +58,8 @@ def test_devices_change_no_key() -> None:
     [
         (SurfaceSettings, {"depth": 5, "voxel_size_world": 0.1}, "Depth and voxel size are both given"),
         (SurfaceSettings, {"depth": 99}, "Depth 99 is outside"),
-        (SurfaceSettings, {"fit": True, "depth": 7}, "no one depth or voxel size: choose one"),
-        (SurfaceSettings, {"fit": True, "voxel_size_world": 0.1}, "no one depth or voxel size: choose one"),
+        (SurfaceSettings, {"fit": True, "depth": 7}, "exclude each other: choose one of them"),
+        (SurfaceSettings, {"fit": True, "voxel_size_world": 0.1}, "exclude each other: choose one of them"),
         (SurfaceSettings, {"track": True}, "can follow a track"),
         (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
         (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
@@ -81,7 +81,7 @@ def test_devices_change_no_key() -> None:
         (
             JobSettings,
             {"view": ViewSettings(cycles=CyclesSettings()), "light": LightSettings(kind="two-lights")},
-            "Regions by Cycles need voxels in Cycles' light, not two-lights: choose cycles",
+            "Refine with Cycles needs voxels with light cycles, not two-lights: choose cycles",
         ),
     ],
 )

@@ -61,11 +61,11 @@ def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told
     bpy.data.lights["Lamp"].energy = 5.0
     bpy.context.view_layer.update()
     run_small(scope="SELECTED")
-    assert result().octree.leaf_count == before and not any("are there now" in text for text in result().all_notes)
+    assert result().octree.leaf_count == before and not any("selected object" in text for text in result().all_notes)
     bpy.data.objects["Lath 4"].select_set(True)
     run_small(scope="SELECTED")
     assert result().octree.leaf_count != before
-    assert [text for text in result().all_notes if text.startswith("Voxels of 1 selected object are there now")]
+    assert [text for text in result().all_notes if text.startswith("The voxels are of 1 selected object now")]
 
 
 def test_a_change_that_is_taken_back_does_not_hold_up_a_render() -> None:

@@ -91,7 +91,7 @@ def edit_meanwhile() -> clicks.Session:
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
     yield 0.3
     seen["edited"] = {
-        "changes": watch.changes,
+        "edited": watch.edited,
         "told": heard.told[-1:],
         "result": result() is not None,
         "modal": modal(),

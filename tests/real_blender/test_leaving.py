@@ -30,7 +30,7 @@ def test_leaving_takes_a_moment_and_leaves_nothing(seen: dict) -> None:
     assert max(seen[name]["seconds"] for name in ("disabled", "disabled in a render", "other file")) < PATIENCE_S
     assert seen["disabled in a render"]["rendered"]
     assert seen["seconds to quit"] < PATIENCE_S
-    assert seen["deleted scene"]["told"] == ["The scene that was worked on is gone: open it and start again"]
+    assert seen["deleted scene"]["told"] == ["The scene of this job was deleted or closed: open it and start again"]
 
 
 def test_quit_blend_is_the_users_own(seen: dict, installed: Blender, out: Path) -> None:

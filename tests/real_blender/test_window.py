@@ -46,7 +46,7 @@ def test_scene_is_as_before(visit: dict) -> None:
 
 def test_changes_are_noticed_and_undone_and_redone(visit: dict) -> None:
     assert visit["stale"] == [[], ["surface"], [], ["surface"]]
-    assert visit["why"].endswith("moved") and visit["undone"]
+    assert visit["why"].endswith("changed") and visit["undone"]
 
 
 def test_run_all_writes_its_files(visit: dict) -> None:

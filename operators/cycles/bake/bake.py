@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bake the light of a surface, page of charts by page.
 
-The scene stays as it is: nothing in it is hidden. For each page a mesh of its triangles is added, lifted off the
-surface by far less than a voxel and invisible to all rays, so that it neither shadows nor reflects anything; Cycles
-computes the light that arrives on it. So instances stay instances, and memory is bounded by the page. Between two
-pages the scene is exactly as before, and so is a file that is saved meanwhile.
+For each page, a mesh of its triangles is added to a copy of the scene, lifted off the surface by far less than a voxel
+and invisible to all rays, so that it neither shadows nor reflects anything; Cycles computes the light that arrives on
+it. Instances stay instances, and the page bounds the memory.
 
-Sheets are baked on each side that gets light (`two_sided_surfaces`), closed surfaces on the one that their normals
-show, unless light falls on the inner side, too. Where voxels hold one luminance, it is that of the normals' side; of
-cut-outs and of what is translucent it is the mean of both, of which a dark one does not count: it is enclosed, although
-the surface has a gap.
+Sheets are baked on each side that gets light (`two_sided_surfaces`), closed surfaces on the side of their normals,
+unless light falls on the inner side, too. Where voxels hold one luminance, it is that of the normals' side; of cut-outs
+and translucent materials it is the mean of both sides, without a dark, enclosed one.
 """
 
 from __future__ import annotations
@@ -29,7 +27,6 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
-from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from ...scene.fingerprint import SceneFingerprint, composed, surface_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
@@ -40,7 +37,6 @@ from ...state.digest import Digest
 from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
 from .gloss_passes import place_of_view
-from .side_probe import black_views
 from .two_sided_surfaces import plan_sides
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -48,25 +44,25 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.lightmap.page_cache import BakePageCache
 
 MAX_TEXELS = 1 << 25
-# Triangles up to which pages have this side: a bake starts with reading the whole scene into Cycles, so that large
-# scenes want few pages, small ones many: for reports of progress, and for memory.
+# Triangles up to which pages have this side. Each bake call reads the whole scene, so large scenes have few pages; many
+# pages give finer progress and take less memory.
 _PAGE_SIDES = ((200_000, 512), (1_000_000, 1024), (np.inf, 2048))
 _SIDES = tuple(str(1 << log_side) for log_side in range(13))
 _CHART_ARRAYS = (
     "page", "x", "y", "log_width", "log_height", "kind", "origin", "along", "page_samples", "page_size"
 )  # fmt: skip
-_code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # and of what it imports
+_code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # with its imports
 
 
 class KeptPages(NamedTuple):
-    """Where finished pages of a bake are kept, and the key of the scene that they are of."""
+    """Cache of the finished pages of a bake, and the key of their scene."""
 
     pages: BakePageCache
     scene: str
 
     @classmethod
     def of(cls, pages: BakePageCache, depsgraph: bpy.types.Depsgraph) -> KeptPages:
-        """Pages of the scene that a surface was read from."""
+        """Cache with the key of the scene of a graph."""
         return cls(pages, SceneFingerprint(depsgraph).scene())
 
 
@@ -85,13 +81,13 @@ def bake_luminance(
 
     texel_world: side of a texel, about that of a leaf, one for all or (T,); texels grow if there would be more than
     MAX_TEXELS.
-    light: its `samples` are paths a texel and side; with `denoise` the atlas knows its noise; with `color` it has some
-    (`Atlas.texels`); without sides, opaque sheets are baked on one side; `gloss` says whose reflections are baked;
-    with `daylight` sun and sky of ours shine in place of the scene's world.
-    device: one of `DEVICES`; automatic is a GPU where the preferences of Cycles enable one.
-    kept: finished pages are taken from there and left there.
-    cameras: those that look at the surface: closed ones that they see from within may be lit there (methods 7.2f).
-    Raises SceneError if Cycles is not there or cannot bake, SettingError for a GPU that is not enabled.
+    light: `samples` are paths per texel and side; `denoise` adds noise estimates to the atlas, `color` colour
+    (`Atlas.texels`); without sides, opaque sheets are baked on one side; `gloss` selects the materials whose
+    reflections are baked; `daylight` replaces the scene's world by our sun and sky.
+    device: one of `DEVICES`; automatic is a GPU if the preferences of Cycles enable one.
+    kept: cache of finished pages.
+    cameras: closed surfaces that they see from within may be lit there (methods 7.2f).
+    Raises SceneError if Cycles is missing or cannot bake, SettingError for a GPU that is not enabled.
     """
     from ....patchnet_addon.lightmap.charts import layout_charts
 
@@ -107,12 +103,10 @@ def bake_luminance(
     sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
     front, back = (_atlas(charts, texels, light) for texels in sides)
     atlas = replace(front, warnings=(*baker.warnings, *_coarse(charts)))
-    # Of a voxel with sides, a side of a sheet that is not baked is black, whether or not any back is baked.
+    # In a voxel with sides, a side that is not baked is black, even if no back is baked.
     facing = np.where((plan.pieces < 0) & light.has_sides, np.int8(0), baker.lit)
     if (facing <= 0).any():
         atlas = replace(atlas, back=back, lit=baker.lit, facing=facing, back_share=baker.back_share)
-    if black := (yield from black_views(context, source, atlas, plan.sight, light, lift)):
-        atlas.notes[BLACK_VIEWS] = black
     return atlas
 
 
@@ -127,9 +121,9 @@ def _atlas(charts: Charts, texels: np.ndarray, light: LightSettings) -> Atlas:
 def bake_key(
     scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[object, ...] = ()
 ) -> str:
-    """32 hex digits of everything that determines the pages of a bake, so that equal keys mean equal bits.
+    """32 hex digits over everything that determines the pages of a bake, so that equal keys mean equal bits.
 
-    scene: that part of the scene's fingerprint. switches: whatever else there is than surface, charts and samples.
+    scene: part of the scene's fingerprint. switches: all other settings of the bake.
     """
     layout = Digest()
     layout.text(charts.texel_world, charts.page_side, charts.page_count)
@@ -141,7 +135,7 @@ def bake_key(
 
 
 def _devices() -> tuple[str, ...]:
-    """Devices that Cycles could compute on: processors differ in their last bits."""
+    """Devices of Cycles, whose results differ in their last bits."""
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:
@@ -150,7 +144,7 @@ def _devices() -> tuple[str, ...]:
 
 
 def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -> Steps[tuple[np.ndarray, ...]]:
-    """Texels (pages * side * side, C) of fronts and backs; pages that are kept under the key are taken from there."""
+    """Texels (pages * side * side, C) of fronts and backs; pages in the cache are not baked again."""
     count, channels = charts.page_side**2, baker.channels
     sides = tuple(np.zeros((charts.page_count, count, channels), np.float32) for _ in range(2))
     if kept is not None:
@@ -165,11 +159,11 @@ def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -
             texels, baker.lit[mine], baker.back_share[mine] = finished
         else:
             texels = np.stack((yield from baker.page(page)))
-            check_unchanged()  # before a page is kept that would be taken for one of the scene as it was
+            check_unchanged()  # the cache must not get a page of a changed scene
             if kept is not None:
                 kept.save(page, texels, baker.lit[mine], baker.back_share[mine])
         for side, of_page in zip(sides, texels, strict=True):
-            if of_page.any():  # else its memory is not touched
+            if of_page.any():  # untouched pages take no memory
                 side[page] = of_page
     yield Progress(charts.page_count, charts.page_count, "Baking light")
     return tuple(side.reshape(-1, channels) for side in sides)
@@ -179,7 +173,7 @@ def page_side(triangle_count: int) -> int:
     """Side of the pages of a surface in texels; PATCHNET_PAGE_SIDE, a power of two up to 4096, makes it another one."""
     if text := os.environ.get("PATCHNET_PAGE_SIDE"):
         if text not in _SIDES:
-            raise SettingError(f"PATCHNET_PAGE_SIDE is {text!r}: make it one of {', '.join(_SIDES)}, or unset it")
+            raise SettingError(f"PATCHNET_PAGE_SIDE is {text!r}: set it to one of {', '.join(_SIDES)}, or unset it")
         return int(text)
     return next(side for limit, side in _PAGE_SIDES if triangle_count <= limit)
 

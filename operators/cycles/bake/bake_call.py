@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bake call of Blender for one object: as one call, or beside a window that stays alive.
+"""Bake of one object by Blender, by one call or as a job beside a responsive window.
 
-A call returns when the bake has ended; nothing of Python's can stop it. From a window that an operator works in, the
-bake runs as a job of Blender's own (`bake_operator`): steps wait for it, and Esc stops it within a moment, while Cycles
-reads the scene too, between two objects.
+Python cannot stop a call. In a window, the bake is a job of Blender (`bake_operator`): steps wait for it, and Esc stops
+it within a moment, also between two objects while Cycles reads the scene.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from ...scene_access.image_editors import editors_keep_images
 from ...scene_access.window_job import BAKE, JobEnd, as_job
 from .page_mesh import CHART_LAYER
 
-_STOPPED = "Cycles stopped baking the light of the scene: start it again, it goes on where it was"
+_STOPPED = "Cycles stopped baking the light of the scene: start the bake again to resume it"
 _DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
 _GLOSSY = {"GLOSSY", "TRANSMISSION"}
 _ARGUMENTS: dict[str, Any] = {
@@ -38,9 +37,9 @@ _ARGUMENTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BakeTarget:
-    """Object to bake into the active images of its materials, and the copy of a scene and its view layer that light it.
+    """Object to bake into the active images of its materials, and the scene copy and view layer that light it.
 
-    gloss: bake what is reflected and passes through, too.
+    gloss: bake reflected and transmitted light, too.
     """
 
     scene: bpy.types.Scene
@@ -57,7 +56,7 @@ def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
 
 
 def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) -> Steps[None]:
-    """Bake as `bake_now`, in a window: reports `at` as waiting until the job has ended; raises StoppedError after Esc.
+    """Bake as `bake_now`, as a job: reports `at` as waiting until the job ends; raises StoppedError after Esc.
 
     Closing these steps stops the job.
     """
@@ -76,9 +75,7 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
         raise SceneError("Cycles cannot bake the light of the scene: Blender's terminal says why")
 
 
-def _called(
-    context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict[str, Any]], set[str]]
-) -> set[str]:
+def _called(context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict[str, Any]], set[str]]) -> set[str]:
     item = target.item
     override = {"scene": target.scene, "view_layer": target.layer}
     override |= {"active_object": item, "object": item, "selected_objects": [item]}

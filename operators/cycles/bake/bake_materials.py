@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Material copies that write their bake into an image; the user's materials are never touched."""
+"""Material copies that bake into an image; the user's materials stay unchanged."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from .one_sided import is_translucent, keep_sides
 def bake_materials(
     names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False, *, oblique: bool = False
 ) -> Iterator[list[bpy.types.Material]]:
-    """Copy each named material, "" for what Cycles shows without one, with `image` as the active node, for a while.
+    """Copy each named material, "" for the default one, with `image` as the active node, within the block.
 
-    The copies take from attributes what they would ask the object. back: the mesh shows back sides. through: they show
-    only what shines through from behind, else all but that. oblique: what depends on the angle of view is as for the
-    mean of all views.
+    The copies read attributes instead of the object. back: the mesh shows back sides. through: they show only
+    translucent light, else all but that. oblique: nodes that depend on the angle of view use the mean of all views.
     """
     library = {material.name_full: material for material in bpy.data.materials}
     copies: list[bpy.types.Material] = []

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene setup of a page's bake: a copy of the scene with settings of its own, and the image, mesh and object in it.
+"""Scene setup of a page's bake: a copy of the scene with its own settings, and the image, mesh and object in it.
 
-The user's scene has nothing of it, at no time: Blender writes quit.blend, autosaves and steps of undo without asking.
-A copy costs next to nothing, since Blender evaluates the scene for each bake anyway. All is removed after it.
+The user's scene is not changed, because Blender can write quit.blend, autosaves and undo steps at any time. A copy is
+cheap, since Blender evaluates the scene for each bake anyway.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _NAME = "PatchNet Bake"
 def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
     """Make `target` a member of receiver collections within the block.
 
-    The collections stay as they are, they may be linked from another file: their lamps get copies with one more member.
+    The collections, which may be linked from another file, stay unchanged: lamps get copies of them.
     """
     states = dict(links)
     with ExitStack() as stack:
@@ -45,20 +45,19 @@ def lit_as(target: bpy.types.Object, links: Links) -> Iterator[None]:
         yield
 
 
-# Side of what Cycles samples at a time, in texels. It hears of a stop between two passes over a tile only, and a pass
-# over a whole page takes a processor many seconds: too long for a window. Small tiles take up to a fifth longer, so
-# without one a page with both its halves is one tile, and what stops a command does not ask Cycles. The bits are the
-# same.
+# Side of a tile in texels. Cycles polls for a stop between two passes over a tile, and a pass over a whole page takes a
+# CPU many seconds, too long for a window. Small tiles take up to 20 % longer, so in background a page is one tile. The
+# result is the same.
 _TILE_SIDE_IN_WINDOW, _TILE_SIDE = 256, 4096
-# Beside a window: about 5 s of two cores' work in the demo scene, of which reading the scene is 15 %.
+# In a window: about 5 s of two cores in the demo scene, of which reading the scene takes 15 %.
 _LEAST_PATHS, _PATHS_A_TRIANGLE = 1 << 20, 3
 
 
 @contextmanager
 def bake_scene(context: bpy.types.Context, *, with_daylight: bool) -> Iterator[tuple[bpy.types.Scene, str]]:
-    """Copy the scene, to bake in it, with the name of the present view layer.
+    """Copy the scene for a bake; the second value is the name of the current view layer.
 
-    with_daylight: sun and sky of ours shine. Raises SceneError if Cycles is not there, and as `check_own_scene`.
+    with_daylight: with our sun and sky. Raises SceneError without Cycles, and as `check_own_scene`.
     """
     check_own_scene(context.scene)
     if not hasattr(context.scene, "cycles"):
@@ -70,16 +69,16 @@ def bake_scene(context: bpy.types.Context, *, with_daylight: bool) -> Iterator[t
 def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *, skips_centers: bool = False) -> None:
     """Set up Cycles for a bake in a scene of ours.
 
-    Hair is ribbons, which shadow as much as tubes do, but not what lies inside of them (`scene/strands.py`).
-    skips_centers: Cycles' first path of a texel goes from its centre, whatever the seed; with this, all go from
-    anywhere in it, so that two bakes of a few paths know nothing of each other.
+    Hair is rendered as ribbons, which do not shadow surfaces inside of them as tubes do (`scene/strands.py`).
+    skips_centers: skip the first path of each texel, which Cycles starts at its centre whatever the seed, so that two
+    bakes of a few paths are independent.
     """
     values: dict[str, Any] = UNBIASED | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
     if skips_centers:
         values |= {
             "samples": samples + 1, "use_sample_subset": True, "sample_offset": 1, "sample_subset_length": samples
         }  # fmt: skip
-    if not on_gpu:  # a GPU wants large tiles, and is done with them soon
+    if not on_gpu:  # a GPU bakes large tiles fast
         values |= {"use_auto_tile": True, "tile_size": tile_side()}
     scene.render.engine, scene.cycles_curves.shape = "CYCLES", "RIBBONS"
     for name, value in values.items():
@@ -87,7 +86,7 @@ def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *,
 
 
 def most_paths(triangle_count: int) -> float:
-    """Paths of one bake call: beside a window calls are short, because nothing stops one for a render or an undo."""
+    """Most paths of one bake call: short calls in a window, which a render or an undo has to wait for."""
     return max(_LEAST_PATHS, _PATHS_A_TRIANGLE * triangle_count) if window_is_alive() else np.inf
 
 
@@ -97,24 +96,23 @@ def tile_side() -> int:
 
 
 def page_image(size: np.ndarray, pages: int) -> AbstractContextManager[bpy.types.Image]:
-    """Image for `pages` pages of width and height (2,), one above the other, there within a block."""
+    """Temporary image for `pages` pages of width and height (2,), one above the other."""
     width, height = int(size[0]), int(size[1]) * pages
     return temporary(bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True))
 
 
 @contextmanager
 def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
-    """Object of `mesh` in a scene of ours that no ray meets.
+    """Object of `mesh` in a scene of ours that is invisible to all rays.
 
-    A twin of it stands at the same place: Cycles puts a mesh that is used once into the tree of all others, where each
-    ray would look at its triangles, just above those of the surface, only to leave them out; one that is used twice is
-    an instance, which rays leave out as a whole.
+    A twin at the same place makes the mesh an instance, which rays skip as a whole. Cycles would merge a mesh with one
+    user into the BVH of all others, where each ray tests its triangles, just above those of the surface.
     """
     with temporary(bpy.data.objects.new(_NAME, mesh)) as item, temporary(bpy.data.objects.new(_NAME, mesh)) as twin:
         for each in (item, twin):
             scene.collection.objects.link(each)
-            # Cycles drops objects that no ray at all can meet: scattering in volumes is what remains.
+            # Cycles removes objects that are invisible to all rays, so volume scatter stays on.
             for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
                 setattr(each, f"visible_{ray}", False)
-        sync_view_layers()  # where the bake looks for it
+        sync_view_layers()  # the bake looks for it there
         yield item

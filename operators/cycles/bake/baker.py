@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles bake of one page of charts: the setup around the call, and what becomes of a surface's two sides."""
+"""Cycles bake of one page of charts, with both sides of its surface."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_object, set_cycles
 from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
-from .object_data import attributes_needed, lost_inputs
+from .object_data import lost_inputs, needs_coordinates
 from .one_sided import materials_that, one_sided_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
 from .two_sided_surfaces import SidePlan
@@ -40,7 +40,7 @@ _DARK_PIECE = 1e-3  # of the brightest triangle on a page: next to no light
 
 
 class _Passes(NamedTuple):
-    """Passes of one bake: what shines through a surface from behind, or all but that, and gloss or none."""
+    """Passes of one bake: through: only translucent light from behind, or all but that. gloss: with it or without."""
 
     through: bool
     gloss: bool
@@ -50,13 +50,11 @@ _DIFFUSE, _GLOSSY, _THROUGH = _Passes(False, False), _Passes(False, True), _Pass
 
 
 class Baker:
-    """Baker of pages' sides; holds nothing of Blender's between two calls but the context.
+    """Baker of the sides of pages; between two calls it holds no data of Blender but the context.
 
-    plan: which sides of triangles are baked. With the light's `daylight`, sun and sky of ours shine, not the scene's
-    world.
-    channels: of its texels, 2, or 4 with colour, see `Atlas`, and with `denoise` the noise, half of what two halves of
-    the paths differ by. warnings: sentences about what cannot be baked.
-    paths_traced: how many paths the last page took.
+    plan: sides of triangles to bake. channels: of texels, 2, or 4 with colour, see `Atlas`; with `denoise`, one more
+    for the noise, half the difference of two halves of the paths. warnings: sentences about inputs that cannot be
+    baked. paths_traced: number of paths of the last page.
     """
 
     def __init__(
@@ -79,7 +77,7 @@ class Baker:
         self._light, self._with_gloss = light, baked_with_gloss(source, light.gloss)
         self._shown = np.array([shows(material) for material in source.materials])
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
-        self._attributes = attributes_needed(used)
+        self._needs_coordinates = needs_coordinates(used)
         self._translucent, self._one_sided = translucent_materials(source), one_sided_materials(source)
         self._shining = materials_that(emits, source)
         self._plan, self._pieces, self.lit = plan, plan.pieces, plan.facing.copy()
@@ -101,7 +99,7 @@ class Baker:
         part = yield from computed(lambda: self.triangles(page), at)
         if len(part) == 0:
             return [np.zeros((self._charts.page_side**2, self.channels), np.float32)] * 2
-        yield at  # what is baked is set up after it: between two steps the scene is as it was
+        yield at
         facing = self.lit[part.triangles]
         sides = yield from self.bake(page, part.only(facing >= 0), part.only(facing <= 0), at)
         yield from computed(lambda: self._weigh(page, part.only(facing == 0), sides), at)
@@ -115,14 +113,14 @@ class Baker:
         return sides
 
     def triangles(self, page: int) -> PageTriangles:
-        """Triangles on a page that show anything."""
-        part = page_triangles(self._source, self._charts, page, self._pieces, self._attributes)
+        """Triangles on a page that are not transparent."""
+        part = page_triangles(self._source, self._charts, page, self._pieces, self._needs_coordinates)
         return part.only(self._shown[part.materials])
 
     def black(self, page: int, part: PageTriangles, front: np.ndarray) -> np.ndarray:
-        """(N,) bool: triangles of closed pieces that get next to no light, whatever gets in at an edge.
+        """(N,) bool: triangles of closed pieces that get next to no light, although some may enter at an edge.
 
-        A lamp may be inside, or normals be flipped.
+        A lamp may be inside, or normals may be flipped.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
 
@@ -136,10 +134,10 @@ class Baker:
         return np.asarray(part.closed & (light <= _DARK_PIECE * brightest * whole)[number])
 
     def _weigh(self, page: int, sheets: PageTriangles, sides: Sequence[np.ndarray]) -> None:
-        """Decide how much of the backs of sheets with both sides their one luminance holds.
+        """Set the share of backs in the one luminance of sheets that are baked on both sides.
 
-        None where the material has one side, unless cameras see the back alone; half of others; a dark side does not
-        count. Where nothing was measured before, a dark back is left out.
+        0 for materials with one side, unless cameras see only the back; 0.5 for others; a dark side counts 0. Dark
+        backs of sheets that were not measured are dropped.
         """
         front, back = self._means(page, sheets.triangles, sides)
         two_sided, dark = ~self._one_sided[sheets.materials], back <= _DARK_SIDE * front
@@ -151,7 +149,7 @@ class Baker:
         self.lit[sheets.triangles] = np.where(dark & ~two_sided & ~is_measured, 1, 0)
 
     def _turn(self, page: int, triangles: np.ndarray, sides: Sequence[np.ndarray]) -> None:
-        """Have triangles of closed pieces show their back, where that alone gets light."""
+        """Show the backs of triangles of closed pieces if only these get light."""
         front, back = self._means(page, triangles, sides)
         turned = triangles[front < _DARK_SIDE * back]
         self.lit[turned], self.back_share[turned] = -1, 1.0
@@ -171,12 +169,10 @@ class Baker:
         return result
 
     def bake(self, page: int, fronts: PageTriangles, backs: PageTriangles, at: Progress) -> Steps[list[np.ndarray]]:
-        """Bake both sides of a page, (side * side, C) float32 each: luminance weighed by opacity, and opacity; else 0.
+        """Bake both sides of a page, (side * side, C) float32 each: luminance weighted by opacity, and opacity; else 0.
 
-        With colour, red and blue weighed by opacity are there too.
-
-        Objects that other lamps shine on are baked apart, and so is what shines through a surface from behind, and what
-        is baked with gloss.
+        With colour, also red and blue weighted by opacity. Objects with different light links, translucent light and
+        gloss are baked in calls of their own.
         """
         sides = [np.zeros((self._charts.page_side**2, self.channels), np.float32) for _ in range(2)]
         for number in np.unique(np.concatenate([fronts.links, backs.links])):
@@ -196,9 +192,9 @@ class Baker:
     def _calls(
         self, page: int, fronts: PageTriangles, backs: PageTriangles
     ) -> Iterator[tuple[PageTriangles, PageTriangles]]:
-        """Divide what is baked on a page into calls of as many paths as `most_paths` says, or of one triangle.
+        """Divide the triangles of a page into calls of at most `most_paths` paths and _MOST_TRIANGLES triangles.
 
-        Nor has a call more than so many triangles: Blender and Cycles hold copies of them all.
+        Blender and Cycles hold copies of all triangles of a call.
         """
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
@@ -214,10 +210,7 @@ class Baker:
     def _bake(
         self, page: int, fronts: PageTriangles, backs: PageTriangles, links: Links, what: _Passes, at: Progress
     ) -> Steps[list[np.ndarray]]:
-        """Bake as `bake` does, of objects that are the same receivers of light, some passes of their light.
-
-        In a window, what is baked stays while steps wait; reports are `at`.
-        """
+        """Bake, as `bake` does, some passes of objects with equal light links; reports are `at`."""
         names = self._source.material_names
         samples, size = int(self._charts.page_samples[page]), self._charts.page_size[page]
         halves = min(2 if self._light.denoise else 1, samples)  # what has one path is baked once
@@ -254,13 +247,13 @@ class Baker:
                 bake_now(self._context, target)
             baked = _shine(image, int(size[1]), self._charts.page_side, 4 if self._light.color else 2)
             lit = [self._merged_halves(baked[first : first + halves]) for first in range(0, len(baked), halves)]
-            # Blender 5.3 also bakes texels that a triangle only touches: those of triangles that are baked apart.
+            # Blender 5.3 also bakes texels that a triangle only touches, which belong to other calls.
             return [side * own[:, None] for side, own in zip((lit[0], lit[-1]), owned, strict=True)]
 
     def _merged_halves(self, halves: Sequence[np.ndarray]) -> np.ndarray:
         """Mean (side * side, C) of one or two halves of the paths, with the noise if it is wanted.
 
-        One path alone says nothing of its noise, which is then taken for as large as the light.
+        The noise of a single path is unknown, and taken to be as large as the light.
         """
         mean: np.ndarray = np.mean(halves, axis=0, dtype=np.float32)
         if not self._light.denoise:
@@ -270,7 +263,7 @@ class Baker:
 
 
 def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> list[np.ndarray]:
-    """Texels (side * side, channels) float32 of the pages whose lower left lie above each other on a baked image."""
+    """Texels (side * side, channels) float32 of the pages that lie above each other on a baked image."""
     width, rows = image.size
     pixels = np.empty(width * rows * 4, np.float32)
     image.pixels.foreach_get(pixels)
@@ -284,12 +277,12 @@ def _shine(image: bpy.types.Image, height: int, side: int, channels: int) -> lis
 
 
 def lift_world(source: SceneMesh, charts: Charts) -> float:
-    """Distance off the surface at which light is baked: far less than a voxel, far more than coordinates' rounding."""
+    """Distance off the surface at which light is baked: far below a voxel, far above the rounding of coordinates."""
     return max(1e-3 * charts.texel_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
 
 
 def _lost(nodes: Sequence[str]) -> tuple[str, ...]:
-    """Sentence that names nodes whose values a bake does not have; none for none."""
+    """Sentence that names nodes that a bake cannot evaluate, if there are any."""
     if not nodes:
         return ()
     more = f" and {len(nodes) - _MOST_LOST} more" if len(nodes) > _MOST_LOST else ""

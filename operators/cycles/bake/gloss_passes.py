@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gloss in a bake: which materials get it, from where it is seen, and what cannot be shown of it."""
+"""Gloss in a bake: its materials, its view, and warnings about its limits."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 
 _REFINE = "use Refine with Cycles, Passes: Combined"
-_TINTED = 0.2  # share of light that passes, from which on a material that is no clear glass is one to speak of
+_TINTED = 0.2  # share of transmitted light from which on materials other than clear glass are mentioned
 
 
 def baked_with_gloss(source: SceneMesh, setting: str) -> np.ndarray:
-    """(M,) bool: materials of `source` whose gloss is baked, too."""
+    """(M,) bool: materials of `source` whose gloss is baked."""
     if setting == GLOSS_OFF:
         return np.zeros(len(source.materials), bool)
     if setting == GLOSS_AUTO:
@@ -29,7 +29,7 @@ def baked_with_gloss(source: SceneMesh, setting: str) -> np.ndarray:
 
 
 def seen_through(source: SceneMesh, setting: str) -> SceneMesh:
-    """Surface without what is clear glass, unless nothing else is there, or gloss is off."""
+    """Surface without clear glass, unless it is all of the surface, or gloss is off."""
     clear = [gloss.is_clear for gloss in source.gloss]
     if setting == GLOSS_OFF or not any(clear) or all(clear):
         return source
@@ -41,38 +41,38 @@ def seen_through(source: SceneMesh, setting: str) -> SceneMesh:
 
 
 def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequence[str]) -> LightSettings:
-    """Settings that say whether gloss is seen from the active camera.
+    """Settings with a decision whether gloss is baked as seen from the active camera.
 
-    cameras: names of those that the job looks through, none for the active one. Automatic takes its view if nobody else
-    looks: then metals and mirrors are right in it. Raises SceneError where it is wanted and not there.
+    cameras: names of the job's cameras, none for the active one. Automatic uses its view if it is the only camera, so
+    that metals and mirrors are correct in it. Raises SceneError if it is needed and missing.
     """
     if light.from_camera is not None:
         return light
     camera = context.scene.camera
     if light.gloss == GLOSS_CAMERA and camera is None:
         raise SceneError(
-            f"Scene '{context.scene.name}' has no active camera from which gloss is seen: add one, or choose another "
-            "Gloss"
+            f"Scene '{context.scene.name}' has no active camera, which Gloss: From Camera needs: add a camera, or "
+            "choose another Gloss"
         )
     alone = camera is not None and set(cameras) <= {camera.name}
     return replace(light, from_camera=light.gloss == GLOSS_CAMERA or (light.gloss == GLOSS_AUTO and alone))
 
 
 def set_view(scene: bpy.types.Scene, light: LightSettings) -> None:
-    """See what is baked in a scene of ours from above the surface, or from the scene's camera."""
+    """Set the view of a bake in a scene of ours: above the surface, or the scene's camera."""
     from_camera = light.from_camera and scene.camera is not None
     scene.render.bake.view_from = "ACTIVE_CAMERA" if from_camera else "ABOVE_SURFACE"
 
 
 def place_of_view(scene: bpy.types.Scene, light: LightSettings) -> tuple[float, ...]:
-    """Place of the camera that the bake is seen from, for its key; empty where it is seen from above."""
+    """Matrix of the camera of the bake, for its key; empty if it is seen from above."""
     if not light.from_camera or scene.camera is None:
         return ()
     return tuple(float(value) for row in scene.camera.matrix_world for value in row)
 
 
 def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
-    """Sentences about materials that the voxels do not show as a render does."""
+    """Sentences about materials that voxels show differently from a render."""
     if not any(gloss.is_glossy or gloss.clear > _TINTED for gloss in source.gloss):
         return ()
     kinds = list(zip(source.material_names, source.gloss, strict=False))
@@ -98,6 +98,6 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
 
 
 def _named(names: Iterable[str], what: str) -> tuple[str, ...]:
-    """Sentence that names materials; none for none."""
+    """Sentence that names materials, if there are any."""
     begun = subject("Material", names)
     return (f"{begun} {what}",) if begun else ()

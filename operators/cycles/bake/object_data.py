@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Object data that materials read, kept as mesh attributes when triangles of many objects are joined.
+"""Object data that materials read, stored as mesh attributes when triangles of many objects are joined.
 
-In copies of the materials, links from nodes that ask the object (`asked_by`), from generated and object coordinates and
-from tangents around an axis are led to Attribute nodes.
+In copies of the materials, links from nodes that read the object (`asked_by`), and from generated and object
+coordinates, lead to Attribute nodes.
 """
 
 from __future__ import annotations
@@ -18,20 +18,18 @@ from ...scene.layer_names import (
     GENERATED,
     all_nodes,
     asks_default_color,
-    asks_tangent,
     needs_generated,
 )
 from ...scene.scene_mesh import Run
 from ...scene_access.blender_version import tree_in_use
 
 OBJECT = "patchnet_object"
-_AROUND = {axis: f"patchnet_around_{axis}" for axis in "XYZ"}
 _BY_ANGLE = ("LAYER_WEIGHT", "FRESNEL")
 _KINDS = {"RGBA": "Color", "VECTOR": "Vector", "VALUE": "Fac"}  # type of a socket -> output of the Attribute node
-# Outputs by node type that joining changes, or that depend on the view; None means all of them.
+# Outputs by node type that joining changes, or that depend on the view; None: all outputs.
 _LOST: dict[str, frozenset[str] | None] = {
     "TEX_COORD": frozenset({"Normal", "Camera", "Window", "Reflection"}),
-    "NEW_GEOMETRY": frozenset({"Incoming", "Parametric", "Pointiness", "Random Per Island"}),
+    "NEW_GEOMETRY": frozenset({"Incoming", "Parametric", "Pointiness", "Random Per Island", "Tangent"}),
     "LIGHT_PATH": frozenset({"Ray Length"}),
     "BEVEL": None,
     "CAMERA": None,
@@ -43,11 +41,9 @@ _LOST: dict[str, frozenset[str] | None] = {
 }
 
 
-def attributes_needed(materials: Sequence[bpy.types.Material]) -> frozenset[str]:
-    """Names of attributes that pages compute because `redirect` links to them in copies of these materials."""
-    nodes = list(_nodes(materials))
-    objects = {OBJECT for node in nodes if _own_coordinates(node) and node.outputs["Object"].is_linked}
-    return frozenset(objects | {_around_of(node) for node in nodes if asks_tangent(node)})
+def needs_coordinates(materials: Sequence[bpy.types.Material]) -> bool:
+    """Return whether materials read object coordinates, which `redirect` takes from the attribute OBJECT."""
+    return any(_own_coordinates(node) and node.outputs["Object"].is_linked for node in _nodes(materials))
 
 
 def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool = True) -> tuple[str, ...]:
@@ -65,7 +61,7 @@ def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool
 
 
 def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> bool:
-    """Return whether a node's settings make it depend on its object, its instancer or the surface around."""
+    """Return whether a node depends on its object, its instancer or the surface around, by its settings."""
     match node.type:
         case "AMBIENT_OCCLUSION":
             return node.inside or node.only_local
@@ -73,6 +69,8 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
             return turned and node.projection == "BOX"
         case "NORMAL_MAP":
             return turned and node.space in ("OBJECT", "BLENDER_OBJECT")
+        case "TANGENT":
+            return node.direction_type == "RADIAL"
         case "SUBSURFACE_SCATTERING":
             return divided
         case "BSDF_PRINCIPLED":
@@ -85,40 +83,19 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
     return False
 
 
-def attribute_values(run: Run, name: str) -> np.ndarray:
-    """Values (N, 3, C) float32 of one of `attributes_needed` for the triangles of a run."""
+def object_coordinates(run: Run) -> np.ndarray:
+    """Object coordinates (N, 3, 3) float32 at the corners of the triangles of a run."""
     mesh = run.instances.mesh
-    if name == OBJECT:
-        return run.per_corner(mesh.vertices[mesh.triangles])
-    return _around(run, name[-1])
+    return run.per_corner(mesh.vertices[mesh.triangles])
 
 
 def placed_values(run: Run) -> dict[str, np.ndarray]:
-    """Values (N, 3, C) float32, by layer, that the triangles of a run have from where they are placed."""
+    """Values (N, 3, C) float32 of the placed objects of a run, by layer."""
     count = run.last - run.first
     return {
         layer: np.repeat(np.repeat(values[run.lo : run.hi], count, axis=0)[:, None], 3, axis=1)
         for layer, values in run.instances.values.items()
     }
-
-
-def _around(run: Run, axis: str) -> np.ndarray:
-    """Directions (N, 3, 3) around an axis of the generated coordinates, in the world, as Cycles' tangents begin."""
-    layer = run.instances.mesh.layers.get(GENERATED)
-    if layer is None:
-        return np.zeros((len(run), 3, 3), np.float32)
-    around = np.cross(np.eye(3)["XYZ".index(axis)] * (-1.0 if axis == "Y" else 1.0), run.per_corner(layer) - 0.5)
-    linear = run.instances.matrices_world[run.lo : run.hi, :3, :3]
-    turned = np.einsum("pij,ptcj->ptci", _normal_transforms(linear), around.reshape(len(linear), -1, 3, 3))
-    return turned.reshape(-1, 3, 3).astype(np.float32)
-
-
-def _normal_transforms(linear: np.ndarray) -> np.ndarray:
-    """Transposed inverses (P, 3, 3) of transforms; zero where there is none."""
-    there = np.abs(np.linalg.det(linear)) > 0.0
-    result = np.zeros_like(linear)
-    result[there] = np.linalg.inv(linear[there]).transpose(0, 2, 1)
-    return result
 
 
 def needs_redirect(material: bpy.types.Material) -> bool:
@@ -131,10 +108,10 @@ def needs_redirect(material: bpy.types.Material) -> bool:
 
 
 def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique: bool = False) -> None:
-    """Lead links of a tree that ask the object to attributes; groups in it are left to the caller.
+    """Replace links of a tree from object data by links from attributes; groups in it are left to the caller.
 
     back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1. oblique: nodes that depend on
-    the angle of view see it as large as in the mean of all views, whose cosine is 2/3, and not from above.
+    the angle of view use the mean of all views, whose cosine is 2/3, instead of the view from above.
     """
     for node in list(tree.nodes):
         for socket in node.outputs:
@@ -148,27 +125,12 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique:
             _replace_constant(tree, node.outputs["Material Index"], float(material_index))
         elif asks_default_color(node):
             node.layer_name = DEFAULT_COLOR
-        elif asks_tangent(node):
-            _make_tangent(tree, node)
         elif needs_generated(node):
             tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
         if oblique and node.type in _BY_ANGLE and not node.inputs["Normal"].is_linked:
             tree.links.new(_oblique_normal(tree), node.inputs["Normal"])
         if node.type == "NEW_GEOMETRY" and back:
             _replace_constant(tree, node.outputs["Backfacing"], 1.0)
-
-
-def _around_of(node: bpy.types.Node) -> str:
-    """Attribute that the tangent of a node begins with; one without an axis takes Z."""
-    return _AROUND[getattr(node, "axis", "Z")]
-
-
-def _make_tangent(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
-    """Compute the tangent of a node from its attribute a and the normal n, as Cycles does: n x (a x n), unit length."""
-    normal = tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
-    across = _vector_math(tree, "CROSS_PRODUCT", _attribute(tree, _around_of(node)).outputs["Vector"], normal)
-    value = _vector_math(tree, "CROSS_PRODUCT", normal, _vector_math(tree, "NORMALIZE", across))
-    _move_links(tree, node.outputs["Tangent"], value)
 
 
 def _oblique_normal(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials of one side: those whose one luminance is that of one side; of others it is the mean of both.
+"""Materials with one side: their one luminance is that of one side; that of others is the mean of both.
 
-Translucent light shines through a surface from behind (shader Translucent). What is baked lies above the surface, which
-would keep this light off: so it is baked apart, from below.
+Translucent light shines through a surface from behind (shader Translucent). The baked mesh lies above the surface,
+which blocks this light, so it is baked in a call of its own from below.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import tree_in_use
 
 _TRANSLUCENT = "BSDF_TRANSLUCENT"
-_SHADERS = ("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND")  # neither mixes nor groups
+_SHADERS = ("BSDF_", "EMISSION", "SUBSURFACE_SCATTERING", "HOLDOUT", "BACKGROUND")  # all shaders but mixes and groups
 
 
 def is_translucent(material: bpy.types.Material) -> bool:
@@ -43,22 +43,22 @@ def one_sided_materials(source: SceneMesh) -> np.ndarray:
 
 
 def translucent_materials(source: SceneMesh) -> np.ndarray:
-    """(M,) bool: materials through which light shines from behind."""
+    """(M,) bool: translucent materials."""
     return materials_that(is_translucent, source)
 
 
 def materials_that(applies: Callable[[bpy.types.Material], bool], source: SceneMesh) -> np.ndarray:
-    """(M,) bool: materials of the surface that something applies to."""
+    """(M,) bool: materials of the surface that a predicate accepts."""
     used = set(source.material_names)
     names = {item.name_full for item in bpy.data.materials if item.name_full in used and applies(item)}
     return np.array([name in names for name in source.material_names], bool)
 
 
 def shows(material: Material) -> bool:
-    """Return whether a surface shows anything: clear glass does not."""
+    """Return whether a surface is not fully transparent."""
     return material.alpha > 0.0 or material.alpha_texture is not None
 
 
 def is_opaque(material: Material) -> bool:
-    """Return whether a surface has no gaps: leaves and grilles have, and are meant to be seen from both sides."""
+    """Return whether a surface is fully opaque; cut-outs such as leaves are meant to be seen from both sides."""
     return material.alpha >= 1.0 and material.alpha_texture is None

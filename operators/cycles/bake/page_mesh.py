@@ -11,7 +11,7 @@ import numpy as np
 
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
-from .object_data import attribute_values, placed_values
+from .object_data import OBJECT, object_coordinates, placed_values
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -42,7 +42,7 @@ class PageTriangles:
 
     @property
     def closed(self) -> np.ndarray:
-        """(N,) bool: whose inner side is enclosed."""
+        """(N,) bool: triangles with an enclosed inner side."""
         return self.pieces >= 0
 
     def only(self, chosen: np.ndarray) -> PageTriangles:
@@ -53,7 +53,7 @@ class PageTriangles:
         )
 
     def on_image(self, pages: int, place: int) -> PageTriangles:
-        """Move the charts onto an image of so many pages above each other: on the one at `place`, 0 is the lowest."""
+        """Move the charts onto page `place`, 0 at the bottom, of an image of stacked pages."""
         uvs = (self.chart_uvs * np.array([1.0, 1.0 / pages]) + np.array([0.0, place / pages])).astype(np.float32)
         return replace(self, chart_uvs=uvs)
 
@@ -75,7 +75,7 @@ _COLUMNS = ("triangles", "corners_world", "normals_world", "uvs", "chart_uvs", "
 
 
 def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
-    """Triangles of all parts; a layer that a part lacks is zero there, one of fewer numbers becomes as wide."""
+    """Triangles of all parts; missing layers are zero, narrower ones are widened."""
     widths: dict[str, int] = {}
     for part in parts:
         for name, values in part.layers.items():
@@ -90,7 +90,7 @@ def joined(parts: Sequence[PageTriangles]) -> PageTriangles:
 
 
 def _widened(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-    """Layer of a shape (N, 3, C), as shaders read one of fewer numbers: a number is gray, alpha is 1."""
+    """Layer of shape (N, 3, C) from one with fewer numbers, as shaders read it: a number is gray, alpha is 1."""
     wanted = shape[-1]
     if values is not None and values.shape[-1] == wanted:
         return values
@@ -103,24 +103,24 @@ def _widened(values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def page_triangles(
-    source: SceneMesh, charts: Charts, page: int, pieces: np.ndarray, attributes: frozenset[str]
+    source: SceneMesh, charts: Charts, page: int, pieces: np.ndarray, coordinates: bool
 ) -> PageTriangles:
-    """Triangles with an area whose charts lie on a page, with `attributes` of their objects among the layers.
+    """Triangles with an area whose charts lie on a page.
 
-    pieces: (T,) int32, number of the closed piece, -1 for none.
+    pieces: (T,) int32, number of the closed piece, -1 for none. coordinates: with object coordinates as a layer.
     """
     parts: list[PageTriangles] = []
     first = 0
     for run in (run for runs in source.runs() for run in runs):
         mask = charts.page[first : first + len(run)] == page
         if mask.any():
-            parts.append(_part(run, mask, first, charts, pieces, attributes))
+            parts.append(_part(run, mask, first, charts, pieces, coordinates))
         first += len(run)
     return joined(parts)
 
 
 def _part(
-    run: Run, mask: np.ndarray, first: int, charts: Charts, pieces: np.ndarray, attributes: frozenset[str]
+    run: Run, mask: np.ndarray, first: int, charts: Charts, pieces: np.ndarray, coordinates: bool
 ) -> PageTriangles:
     corners, mesh = run.corners_world(), run.instances.mesh
     flat = geometric_normals(corners)
@@ -132,7 +132,8 @@ def _part(
     triangles = first + np.flatnonzero(mask)
     size = charts.page_size[charts.page[triangles]][:, None]
     layers = {name: run.per_corner(values) for name, values in mesh.layers.items()} | placed_values(run)
-    layers |= {name: attribute_values(run, name) for name in sorted(attributes)}
+    if coordinates:
+        layers[OBJECT] = object_coordinates(run)
     return PageTriangles(
         triangles=triangles,
         corners_world=corners[mask],
@@ -156,7 +157,7 @@ def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
 def fill_mesh(
     mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
 ) -> None:
-    """Make an empty mesh one of these triangles, lifted off the surface by `offset_world` to the side they face."""
+    """Fill an empty mesh with these triangles, moved by `offset_world` along their normals."""
     count = len(part)
     corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
     mesh.vertices.add(3 * count)
@@ -179,7 +180,7 @@ def fill_mesh(
 
 
 def _add_layer(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """Add a UV map or attribute of values (N, 3, C). `uv_layers.new` would stop at eight maps, this does not."""
+    """Add a UV map or attribute of values (N, 3, C). `uv_layers.new` is limited to eight maps."""
     kind, key = {
         1: ("FLOAT", "value"), 2: ("FLOAT2", "vector"), 3: ("FLOAT_VECTOR", "vector"), 4: ("FLOAT_COLOR", "color")
     }[values.shape[-1]]  # fmt: skip

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Survey of sheets before a bake: which of their sides get light and are baked (methods 7.2f).
+"""Choice of the sides of sheets to bake, by their light (methods 7.2f).
 
-One small bake measures the light on both sides of opaque sheets. Both sides are baked of a sheet that gets light on
-both; a solid's inside and the back of a building's wall get none and cost nothing. Voxels without sides show the front,
-or the back of what cameras see from behind alone.
+One small bake measures the light on both sides of opaque sheets. Sheets with light on both sides are baked on both; a
+solid's inside and the back of a building's wall are dark and cost nothing. Voxels without sides show the front, or the
+back of sheets that cameras see only from behind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -24,30 +24,26 @@ from ..daylight import emits
 from .one_sided import is_opaque, materials_that, one_sided_materials
 from .side_probe import light_of_sides
 
-if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ....patchnet_addon.tracing.seen_triangles import Sight
-
 _MOST_CAMERAS = 16
 _SEEN_BEHIND = 0.9  # of the pixels that a sheet is seen in: its normals point away from who looks
 
 
 class SidePlan(NamedTuple):
-    """Sides that are baked of each placed triangle.
+    """Baked sides of each placed triangle.
 
-    facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see the back alone.
+    facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see only the back.
     is_measured: (T,) bool, by the light that was measured there. pieces: (T,) int32, number of the closed sheet, -1 for
-    none. sight: what cameras see.
+    none.
     """
 
     facing: np.ndarray
     is_behind: np.ndarray
     is_measured: np.ndarray
     pieces: np.ndarray
-    sight: Sight
 
 
 class _Survey(NamedTuple):
-    """Sheets of a surface, and where their light is measured.
+    """Sheets of a surface, and the points of measurement.
 
     sheet: (T,) int32, -1 for none. is_open, is_behind: (S,) bool. areas: (S,) of what has one side. asked: (N,) sheets
     whose light is measured, at `points`.
@@ -59,7 +55,6 @@ class _Survey(NamedTuple):
     areas: np.ndarray
     asked: np.ndarray
     points: SheetPoints
-    sight: Sight
 
 
 def plan_sides(
@@ -87,7 +82,7 @@ def plan_sides(
 
 
 def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarray) -> _Survey:
-    """Survey without light. one_sided: (M,) bool, see `one_sided_materials`."""
+    """Survey before the measurement. one_sided: (M,) bool, see `one_sided_materials`."""
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
     from ....patchnet_addon.tracing.seen_triangles import Sight
 
@@ -107,7 +102,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
     backs = np.bincount(seen[behind & (seen >= 0)], minlength=len(is_open))
     is_behind = (backs > 0) & (backs >= _SEEN_BEHIND * np.bincount(seen[seen >= 0], minlength=len(is_open)))
     asked = asked_sheets(np.where(is_open | (backs > 0), by_sheet, 0.0))
-    return _Survey(sheet, is_open, is_behind, by_sheet, asked, points_on_sheets(asked, sheet, areas), sight)
+    return _Survey(sheet, is_open, is_behind, by_sheet, asked, points_on_sheets(asked, sheet, areas))
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +138,7 @@ def _planned(source: SceneMesh, survey: _Survey, measured: np.ndarray, light: Li
         of_sheets = measured.reshape(len(survey.asked), -1, 2).mean(axis=1, dtype=np.float64)
         of_sheet[survey.asked] = lit_sides(of_sheets, survey.areas[survey.asked])
     has_one = one_sided_materials(source)
-    has_one_lit = has_one & ~materials_that(emits, source)  # what shines may do so on its back alone
+    has_one_lit = has_one & ~materials_that(emits, source)  # an emitter may shine only on its back
     facing = np.where(closed, 1, 0).astype(np.int8)
     is_behind = np.append(survey.is_behind, False)[survey.sheet]
     for batch in source.batches():
@@ -154,4 +149,4 @@ def _planned(source: SceneMesh, survey: _Survey, measured: np.ndarray, light: Li
         chosen = has_one[batch.materials] & (has_one_lit[batch.materials] | closed[mine])
         facing[mine] = np.where(chosen, decided, facing[mine])
     is_measured = np.isin(survey.sheet, survey.asked)
-    return SidePlan(facing, is_behind, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32), survey.sight)
+    return SidePlan(facing, is_behind, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32))
