@@ -103,7 +103,7 @@ def _number(parser: argparse.ArgumentParser, flag: str, row: Bounds, default: An
 def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
     parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
     _number(parser, "--depth", bounds.DEPTH, 9, "octree depth")
-    _number(parser, "--threads", bounds.THREADS, 1, f"threads of ours; {peer} has one; one: processor seconds")
+    _number(parser, "--threads", bounds.THREADS, 1, f"PatchNet's threads; {peer} has one; one: processor seconds")
     _repeats(parser, repeats)
 
 
@@ -116,7 +116,7 @@ def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
 def _network(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
     _octree(parser, nodes, repeats)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
-    _number(parser, "--threads", bounds.THREADS, 1, "threads of ours and of torch; one: processor seconds")
+    _number(parser, "--threads", bounds.THREADS, 1, "threads of PatchNet and torch; one: processor seconds")
 
 
 def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:

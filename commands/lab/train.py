@@ -48,7 +48,7 @@ A pass is one sample seen once. Samples are those of files, gone through again a
     patchnet lab dataset OCTREE... --samples {SAMPLES} --out samples
     patchnet lab train samples --preset {_PRESET} --out run
 
-With --fresh the octrees are named in their place, and each step draws voxels anew, of {VIEWS} views each. So the
+With --fresh the arguments are octrees, and each step draws voxels anew, of {VIEWS} views each. So the
 shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.sh):
 
     patchnet lab train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\

@@ -10,9 +10,9 @@ Kinds of networks:
     look-ahead  look-ahead-1 and look-ahead-3, trained on all scenes but --unseen
     encoders    conv3d and voxception, trained on all scenes but --unseen; they need torch for encoding
 
-Octrees of the catalogue's scenes are made where they are missing, samples drawn, networks trained with checkpoints.
-What is done is skipped in a later run, and what was interrupted goes on. networks.json and networks.md have parameters,
-times, and errors on the scenes that a network did not see.
+Missing octrees of the catalogue's scenes are created, samples drawn, networks trained with checkpoints. A later run
+skips finished networks and resumes interrupted ones. networks.json has parameters, times, and errors on the scenes that
+a network was not trained on.
 """  # noqa: E501  a command stands on one line
 
 from __future__ import annotations
@@ -66,14 +66,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
     add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU (all cores)")
     add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
-    add_out(parser, "folder for octrees, samples, networks and tables", required=True)
+    add_out(parser, "folder for octrees, samples and networks", required=True)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train missing networks and write the tables; returns 0; raises PatchNetError."""
+    """Train missing networks and write networks.json; returns 0; raises PatchNetError."""
+    from ...patchnet_addon.runtime.file_kinds import NETWORKS
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...training.evaluation.catalogue import scene_octree
-    from ...training.networks_of_paper.plan import OUTPUTS, octrees_folder
+    from ...training.networks_of_paper.plan import VALUES, octrees_folder
     from ..shared.progress_bars import ProgressBars
 
     check_octrees(args.octrees)
@@ -82,9 +83,9 @@ def run(args: argparse.Namespace) -> int:
     plans = planned_networks(names, _words(args.kinds), args.unseen)
     if not plans:
         raise SettingError("There is nothing to train: name --kinds of networks")
-    check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, args.octrees, folder=args.out)
+    check_outputs({args.out / VALUES: NETWORKS}, args.octrees, folder=args.out)
     require_torch()
-    from ...training.networks_of_paper.run import train_networks, write_tables
+    from ...training.networks_of_paper.run import train_networks, write_rows
 
     work = _work(args)
     args.out.mkdir(parents=True, exist_ok=True)
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         octrees = {scene.name: scene_octree(scene, octrees_folder(args.out)) for scene in scenes}
         octrees |= {path.stem: path for path in args.octrees}
         rows = drain(train_networks(octrees, plans, work), bars.show)
-    write_tables(
+    write_rows(
         args.out,
         {"samples": args.samples, "least_level": args.least_level, "voxels": args.voxels} | asdict(work.settings),
         rows,

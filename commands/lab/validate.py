@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(
         parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of each file at most ({_VOXELS:,})"
     )
-    add_out(parser, "JSON file for all errors, by level and pixel-voxel ratio too")
+    add_out(parser, "JSON file for all errors")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
             dataset = load_dataset(file)
             errors = weights_errors(weights, dataset, args.voxels)
             found[name]["scenes"][dataset.name] = errors
-            print(f"  {dataset.name:<24} {_line(errors['all'])}")
+            print(f"  {dataset.name:<24} {_line(errors)}")
     if args.out:
         with replaced_file(args.out, ERRORS) as target:
             target.write(json.dumps({"errors": found}, indent=1).encode())

@@ -21,7 +21,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", metavar="FRAMES",
         help="bake these frames one after the other, each into a folder of its own: 1-24, 1-24x2, 1,5,9, or all of the "
-        "scene's range; frames that are there are skipped",
+        "scene's range; existing frames are skipped",
     )  # fmt: skip
     parser.add_argument("--overwrite", action="store_true", help="with --frames: replace existing frames")
     parser.add_argument(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree export down to one level, as an octree file of ours."""
+"""Octree export down to one level, as an octree file."""
 
 from __future__ import annotations
 

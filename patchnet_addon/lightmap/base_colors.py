@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colours of texels, means over where the texel's paths go out from (methods 7.2g).
+"""Base colours of texels, means over the area of each texel's paths (methods 7.2g).
 
-What is left of a texture after its base colour is divided out would be noise that two halves of a bake share.
+Baked light is divided by them before denoising; any texture left in it would be noise that both halves of a bake share.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from ..surface.texture_lookup import level_of_size, surface_of_fragments, trilin
 from ..surface.textures import TextureTable
 from .texel_places import BatchTexels, place_in_texel, texel_frame
 
-_PLACES = 4  # along a texel's side, in which its base colour is looked up where that has a texture
-_EMPTY = 1e-6  # weight of a gap: where all is gap, its colour counts nevertheless
+_PLACES = 4  # lookups along a texel's side, for textured base colours
+_EMPTY = 1e-6  # weight of a transparent part: a fully transparent texel still has a colour
 
 
 def base_colors(
@@ -29,8 +29,8 @@ def base_colors(
 ) -> np.ndarray:
     """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue, of texels.
 
-    area: (n,) of each texel, in world units. spread: side of the square around a texel's centre that its paths go out
-    from, in texels.
+    area: (n,) of each texel, in world units. spread: side in texels of the square around a texel's centre with the
+    origins of its paths.
     """
     found = np.empty((len(own), 3 if colored else 1), np.float32)
     materials = batch.materials[own.triangles]
@@ -46,7 +46,7 @@ def base_colors(
 
 
 def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:
-    """Base colours (M, 1 or 3) of all materials of a table, those of the batch that have no texture among them."""
+    """Base colours (M, 1 or 3) of all materials of a table, exact for those without texture."""
     used, first = np.unique(batch.materials, return_index=True)
     points = Fragments(
         np.zeros(len(used), np.uint64), first.astype(np.int32), np.zeros((len(used), 2), np.float32), np.ones(len(used))
@@ -69,7 +69,7 @@ def _colors(
 
 @device
 def _hue(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
-    """Red and blue of luminance 1, farther around where there is but a gap; 1 where all is black."""
+    """Red and blue of luminance 1, searched farther around transparent parts; 1 for black."""
     red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
     while red + green + blue <= 0.0 and level + 1.0 <= chain.level_count - 1:
         level += 1.0

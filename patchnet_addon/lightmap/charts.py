@@ -2,11 +2,11 @@
 """Texture charts, one for every triangle.
 
 Each triangle becomes a right triangle, its longest edge the hypotenuse, in a rectangle of 2^a x 2^b texels about as
-large as its legs are in texels; `packing` says where. Triangles of about one texel get one texel of their own. Where
-they crowd, they get fewer paths (`crowding`).
+large as its legs are in texels; `packing` places the rectangles. Triangles of about one texel get a single texel.
+Crowded triangles get fewer paths (`sample_sharing.py`).
 
-Every texel whose centre lies in a triangle's half belongs to that triangle alone, and the lines between the halves stay
-clear of texel centres, so that no rounding can change which triangle owns a texel.
+Every texel whose centre is in a triangle's half belongs to that triangle only, and the lines between the halves avoid
+texel centres, so that rounding cannot change the owner of a texel.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from .sample_sharing import crowding_of
 
 MAX_PAGE_SIDE = 4096
 _MAX_SHARES = 6  # halvings of the paths
-# A page of its own starts with reading the scene: in the time for a triangle, and for the call, so many are traced.
+# Cost of reading the scene for a further page, in paths: per triangle, and per call.
 PATHS_PER_TRIANGLE, PATHS_PER_CALL = 2, 100_000
-# Thinner rectangles would bring the hypotenuse so close to texel centres that rounding could change their owner.
+# In thinner rectangles the hypotenuse is so close to texel centres that rounding could change their owner.
 _MAX_LOG_ASPECT = 4
 # A single texel's triangle, in texels: its centroid is the texel's centre.
 _SINGLE_CORNERS = np.array([[0.1, 0.25], [0.9, 0.25], [0.5, 1.0]])
@@ -33,15 +33,14 @@ _SINGLE_CORNERS = np.array([[0.1, 0.25], [0.9, 0.25], [0.5, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """Charts of T triangles on P square pages of `page_side` texels, and the number of paths that pages get.
+    """Charts of T triangles on P square pages of `page_side` texels, and the number of paths of each page.
 
-    page, x, y: (T,) int32, lower left texel of the triangle's rectangle. log_width, log_height: (T,) int8.
-    kind: (T,) int8, FIRST has its right angle at the rectangle's lower left, SECOND at its upper right, SINGLE is one
-    texel.
+    page, x, y: (T,) int32, lower left texel of the triangle's rectangle. log_width, log_height: (T,) int8. kind: (T,)
+    int8, FIRST has its right angle at the rectangle's lower left, SECOND at its upper right, SINGLE is one texel.
     origin: (T,) int8, the corner at the right angle. along: (T,) int8, the corner at the end of the leg along x.
-    page_samples: (P,) int32, paths a texel. page_size: (P, 2) int32, width and height of what is in use of each page.
-    group: (T,) int32, the same for triangles that share paths, None where none do.
-    texel_world: side of the smallest texels. growth: how many times larger texels are than was asked for.
+    page_samples: (P,) int32, paths per texel. page_size: (P, 2) int32, width and height of the used part of each page.
+    group: (T,) int32, equal for triangles that share paths, None without sharing. texel_world: side of the smallest
+    texels. growth: ratio of texel sizes to the requested ones.
     """
 
     texel_world: float
@@ -105,10 +104,9 @@ def layout_charts(
 ) -> Steps[Charts]:
     """Charts for all triangles of `source`, with texels of about the side `texel_world`, one for all or (T,).
 
-    Texels grow as far as needed for the pages to hold at most about `max_texels`, but a triangle has at least one.
-    samples: paths a texel; triangles that crowd get 1/2, 1/4, ... of them, at least 1.
-    page_side: pages are this large, or larger if the largest triangle asks for it (at most 4096), or smaller.
-    Raises SettingError for texels that are no length.
+    Texels grow until the pages hold at most about `max_texels`, but a triangle has at least one. samples: paths per
+    texel; crowded triangles get 1/2, 1/4, ... of them, at least 1. page_side: size of pages, larger if the largest
+    triangle needs it (at most 4096), or smaller. Raises SettingError for texel sizes that are not positive.
     """
     wanted, origin, along, sides, growth = yield from _rectangles(source, texel_world, max_texels)
     shares, crowding = np.zeros(source.triangle_count, np.uint8), None
@@ -136,7 +134,7 @@ def layout_charts(
 
 
 def texels_wanted(source: MeshSource, texel_world: float | np.ndarray, max_texels: int = 1 << 25) -> Steps[int]:
-    """Count the texels that `layout_charts` would give all triangles together, without laying them out."""
+    """Total number of texels of `layout_charts`, without computing the layout."""
     _, _, _, sides, _ = yield from _rectangles(source, texel_world, max_texels)
     return int(_own_texels(sides).sum())
 
@@ -144,7 +142,7 @@ def texels_wanted(source: MeshSource, texel_world: float | np.ndarray, max_texel
 def _rectangles(
     source: MeshSource, texel_world: float | np.ndarray, max_texels: int
 ) -> Steps[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]]:
-    """Sides of texels that are wanted (T,), corners `origin` and `along` (T,), log2 of rectangles (T, 2), growth."""
+    """Requested texel sides (T,), corners `origin` and `along` (T,), log2 of rectangles (T, 2), growth."""
     wanted = np.broadcast_to(np.asarray(texel_world, np.float32), source.triangle_count)
     if not (np.isfinite(wanted).all() and (wanted > 0).all()):
         raise SettingError(f"Texel size {wanted.min()} must be a positive length")
@@ -172,7 +170,7 @@ def _own_texels(sides: np.ndarray) -> np.ndarray:
 def _shares(excess: np.ndarray, sides: np.ndarray, samples: int) -> np.ndarray:
     """(T,) uint8 number of times that each triangle's paths are halved.
 
-    A class whose own pages would save fewer paths than reading the scene once more costs joins the one before it.
+    A class whose own pages would save fewer paths than reading the scene again costs is merged with the previous one.
     """
     most = min(_MAX_SHARES, int(np.log2(samples)))
     shares = np.clip(np.floor(np.log2(excess) + 1e-6), 0, most).astype(np.uint8)
@@ -201,7 +199,9 @@ def _legs(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _chart_sides(logs: np.ndarray, growth: float, limit: int) -> np.ndarray:
-    """log2 (T, 2) int8 of rectangles' sides for legs of log2 lengths (T, 2) in texels that grow; (0, 0) is a texel."""
+    """log2 (T, 2) int8 of rectangles' sides for legs of log2 lengths (T, 2) in texels after growth; (0, 0) is a single
+    texel.
+    """
     sides = np.clip(np.rint(logs - np.float32(np.log2(growth))), 0, limit).astype(np.int8)
     sides[:, 1] = np.maximum(sides[:, 1], sides[:, 0] - _MAX_LOG_ASPECT)
     sides[(sides[:, 0] <= 1) & (sides[:, 1] == 0)] = 0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoising of baked light on the surface itself, across texels and triangles (methods 7.2g).
+"""Denoising of baked light on the surface, across texels and triangles (methods 7.2g).
 
-Texels near each other in space are averaged, whatever chart or page they lie on: those of the same material whose
-normals and planes agree, that no other surface stands between, and whose light differs by no more than its noise. The
-noise is known from two halves of the bake. Light is what falls on the surface: base colours are divided out before.
+Texels near each other in space are averaged, on any chart or page: those of the same material with similar normals and
+planes, without another surface between them, whose light differs by no more than its noise. Two halves of the bake
+estimate the noise. Light is incident light: it is divided by base colours before.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ import numpy as np
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 
-REACH = 5.0  # texels, of the second pass; the first one, which finds out what differs, has REACH / 2
-MOST_IN_CELL = 96  # texels of one cell that a texel is averaged with: where triangles crowd, some stand for all
-MOST_WALLS = 512  # texels of one cell among which it looks for what stands between
-_CROSSING = 0.7  # cosine of normals, either way, below which another surface may stand between two texels
-_AGREES = 0.8  # cosine of normals from which on they are averaged at all
-_LOW, _HIGH = 0.02, 1.6  # heights, in texels, in which what stands between two texels is looked for
-_WIDE = 0.75  # its half width, in texels
+REACH = 5.0  # texels, of the second pass; the first one, which estimates differences, has REACH / 2
+MOST_IN_CELL = 96  # most texels of a cell in an average: a sample of crowded triangles
+MOST_WALLS = 512  # most texels of a cell tested as occluders
+_CROSSING = 0.7  # largest absolute cosine of normals of an occluder
+_AGREES = 0.8  # smallest cosine of normals of averaged texels
+_LOW, _HIGH = 0.02, 1.6  # heights of occluders, in texels
+_WIDE = 0.75  # half width of an occluder, in texels
 _MOST_BETWEEN = 64
-_SIGMAS = 1.5  # how many standard deviations of their difference two texels may be apart
+_SIGMAS = 1.5  # largest difference of averaged texels, in its standard deviations
 _CELLS = 27
 
 
 class Texels(NamedTuple):
-    """Texels of a surface that are denoised together, N of them, in the order of their cells.
+    """N texels of a surface to denoise together, in the order of their cells.
 
-    points, normals: (N, 3) float32, world. size: (N,) float32, a texel's side. material: (N,) int32; equal ones mix.
-    light: (N, C) float32, of which the first is luminance: what falls on the surface. variance: (N,) float32, of the
-    luminance. weight: (N,) float32, how much the texel counts: its paths.
+    points, normals: (N, 3) float32, world. size: (N,) float32, a texel's side. material: (N,) int32; only equal ones
+    mix. light: (N, C) float32, incident light, luminance first. variance: (N,) float32, of the luminance. weight: (N,)
+    float32, the number of paths.
     """
 
     points: np.ndarray
@@ -73,7 +73,7 @@ def _boxes(points: np.ndarray, first: np.ndarray) -> np.ndarray:
 @kernel
 def _filter(first, last, texels, cells, bounds, guide, reach, out):  # type: ignore[no-untyped-def]
     """Write variance and light of the texels of some cells. bounds: boxes of cells (K, 4, 3), and points (3, N)."""
-    picked = np.empty(MOST_WALLS, np.int64)  # no cell lends more, to either sum
+    picked = np.empty(MOST_WALLS, np.int64)  # most texels of a cell in either sum
     between = np.empty((_MOST_BETWEEN, 3))
     sums = np.empty(3 + texels.light.shape[1])  # weight, its square, variance, light
     for cell in range(first, last):
@@ -90,7 +90,7 @@ def _filter(first, last, texels, cells, bounds, guide, reach, out):  # type: ign
 
 @lean_device
 def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
-    """Return whether all of a cell is farther away from a point than the root of `farthest`."""
+    """Return whether a whole cell is farther from a point than the root of `farthest`."""
     dx = max(float(boxes[cell, 0, 0]) - x, x - float(boxes[cell, 1, 0]), 0.0)
     dy = max(float(boxes[cell, 0, 1]) - y, y - float(boxes[cell, 1, 1]), 0.0)
     dz = max(float(boxes[cell, 0, 2]) - z, z - float(boxes[cell, 1, 2]), 0.0)
@@ -99,10 +99,10 @@ def _is_far(boxes, cell, x, y, z, farthest):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[no-untyped-def]
-    """Write those of every `step`-th texel that lie within the root of `farthest` of a place, or just beyond.
+    """Write those of every `step`-th texel that are within the root of `farthest` of a place, or just beyond.
 
-    points: (3, N). texels: the first, and the one after the last. No branch depends on a distance: most texels are far
-    away, and nobody knows which.
+    points: (3, N). texels: the first, and the one after the last. Without branches on distances, which are
+    unpredictable: most texels are far away.
     """
     x, y, z = np.float32(place[0]), np.float32(place[1]), np.float32(place[2])
     limit = np.float32(farthest * (1.0 + 1e-5))
@@ -116,7 +116,7 @@ def _pick_near(points, texels, step, place, farthest, picked):  # type: ignore[n
 
 @lean_device
 def _cosines(boxes, cell, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Bounds of the cosines of a normal with those of the texels of a cell, a little wider than rounding."""
+    """Bounds of the cosines of a normal with those of the texels of a cell, with a margin for rounding."""
     low, high = -1e-5, 1e-5
     for axis, along in ((0, nx), (1, ny), (2, nz)):
         one, two = along * boxes[cell, 2, axis], along * boxes[cell, 3, axis]
@@ -127,7 +127,7 @@ def _cosines(boxes, cell, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _find_between(texels, cells, bounds, cell, p, reach, picked, between):  # type: ignore[no-untyped-def]
-    """Write the places, in the plane of p, of texels of other surfaces that stand on it; returns how many."""
+    """Write the places, in the plane of p, of texels of other surfaces on it; returns their number."""
     boxes, points = bounds
     size = float(texels.size[p])
     farthest = (reach * size) ** 2
@@ -139,7 +139,7 @@ def _find_between(texels, cells, bounds, cell, p, reach, picked, between):  # ty
         if near < 0 or _is_far(boxes, near, px, py, pz, farthest):
             continue
         low, high = _cosines(boxes, near, nx, ny, nz)
-        if low >= _CROSSING or high <= -_CROSSING:  # all of it lies along the plane of p
+        if low >= _CROSSING or high <= -_CROSSING:  # parallel to the plane of p
             continue
         begin, end = cells.first[near], cells.first[near + 1]
         step = -(-(end - begin) // MOST_WALLS)
@@ -167,7 +167,7 @@ def _find_between(texels, cells, bounds, cell, p, reach, picked, between):  # ty
 
 @lean_device
 def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
-    """Return whether something stands between the texel and a place (x, y, z) in its plane."""
+    """Return whether an occluder is between the texel and a place (x, y, z) in its plane."""
     between, count = found
     length = math.sqrt(x * x + y * y + z * z)
     for index in range(count):
@@ -183,7 +183,7 @@ def _is_hidden(x, y, z, found, size):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _add_around(texels, cells, bounds, place, how, picked, found, sums):  # type: ignore[no-untyped-def]
-    """Sum weights, variance and light of texels that agree with one. place: its cell, itself. how: as of `_filter`."""
+    """Sum weights, variance and light of similar texels. place: cell and index of the texel. how: as of `_filter`."""
     boxes, points = bounds
     cell, p = place
     reach, guide = how

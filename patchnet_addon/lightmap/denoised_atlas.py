@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Denoised atlas: texels as points on the surface, averaged with each other, and put back (methods 7.2g)."""
+"""Denoised atlas: texels as points on the surface, averaged and written back (methods 7.2g)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .denoise import REACH, Cells, Texels, denoise
 from .texel_bases import TexelBases, texel_bases
 from .texel_places import texel_places
 
-_LEAST_ALBEDO = 0.02  # darker base colours count as this, and such texels mix with each other only
+_LEAST_ALBEDO = 0.02  # least base colour; darker texels mix with each other only
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
 
 
 class Placed(NamedTuple):
-    """Texels that are denoised, and their places in the atlas.
+    """Texels to denoise, and their places in the atlas.
 
-    base: (n, C) float32, base colours, see `divisor`. area: (n,) float32 of the surface that each is the texel of.
+    base: (n, C) float32, base colours, see `divisor`. area: (n,) float32, surface of each texel.
     """
 
     place: np.ndarray
@@ -32,15 +32,15 @@ class Placed(NamedTuple):
     texels: Texels
 
     def between(self, first: int, last: int) -> Placed:
-        """View of some of them."""
+        """View of a range of texels."""
         texels = Texels(*(column[first:last] for column in self.texels))
         return Placed(self.place[first:last], self.base[first:last], self.area[first:last], texels)
 
 
 def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
-    """Atlas whose texels are averaged with those around them that show the same light; one without `noise` stays.
+    """Atlas whose texels are averaged with nearby texels of the same light; an atlas without `noise` is unchanged.
 
-    Emitters keep their own light: what they shine with has no noise. Backs are averaged with backs.
+    Emitters keep their own light, which has no noise. Backs are averaged with backs.
     """
     if atlas.noise is None:
         return atlas
@@ -65,12 +65,12 @@ def _denoised(atlas: Atlas, source: MeshSource, facing: float) -> Atlas:
 
 
 def divisor(base: np.ndarray) -> np.ndarray:
-    """Base colours (n, C) that light is divided by before texels are averaged, and multiplied with after it."""
+    """Base colours (n, C) by which light is divided before averaging and multiplied after it."""
     return np.maximum(base, np.float32(_LEAST_ALBEDO))
 
 
 def placed_texels(atlas: Atlas, source: MeshSource, facing: float = 1.0) -> Placed:
-    """Texels of an atlas with `noise` that are denoised: all that met a surface and do not emit, in any order.
+    """Texels to denoise of an atlas with `noise`: all with surface that do not emit, in any order.
 
     facing: 1, or -1 for an atlas of backs.
     """
@@ -95,7 +95,7 @@ def _blank(count: int, channels: int) -> Placed:
 def _place(atlas: Atlas, part: TexelBases, frame: tuple[np.ndarray, float], out: Placed) -> None:
     """Write the texels of one batch of an atlas with `noise`; frame: the surface's lower corner (3,), sign of normals.
 
-    Counted from that corner, single precision tells texels apart far from the world's origin, too.
+    Relative to that corner, single precision separates texels far from the world's origin, too.
     """
     batch, own, charts, noise = part.batch, part.own, atlas.charts, atlas.noise
     origin, facing = frame
@@ -112,7 +112,7 @@ def _place(atlas: Atlas, part: TexelBases, frame: tuple[np.ndarray, float], out:
         texels.points[:] = _points(batch, local, centres[first:last]) - origin
         texels.normals[:] = normals[local]
         texels.size[:] = np.maximum(np.sqrt(area), charts.texel_world)
-        # Noise of what is black is not the noise of light.
+        # Noise of black texels is not noise of light.
         texels.material[:] = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
         texels.light[:] = values[:, columns] / (albedo * opacity[:, None])
         texels.variance[:] = (noise[mine] / (albedo[:, 0] * opacity)) ** 2
@@ -129,9 +129,9 @@ def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray
 
 
 def cells_of(points: np.ndarray, size: np.ndarray, least: float, origin: np.ndarray) -> tuple[np.ndarray, Cells]:
-    """Order (N,) of texels by cells, and these; texels of about one size share cells of REACH texels.
+    """Order (N,) of texels by cells, and the cells; texels of similar size share cells of REACH texels.
 
-    points: (N, 3) world. size: (N,), at least `least`. origin: (3,) the lowest corner of all.
+    points: (N, 3) world. size: (N,), at least `least`. origin: (3,) lowest corner of all points.
     """
     kind = np.floor(np.log2(size / least) + 0.5).astype(np.int64)
     side = REACH * least * np.exp2(kind + 0.5)

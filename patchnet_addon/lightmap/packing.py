@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pack charts onto pages, without a search.
 
-Two triangles share a rectangle of 2^a x 2^b texels, b <= a. Rectangles of one width, the highest first, pile up in
-squares of 2^a x 2^a, and squares, the largest first, follow each other along a Morton curve: a square's place is the
-number of texels before it. A page holds triangles of one number of paths only; what its curve does not reach is cut
-off in halves and quarters.
+Two triangles share a rectangle of 2^a x 2^b texels, b <= a. Rectangles of one width, the highest first, are stacked in
+squares of 2^a x 2^a, and squares, the largest first, follow a Morton curve: a square's position is the number of texels
+before it. A page holds triangles of one number of paths only; its unused halves and quarters are cut off.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ FIRST, SECOND, SINGLE = range(3)
 class Packing:
     """Places of T charts on P pages of `page_side` texels.
 
-    page, x, y: (T,) int32, lower left texel of the rectangle. kind: (T,) int8, which half of it.
-    share: (P,) int32, the class of the triangles on each page. size: (P, 2) int32, its width and height in texels.
+    page, x, y: (T,) int32, lower left texel of the rectangle. kind: (T,) int8, which half of it. share: (P,) int32,
+    class of the triangles on each page. size: (P, 2) int32, its width and height in texels.
     """
 
     page_side: int
@@ -38,9 +37,9 @@ class Packing:
 def packed(sides: np.ndarray, shares: np.ndarray, neighbours: np.ndarray | None, page_side: int) -> Packing:
     """Place the charts of T triangles.
 
-    sides: (T, 2) int8, log2 of rectangles' width and height. shares: (T,) uint8 classes that get pages of their own.
-    neighbours: (T,) int32; single texels of a class follow each other in this order, for None in that of the triangles.
-    page_side: a power of two; pages are larger if a square asks for it, and smaller if all texels fit.
+    sides: (T, 2) int8, log2 of rectangles' width and height. shares: (T,) uint8 classes, each with separate pages.
+    neighbours: (T,) int32, order of single texels of a class; None for the order of triangles. page_side: a power of
+    two; pages are larger if a square needs it, and smaller if all texels fit.
     """
     counts = np.bincount(shares, minlength=1)
     order = np.arange(len(sides)) if neighbours is None else np.argsort(neighbours, kind="stable")
@@ -84,12 +83,14 @@ def texel_count(sides: np.ndarray) -> int:
 def _along_curve(
     members: np.ndarray, sides: np.ndarray, place: np.ndarray, stacked: np.ndarray, kind: np.ndarray, start: int
 ) -> int:
-    """Fill place, stacked and kind of triangles in the order of their classes, from `start` on; texels they take."""
+    """Fill place, stacked and kind of triangles in the order of their classes, from `start` on; returns their
+    texels.
+    """
     classes = _classes(sides[members])
     counts = np.bincount(classes, minlength=256).reshape(16, 16)
     before, first = start, 0
     for row in np.flatnonzero(counts.any(axis=1)).tolist():
-        width, bottom = 15 - row, 0  # bottom of the next rectangle in a pile of squares
+        width, bottom = 15 - row, 0  # bottom of the next rectangle in a stack of squares
         for column in np.flatnonzero(counts[row]).tolist():
             height, count = 15 - column, int(counts[row, column])
             part, number = members[first : first + count], np.arange(count)
@@ -107,7 +108,7 @@ def _along_curve(
 
 
 def _taken(width: int, counts: np.ndarray) -> int:
-    """Texels of the curve under rectangles 2^width wide; of the last square maybe only the lower half.
+    """Texels of the curve under rectangles 2^width wide; the last square may be half used.
 
     counts: (16,) triangles by 15 - log2 of the height.
     """
@@ -125,7 +126,7 @@ def _classes(sides: np.ndarray) -> np.ndarray:
 
 
 def _reached(texels: int, log_side: int) -> tuple[int, int]:
-    """Width and height of what the first texels of a page's curve cover: the page, its lower half, a quarter, ..."""
+    """Width and height of the used part of a page: the page, its lower half, a quarter, ..."""
     while log_side and texels <= 1 << (2 * log_side - 2):
         log_side -= 1
     half = log_side > 0 and texels <= 1 << (2 * log_side - 1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Disk cache of a bake's finished pages, so that a bake that was stopped or killed goes on where it was.
+"""Disk cache of a bake's finished pages, so that a stopped or killed bake can be resumed.
 
-ROOT / KEY / page-00007.safetensors: the key says everything that determines the pages, see the baker. A page is written
-when it is done, complete or not at all. Pages of a bake that was not resumed go when the next bake begins.
+ROOT / KEY / page-00007.safetensors: the key is a hash of all dependencies of the pages, see the baker. A finished page
+is written atomically. The next bake deletes pages of abandoned bakes.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ _LOG = logging.getLogger("patchnet")
 
 
 class BakePageCache:
-    """Context manager around a bake and what is made of it.
+    """Context manager around a bake and its further processing.
 
-    If the block ends well, the pages are deleted, since they are not needed any more; after an error, a stop or a kill
-    they stay for the next bake with the same key. A disk that is full or read-only costs only the resuming.
+    If the block succeeds, its pages are deleted; after an error, a stop or a kill they are kept for the next bake with
+    the same key. On a full or read-only disk the bake works, but cannot be resumed.
     """
 
     def __init__(self, root: Path | None = None) -> None:
         """Keep pages below `root`: folder of all bakes, by default in the user's cache folder.
 
-        found: how many pages were there, and needed no bake.
+        found: number of pages loaded instead of baked.
         """
         self.found = 0
         self._root = root or user_cache_folder() / BAKES
@@ -53,11 +53,11 @@ class BakePageCache:
         for folder in self._folders:
             if kind is None:
                 shutil.rmtree(folder, ignore_errors=True)
-            with contextlib.suppress(OSError):  # not empty, or not there
+            with contextlib.suppress(OSError):  # not empty, or missing
                 folder.rmdir()
 
     def open(self, key: str) -> None:
-        """Open the bake `key`, which `load` and `save` are about from now on; pages of others are tidied."""
+        """Start the bake `key`, to which `load` and `save` belong from now on; cleans up pages of others."""
         self._folders.append(self._root / key)
         try:
             self._folders[-1].mkdir(parents=True, exist_ok=True)
@@ -66,12 +66,12 @@ class BakePageCache:
         tidy(self._root, keep=key)
 
     def pages(self) -> set[int]:
-        """Numbers of the pages that are there."""
+        """Numbers of the existing pages."""
         names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
         return {int(name) for name in names if name.isdigit()}
 
     def load(self, page: int, texels_shape: tuple[int, ...], triangles: int) -> tuple[np.ndarray, ...] | None:
-        """Texels, sides with light and shares of a finished page, as saved, or None if it is not there as a whole."""
+        """Texels, sides with light and shares of a finished page, as saved; None if it is missing or damaged."""
         path = self._path(page)
         if not path.exists():
             return None
@@ -90,11 +90,11 @@ class BakePageCache:
         return arrays["texels"], arrays["lit"], arrays["back_share"]
 
     def save(self, page: int, texels: np.ndarray, lit: np.ndarray, back_share: np.ndarray) -> None:
-        """Keep a finished page: texels of both sides, float32, and what `Atlas` says of each of its triangles."""
+        """Write a finished page: texels of both sides, float32, and the data in `Atlas` of each of its triangles."""
         if not self._writes:
             return
         try:
-            self._folders[-1].mkdir(parents=True, exist_ok=True)  # another process may have ended the same bake
+            self._folders[-1].mkdir(parents=True, exist_ok=True)  # another process may have finished the same bake
             arrays = {"texels": texels, "lit": lit, "back_share": back_share}
             write_arrays(self._path(page), arrays, {"page": page}, KIND)
         except (OSError, PatchNetError) as cause:
@@ -109,7 +109,7 @@ class BakePageCache:
 
 
 def tidy(root: Path, keep: str, max_age_s: float = MAX_AGE_S, max_bytes: int = MAX_BYTES) -> None:
-    """Delete bakes in `root` that are too old, then the oldest while all take more than `max_bytes`; never `keep`.
+    """Delete bakes in `root` that are too old, then the oldest while the total exceeds `max_bytes`; never `keep`.
 
     Other processes may write and delete there meanwhile.
     """

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Share paths between texels: where more meet in a voxel than its surface asks for, each needs fewer of them.
+"""Share paths between texels: where a voxel has more texels than its surface needs, each gets fewer paths.
 
-A triangle has at least one texel, however small it is. In a bush, a voxel as large as a texel holds hundreds of them;
-with all paths in each, most of the bake would go where no difference is seen. So triangles share: those of one
-material in one cell of a texel's side get together what the texels that fit their area would get, and no less than one
-texel would. Every triangle keeps a texel of its own, so that the mean over them stays unbiased.
+A triangle has at least one texel, however small it is. In a bush, a voxel of a texel's size contains hundreds of them;
+with all paths in each, most of the bake would be invisible. So triangles share: those of one material in one cell of a
+texel's side together get the paths of the texels that fit their area, and at least those of one texel. Every triangle
+keeps its own texel, so that the mean over them is unbiased.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..surface.mesh import MeshSource
 
-_LARGE = 2.0  # texels along the longest edge: such triangles lie in many cells, and count by themselves
+_LARGE = 2.0  # texels along the longest edge: larger triangles span many cells and do not share
 
 
 @dataclass(frozen=True, eq=False)
 class Crowding:
-    """Crowding: the triangles that share paths.
+    """Triangles that share paths.
 
-    excess: (T,) float32, at least 1: texels in the triangle's cell over those that its surface asks for.
-    group: (T,) int32, the same for triangles that share a cell.
+    excess: (T,) float32, at least 1: texels in the triangle's cell over those that its surface needs. group: (T,)
+    int32, equal for triangles that share a cell.
     """
 
     excess: np.ndarray
@@ -36,8 +36,8 @@ class Crowding:
 def crowding_of(source: MeshSource, texel_world: np.ndarray, texels: np.ndarray) -> Steps[Crowding]:
     """Crowding of all T triangles of a surface.
 
-    texel_world: (T,) float32, side of a texel wanted on each. texels: (T,) its own number of them. Raises SettingError
-    for more than 2^31 triangles.
+    texel_world: (T,) float32, requested texel side of each. texels: (T,) its number of texels. Raises SettingError for
+    more than 2^31 triangles.
     """
     count = source.triangle_count
     check_count(count, INT32_COUNT, "triangles", "voxelize fewer objects")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colours of an atlas: what light that was baked into its texels is divided by (methods 7.2c, 7.2g)."""
+"""Base colours of an atlas: divisors of the baked light of its texels (methods 7.2c, 7.2g)."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .texel_places import BatchTexels
 
 
 class TexelBases(NamedTuple):
-    """Base colours of texels of one batch, of all that met a surface and do not emit.
+    """Base colours of the texels of one batch that have surface and do not emit.
 
-    own: n texels. area: (n,) float64 of the surface that each is the texel of. color: (n, 1) float32, luminance, or
-    (n, 3), with red and blue.
+    own: n texels. area: (n,) float64, surface of each texel. color: (n, 1) float32, luminance, or (n, 3), with red and
+    blue.
     """
 
     batch: TriangleBatch
@@ -52,7 +52,7 @@ def texel_bases(atlas: Atlas, source: MeshSource) -> Iterator[TexelBases]:
 
 
 def base_of_texels(atlas: Atlas, source: MeshSource) -> np.ndarray:
-    """Base colours of all texels, as in `Atlas.base`; 0 where there are none."""
+    """Base colours of all texels, as in `Atlas.base`; 0 in unused texels."""
     found = np.zeros((len(atlas.texels), 3 if atlas.texels.shape[1] == COLOR_CHANNELS else 1), np.float32)
     for part in texel_bases(atlas, source):
         found[part.own.texels] = part.color
@@ -68,7 +68,7 @@ def _texel_areas(charts: Charts, batch: TriangleBatch) -> np.ndarray:
 
 
 def _owned(charts: Charts) -> tuple[np.ndarray, np.ndarray]:
-    """Texels (n,) int64 of the atlas that belong to triangles, and these (n,) int32, in the order of triangles."""
+    """Texels (n,) int64 of the atlas with a triangle, and the triangles (n,) int32, in their order."""
     side = charts.page_side**2
     owners = [texel_owners(charts, page) for page in range(charts.page_count)]
     index = np.concatenate([np.flatnonzero(own >= 0) + page * side for page, own in enumerate(owners)])

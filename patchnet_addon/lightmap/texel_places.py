@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Places within texels, as weights of their triangle's corners: where a texel's paths go out from."""
+"""Sample positions within texels, as barycentric weights: origins of a texel's paths."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class BatchTexels:
 def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
     """Weights (n, side * side, 2) float32 of corners 1 and 2 of the triangle at places in each texel.
 
-    Places are the centres of side x side equal parts of a square around the texel's centre that is `spread` of it wide,
-    column by column; those beyond the triangle are moved into it.
+    Places are the centres of side x side equal parts of a square of width `spread` around the texel's centre, column by
+    column; those outside the triangle are moved into it.
     """
     out = np.empty((len(own), side * side, 2), np.float32)
     run_parts(_places, len(own), (own.texels, own.triangles, own.corners), own.page_side, (side, spread), out)
@@ -45,7 +45,7 @@ def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.
 
 @device
 def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
-    """Place of a texel's lower left from a triangle's first corner, (2,), edges to the others, (2,) each, and area."""
+    """Offset of a texel's lower left from a triangle's first corner, (2,), edges to the others, (2,) each, and area."""
     left = texel % page_side - corners[0, 0]
     low = texel // page_side % page_side - corners[0, 1]
     one_x = corners[1, 0] - corners[0, 0]
@@ -69,7 +69,7 @@ def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
 
 @kernel
 def _places(first, last, own, page_side, square, out):  # type: ignore[no-untyped-def]
-    """Write the weights of some texels. square: parts along its side, and how wide it is."""
+    """Write the weights of some texels. square: parts along its side, and its width."""
     texels, triangles, corners = own
     side, spread = square
     for index in range(first, last):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texel sizes as large as the leaves of an octree ask for, triangle by triangle."""
+"""Texel sizes by the leaf sizes of an octree, triangle by triangle."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..surface.mesh import MeshSource
 
-_MAX_PARTS = 16  # along an edge of a triangle that crosses many blocks
+_MAX_PARTS = 16  # parts of an edge that crosses many blocks
 
 
 def texel_sizes(source: MeshSource, grid: Grid, layout: LeafLevels | None, texel_voxels: float) -> float | np.ndarray:
     """Sides (T,) float32, world units, of texels that are `texel_voxels` leaves wide; one for all without `layout`.
 
-    Where a triangle crosses leaves of several sizes, it gets as many texels as if each part had its own: the mean of
-    the inverse of their area counts, over points at most a block apart, or _MAX_PARTS^2 of them.
+    A triangle across leaves of several sizes has as many texels as its parts would have: by the mean of their inverse
+    areas, over points at most a block apart, or _MAX_PARTS^2 of them.
     """
     if layout is None:
         return grid.voxel_size_world * texel_voxels
@@ -38,7 +38,7 @@ def texel_sizes(source: MeshSource, grid: Grid, layout: LeafLevels | None, texel
 
 
 def _centres(parts: int) -> np.ndarray:
-    """Barycentric centres (parts^2, 3) of the equal triangles that edges cut into `parts` divide a triangle into."""
+    """Barycentric centres (parts^2, 3) of the equal triangles of a subdivision with `parts` per edge."""
     i, j = (axis.ravel() for axis in np.meshgrid(np.arange(parts), np.arange(parts)))
     upright = i + j < parts
     upside_down = i + j < parts - 1
@@ -48,7 +48,7 @@ def _centres(parts: int) -> np.ndarray:
 
 
 def _leaf_sides(points_world: np.ndarray, grid: Grid, layout: LeafLevels) -> np.ndarray:
-    """Sides (N,) of the leaves around points (N, 3); where none are made, of a block."""
+    """Sides (N,) of the leaves around points (N, 3), or of the block in empty ones."""
     last = (1 << layout.block_level) - 1
     cells = np.clip(np.floor(grid.to_unit(points_world) * (last + 1)), 0, last).astype(np.int64)
     levels = layout.levels[morton_encode(cells).astype(np.int64)]

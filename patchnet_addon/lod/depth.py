@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth by the level-of-detail contract (methods 4.1b), and memory before it is spent."""
+"""Octree depth by the level-of-detail contract (methods 4.1b), and memory estimates."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ BYTES_PER_NODE = 14
 COLOR_BYTES_PER_NODE = 2
 BOX_BYTES_PER_LEAF = 3
 _SIDES_BYTES_PER_NODE = 1.5  # at most 2.9
-# While an octree is built, a leaf of the present pass is summed in fixed point (48 bytes and its share of a brick,
-# about 25) and handed out as key and sums (28 bytes); what is kept of a leaf and its share of the coarser nodes is 15
-# bytes, and twice that while the passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
-# A box takes 4 bytes where it grows and 7 while it is handed out, and 3 are kept. Sides add 96 bytes where they grow,
-# 192 in colour, and of one leaf in six 44 or 56.
-_LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # kept, and beside that in a leaf's pass
+# During building, a leaf of the present pass has sums in fixed point (48 bytes and its share of a brick,
+# about 25), then a key and sums (28 bytes); a stored leaf and its share of the coarser nodes take 15
+# bytes, and twice that while passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
+# A box takes 4 bytes while it grows, 7 when its pass ends, and 3 stored. Sides add 96 bytes while they grow,
+# 192 in colour, and 44 or 56 stored for one leaf in six.
+_LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # stored, and further bytes during its pass
 _COLOR_LEAF_BYTES = 2, 40
 _SIDES_LEAF_BYTES = (8, 96), (10, 192)  # without and with colour
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
@@ -43,7 +43,7 @@ _NODES_PER_LEAF = 1.36
 
 @dataclass(frozen=True)
 class DepthChoice:
-    """Depth and why: `wanted` is what the cameras need, `depth` what memory allows; bytes are estimates."""
+    """Depth with its reason: `wanted` by the cameras, `depth` by available memory; bytes are estimates."""
 
     depth: int
     wanted: int
@@ -53,14 +53,16 @@ class DepthChoice:
 
     @property
     def bounded_by_memory(self) -> bool:
-        """Return whether the cameras would need more than fits."""
+        """Return whether the cameras need more memory than available."""
         return self.depth < self.wanted
 
 
 def coarse_octree(
     source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
 ) -> Steps[Octree]:
-    """Build a quick octree without light, to see the surface's place; around `bounds_world` (2, 3), or else its own."""
+    """Build a coarse octree without light, for the position of the surface; around `bounds_world` (2, 3), or its own
+    bounds.
+    """
     bounds_world = source.bounds_world if bounds_world is None else bounds_world
     return (yield from build_octree(source, Grid.around(bounds_world, depth), _no_shade, exposure=1.0))
 
@@ -78,8 +80,8 @@ def wanted_depth(
 ) -> int:
     """Smallest depth at which `share` of every camera's hit pixels have look-ahead (methods 4.1b).
 
-    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs
-    `lookahead` levels more: those of the weights that will encode it.
+    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs `lookahead`
+    further levels: those of the weights in use.
     """
     wanted = MIN_DEPTH
     for camera in cameras:
@@ -90,17 +92,19 @@ def wanted_depth(
 
 
 def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
-    """(n,) level at which the ray of each pixel that hits something stops, in an octree that is deep enough."""
+    """(n,) level at which each hit pixel's ray stops in an octree of sufficient depth."""
     hits = first_hits(coarse, camera)
     z = hits.z_world[hits.hit]
-    # The coarse voxel may stand up to its diagonal before the surface; the nearest it can be is what counts.
+    # The coarse voxel may extend up to its diagonal before the surface: assume the nearest surface.
     return fitting_level_of(camera.pixel_side(np.maximum(z, 1e-9)) / coarse.grid.side_world)
 
 
 def expected_share(
     coarse: Octree, cameras: Sequence[Camera], depth: int, *, lookahead: int = DEFAULT_LOOKAHEAD
 ) -> float | None:
-    """Share of hit pixels that will have look-ahead at a depth, in the camera with least of it; None without hits."""
+    """Expected share of hit pixels with look-ahead at a depth, in the camera with the smallest share; None without
+    hits.
+    """
     shares = [np.mean(stop + lookahead <= depth) for camera in cameras if len(stop := stop_levels(coarse, camera))]
     return float(min(shares)) if shares else None
 
@@ -122,20 +126,20 @@ def estimate(coarse: Octree, depth: int, *, color: bool = False, sides: bool = F
 
 
 def _bytes_per_leaf(color: bool, sides: bool) -> tuple[int, int]:
-    """Bytes that are kept of a leaf, and those that it takes beside that in its pass."""
+    """Stored bytes per leaf, and further bytes during its pass."""
     bytes_ = [_LEAF_BYTES] + [_COLOR_LEAF_BYTES] * color + [_SIDES_LEAF_BYTES[color]] * sides
     kept, in_pass = (sum(column) for column in zip(*bytes_, strict=True))
     return kept, in_pass
 
 
 def peak_bytes(leaves: float, *, color: bool = False, sides: bool = False) -> int:
-    """Bytes that building an octree takes at most, beside the scene."""
+    """Peak memory in bytes of building an octree, without the scene."""
     kept, in_pass = _bytes_per_leaf(color, sides)
     return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
 
 
 def max_leaves(memory_bytes: float, *, color: bool = False, sides: bool = False) -> int:
-    """Number of leaves that an octree built within `memory_bytes` may have at most; inverse of `peak_bytes`."""
+    """Largest number of leaves of an octree built within `memory_bytes`; inverse of `peak_bytes`."""
     kept, in_pass = _bytes_per_leaf(color, sides)
     in_one_pass = memory_bytes / (kept + in_pass)
     if in_one_pass <= _PASS_LEAVES:
@@ -144,7 +148,7 @@ def max_leaves(memory_bytes: float, *, color: bool = False, sides: bool = False)
 
 
 def available_memory() -> int:
-    """Bytes that can be used now without swapping; where the system does not say, 4 GiB."""
+    """Available bytes without swapping; 4 GiB on systems that do not report it."""
     try:
         with open("/proc/meminfo", encoding="ascii") as file:
             for line in file:
@@ -158,7 +162,7 @@ def available_memory() -> int:
 
 
 def _bound(memory_bytes: int | None) -> str:
-    """Bound on the memory, in words."""
+    """Memory limit in words."""
     if memory_bytes is None:
         return f"{bytes_text(available_memory())} are free"
     return f"the memory limit is {bytes_text(memory_bytes)}"
@@ -176,8 +180,8 @@ def choose_depth(
 ) -> DepthChoice:
     """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
 
-    color, sides: whether the octree is to hold them. lookahead: levels, of the weights that will encode it. Raises
-    MemoryEstimateError if a given depth would not fit.
+    color, sides: contents of the octree. lookahead: levels, of the weights in use. Raises MemoryEstimateError if a
+    given depth does not fit.
     """
     memory = available_memory() if memory_bytes is None else memory_bytes
     wanted = wanted_depth(coarse, cameras, lookahead=lookahead) if depth is None else depth

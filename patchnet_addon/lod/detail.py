@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Level of detail that a picture needs, block by block, so that all that it shows has look-ahead (methods 4.1b)."""
+"""Level of detail of a picture, block by block, for look-ahead in all pixels (methods 4.1b)."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from ..tracing.tile import (
 from ..tracing.tile_walk import trace_block
 
 _ROWS_PER_STEP = 64
-# Beside its centre, four rays with the footprint of a patch's voxels look through the gaps of each pixel.
+# Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel.
 FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
 class _Stops(NamedTuple):
-    """Where R rays stop.
+    """Stops of R rays.
 
-    cell: (R, 3) int32 of the voxel, and its level (R,) uint8. wanted: (R,) uint8, level of the leaves that look-ahead
-    takes there, 0 for a miss. ahead: (R,) bool, is there look-ahead?
+    cell: (R, 3) int32 of the voxel, and its level (R,) uint8. wanted: (R,) uint8, level of leaves for look-ahead there,
+    0 for a miss. ahead: (R,) bool, whether there is look-ahead.
     """
 
     cell: np.ndarray
@@ -60,14 +60,14 @@ def needed_levels(
     lookahead: int = DEFAULT_LOOKAHEAD,
     coarser: int = 0,
 ) -> Steps[None]:
-    """Raise `needed` (8^b,) uint8, by block of level b, to the level of leaves that look-ahead takes where rays hit.
+    """Raise `needed` (8^b,) uint8, by block of level b, to the level of leaves for look-ahead where rays hit.
 
-    pixels: (8^b,) uint32 grows by the number of pixels whose centre ray stops in each block.
+    pixels: (8^b,) uint32, increased by the number of pixels whose centre ray stops in each block.
 
-    nodes: of the octree so far. lookahead: levels, of the weights in use. A pixel's centre ray asks for the voxel that
-    stops it and for its neighbours, which its patches show; rays with the footprint of the patch's voxels ask for what
-    they hit themselves, and so for what the gaps of the coarse picture show.
-    coarser: levels that the camera's pixels are coarser than those that look-ahead is for, whose footprints rays have.
+    nodes: of the present octree. lookahead: levels, of the weights in use. A pixel's centre ray requests the level for
+    the voxel that stops it and for its neighbours, which are in its patches; rays with the footprint of the patch's
+    voxels request it for their own hits, and so for surface in the gaps of the coarse picture. coarser: levels by which
+    the camera's pixels are coarser than those with look-ahead, whose footprints rays have.
     """
     unit = camera_in_unit_cube(camera, grid)
     block_level = (len(needed).bit_length() - 1) // 3
@@ -92,7 +92,7 @@ def _stops(
 ) -> _Stops:
     """Stops of the rays of rows of pixels.
 
-    offset: from the pixels' centres, in pixels. finer: levels that the rays' footprint is finer than the pixel.
+    offset: from the pixels' centres, in pixels. finer: levels by which the rays' footprint is finer than the pixel.
     """
     count = (rows[1] - rows[0]) * unit.width_px
     stops = _Stops(
@@ -154,7 +154,7 @@ def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def
     low = np.empty(3, np.int64)
     high = np.empty(3, np.int64)
     for ray in range(len(stops.wanted)):
-        if stops.wanted[ray] <= block_level:  # nothing was hit, or the coarsest leaves do
+        if stops.wanted[ray] <= block_level:  # a miss, or the coarsest leaves suffice
             continue
         deeper = np.int64(stops.level[ray]) - block_level
         for axis in range(3):
@@ -175,7 +175,7 @@ def _request(stops, margin, block_level, needed):  # type: ignore[no-untyped-def
 
 @kernel
 def _count(stops, block_level, pixels):  # type: ignore[no-untyped-def]
-    """Add one to the block of each cell; one that is larger than a block counts in its first."""
+    """Add one to the block of each cell; a cell larger than a block counts in its first one."""
     for ray in range(len(stops.wanted)):
         if stops.wanted[ray] == 0:
             continue

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Camera-fitted octrees: leaves as deep as a set of cameras needs for look-ahead, and coarse elsewhere (methods 4.1b).
 
-Round by round the octree so far is seen through all cameras. Where a ray hits, leaves become as deep as its pixel
-needs, but only two levels deeper a round: coarse voxels stand before the surface and hide what lies behind, so that
-what they ask for is only a hint, which the next round corrects. Light does not matter for that, opacity does.
+Each round renders the present octree through all cameras. Where a ray hits, leaves become as deep as its pixel needs,
+but only two levels deeper per round: coarse voxels extend before the surface and hide surface behind, so that their
+requests are estimates, which the next round corrects. Light does not matter, opacity does.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera
 from .detail import lookahead_share, needed_levels
 
-BLOCK_LEVEL = 8  # also the level of the leaves that no camera sees
-LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # what is known of each block, and what fitting keeps beside it
+BLOCK_LEVEL = 8  # also the level of invisible leaves
+LAYOUT_BYTES = 16 * 8**BLOCK_LEVEL  # data of each block, and further data of fitting
 LEVELS_PER_ROUND = 2
-_COARSER = 2  # levels that rays of all but the last look lie farther apart than pixels: a block covers many of these
+_COARSER = 2  # distance of rays in levels of pixels, in all but the last round: a block covers many pixels
 LABEL = "Fitting to the cameras"
 
 
 @dataclass(frozen=True, eq=False)
 class FittedLevels:
-    """Levels of the leaves, and what bounded them.
+    """Levels of the leaves, and their limit.
 
-    wanted: the deepest level that the cameras ask for. leaves: about how many there are.
-    lookahead_share: share of hit pixels with look-ahead in the camera that has least of it; 1 where nothing bounded
-    the levels, so that leaves are as deep as all cameras ask for.
+    wanted: deepest level that the cameras need. leaves: approximate number of leaves. lookahead_share: share of hit
+    pixels with look-ahead in the camera with the smallest share; 1 without a limit, if leaves are as deep as all
+    cameras need.
     """
 
     layout: LeafLevels
@@ -60,9 +60,8 @@ def fit_leaf_levels(
 ) -> Steps[FittedLevels]:
     """Levels of leaves with look-ahead wherever `cameras` see the surface, within the cube of `grid`.
 
-    shade: its opacity counts. max_leaves: where there would be more, the leaves become coarser in those blocks first
-    that show the fewest pixels per leaf. lookahead: levels, of the weights that will encode the octree.
-    Raises GeometryError when no opaque surface is left.
+    shade: provides opacity. max_leaves: above this number leaves become coarser, first in blocks with the fewest pixels
+    per leaf. lookahead: levels, of the weights in use. Raises GeometryError without opaque surface.
     """
     block_level = min(BLOCK_LEVEL, deepest)
     grid = replace(grid, depth=deepest)
@@ -74,7 +73,7 @@ def fit_leaf_levels(
     needed, last = np.zeros(len(surface), np.uint8), False
     for cap in _caps(block_level, deepest):
         seen, pixels = yield from _look(leaves, grid, cameras, layout, lookahead, coarser=0 if last else _COARSER)
-        # The last look sees the finest leaves, and through their gaps: it adds to what was asked for, takes nothing.
+        # The last round renders the finest leaves and their gaps: it only adds requests.
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
         wanted[surface] = np.clip(needed, block_level, cap)
@@ -94,7 +93,7 @@ def fit_leaf_levels(
 
 
 def _caps(block_level: int, deepest: int) -> Iterator[int]:
-    """Deepest leaves of each round; the last cap is for the last look, too."""
+    """Deepest leaves of each round; the last cap is for the last round, too."""
     yield from range(block_level + LEVELS_PER_ROUND, deepest, LEVELS_PER_ROUND)
     yield deepest
     yield deepest
@@ -108,7 +107,7 @@ def _changed(
     grid: Grid,
     shade: ShadingFn,
 ) -> Steps[dict[int, np.ndarray]]:
-    """Keys of the leaves of `after`, of which `leaves` are those of `before`; only blocks that differ are made anew."""
+    """Keys of the leaves of `after`, given `leaves` of `before`; recomputes only changed blocks."""
     different = before.levels != after.levels
     if not different.any():
         return leaves
@@ -129,10 +128,10 @@ def _look(
     *,
     coarser: int,
 ) -> Steps[tuple[np.ndarray, np.ndarray]]:
-    """Levels (blocks,) uint8 that all cameras ask for where they see the leaves so far.
+    """Levels (blocks,) uint8 that all cameras request where they see the present leaves.
 
-    With them: how many pixels (blocks,) uint32 show each block. coarser: levels that rays lie farther apart than pixels
-    do; what they ask for is that of pixels.
+    With them: number of pixels (blocks,) uint32 that show each block. coarser: levels by which rays are farther apart
+    than pixels; they request the levels of pixels.
     """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     nodes = Nodes(*hierarchy(leaves, max(leaves)))
@@ -148,8 +147,7 @@ def _within(
 ) -> tuple[LeafLevels, int]:
     """Layout, or one with at most about `max_leaves`: a level less in the blocks with the fewest pixels per leaf.
 
-    With it, about how many leaves it has. A block has four times as many leaves a level deeper, as far as that can be
-    known from its present `leaves`.
+    With it, the approximate number of leaves. A level deeper, a block has four times its present `leaves`.
     """
     expected = np.zeros(len(layout.levels), np.float32)
     for level, keys in leaves.items():
@@ -181,14 +179,14 @@ def _keys_of(leaves: list[LeafSums], _block_level: int) -> dict[int, np.ndarray]
 
 @kernel
 def _add_expected(keys, level, shift, levels, expected):  # type: ignore[no-untyped-def]
-    """Add to `expected` (blocks,) what each leaf of `level` becomes on the level that its block is to have."""
+    """Add to `expected` (blocks,) the number of leaves that each leaf of `level` becomes at its block's level."""
     for key in keys:
         block = key >> shift
         expected[block] += 4.0 ** (np.int64(levels[block]) - level)
 
 
 def _merged(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray:
-    """Ascending keys of both, which have none in common."""
+    """Ascending union of two disjoint arrays of keys."""
     both = np.concatenate([keys for keys in (first, second) if keys is not None])
-    both.sort(kind="stable")  # two ascending runs: a merge
+    both.sort(kind="stable")  # merges two sorted runs
     return both

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PatchNet's decoders for kernels: layers on a tile of pixels, whose values stay in the nearest caches."""
+"""PatchNet's decoders for kernels: layers on a tile of pixels, with values in the nearest caches."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .weights import Weights
 
 _ROWS = MIXTURE.decoder[0]
 _LAYERS = len(MIXTURE.decoder) - 2  # with ReLU
-# So that results stand where the inputs were, before what cells cover, which is still there.
+# Results overwrite inputs, before the covered shares, which are still needed.
 assert len(PAPER.decoder) == len(MIXTURE.decoder) and _LAYERS % 2 == 1
 
 
 class DecoderLayers(NamedTuple):
-    """Decoder as kernels read it, flat, all float32.
+    """Decoder in the form of kernels, flat, all float32.
 
-    weights: of each layer, of each six outputs, for each input its six weights. bias: of all layers. Both are filled up
+    weights: of each layer, of each six outputs, for each input its six weights. bias: of all layers. Both are padded
     with zeros to six outputs. floor: (2,) the smallest result of a layer, and of the last. inputs, width, outputs: of
     the first layer, of those with ReLU, and of the last.
     """
@@ -42,7 +42,7 @@ class DecoderLayers(NamedTuple):
             filled = np.pad(matrix, ((0, more), (0, 0)))
             blocks.append(filled.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2).ravel())
             biases.append(np.pad(bias, (0, more)))
-        floor = np.array([0, -np.inf], np.float32)  # in memory, from where it is spread over a vector
+        floor = np.array([0, -np.inf], np.float32)  # in memory, to be broadcast to a vector
         inputs, width = weights.decoder[0][0].shape[1], len(biases[0])
         return cls(np.concatenate(blocks), np.concatenate(biases), floor, inputs, width, len(biases[-1]))
 
@@ -55,7 +55,7 @@ def empty_tile():
 
 @device
 def decode_tile(tile, layers):
-    """Decode a tile of pixels by the paper's network: the first two rows are coverage and luminance afterwards.
+    """Decode a tile of pixels by the paper's network; its first two rows become coverage and luminance.
 
     tile: `empty_tile`, with rows of code, direction, up and ratio. layers: `DecoderLayers`.
     """
@@ -67,10 +67,9 @@ def decode_tile(tile, layers):
 
 @device
 def decode_mixture_tile(tile, layers):
-    """Decode a tile of pixels by a luminance mixture: the first two rows are coverage and luminance afterwards.
+    """Decode a tile of pixels by a luminance mixture; its first two rows become coverage and luminance.
 
-    tile: `empty_tile`, with rows as `kinds.py` says, but for the harmonics, and of luminances that are mixed. layers:
-    `DecoderLayers`.
+    tile: `empty_tile`, with the rows of `kinds.py` except harmonics, and rows of luminances. layers: `DecoderLayers`.
     """
     inputs, others, luminances = tile
     _run_layers(inputs, others, layers)
@@ -81,7 +80,7 @@ def decode_mixture_tile(tile, layers):
 
 @device
 def _run_layers(inputs, others, layers):
-    """Run all layers; their results are the first rows of `inputs` afterwards."""
+    """Run all layers; the first rows of `inputs` become the results."""
     weights, bias, floor, depth, width, outputs = layers
     fill_harmonics(inputs)
     weight = 0

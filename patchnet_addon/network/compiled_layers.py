@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layers of the compiled decoders: a tile of pixels goes through them with its values in the nearest caches.
+"""Layers of the compiled decoders: a tile of pixels passes through them with values in the nearest caches.
 
 Features are rows of a tile and pixels its columns, so that a vector holds the same feature of many pixels. The sums of
-six outputs stay in registers while the inputs pass by. A pixel has the same bits in whatever company it is decoded;
-only a processor that cannot multiply and add in one rounding has others.
+six outputs stay in registers while inputs are read. The result of a pixel is bitwise independent of the other pixels of
+its tile; only processors without fused multiply-add have other bits.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from .simd_harmonics import store_harmonics
 from .weights import MODULATED
 
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
-OUTPUTS = WIDTH_STEP  # of a layer at once: 24 registers of sums where there are 32, 12 where there are 16
+OUTPUTS = WIDTH_STEP  # outputs of a layer at once: 24 registers of sums of 32, or 12 of 16
 
 _LINE = 16  # numbers that a line of the cache holds
-DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the code stands in the first ones
+DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the first ones are the code
 FIRST_HARMONIC = RATIO + 1
 assert TILE % WIDE_LANES == 0
 
@@ -34,7 +34,7 @@ _LOW, _RANGE = np.float32(OUTPUT_LOW), np.float32(OUTPUT_RANGE)
 @device
 def empty_values(rows):
     """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
-    memory = np.zeros(rows * TILE + _LINE, np.float32)  # NumPy's begins anywhere at a multiple of 16
+    memory = np.zeros(rows * TILE + _LINE, np.float32)  # NumPy aligns to 16 bytes only
     before = (4 * _LINE - memory.ctypes.data % (4 * _LINE)) % (4 * _LINE) // 4
     return memory[before : before + rows * TILE]
 
@@ -86,7 +86,7 @@ def apply_layer(inputs, depth, results, hidden, weights, bias, floor):
 def exponential(power):
     """e^power, |power| <= 80: 2^n e^r with |r| <= ln 2 / 2, the polynomial of Cephes' expf.
 
-    Of such arithmetic alone the compiler makes vectors, in plain loops.
+    The compiler vectorizes plain loops over this arithmetic.
     """
     whole = np.floor(power * _LOG2_E + np.float32(0.5))
     r = power - whole * _LN2_HIGH - whole * _LN2_LOW

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of what the network may run on: auto, cpu, cuda (torch's present GPU), cuda:N; torch is imported late."""
+"""Device names of the network: auto, cpu, cuda (torch's present GPU), cuda:N; imports torch late."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def read_device(text: str, what: str = "Device") -> str:
 
 
 def found_device(text: str, what: str = "Device") -> str:
-    """Device that a name stands for here: "cpu", or "cuda:N" of a GPU that torch can use.
+    """Device of a name on this machine: "cpu", or "cuda:N" of a GPU that torch can use.
 
-    auto is the GPU where torch has one, else the CPU. Raises SettingError for a GPU that is not there.
+    auto is the GPU if torch has one, else the CPU. Raises SettingError for a missing GPU.
     """
     name = read_device(text, what)
     if name == CPU or (name == AUTO and not torch_has_gpu()):
@@ -46,7 +46,7 @@ def found_device(text: str, what: str = "Device") -> str:
     count = torch.cuda.device_count()
     if number >= count:
         there = ", ".join(f"{CUDA}:{index}" for index in range(count))
-        raise SettingError(f"{what} '{name}' is not there: choose one that PyTorch finds ({there}), or cpu")
+        raise SettingError(f"{what} '{name}' does not exist: choose one that PyTorch finds ({there}), or cpu")
     return f"{CUDA}:{number}"
 
 
@@ -67,7 +67,7 @@ def torch_has_gpu() -> bool:
 
 
 def device_title(device: str) -> str:
-    """Name of a device for people: "CPU", or the GPU's own name with its number."""
+    """Display name of a device: "CPU", or the GPU's name with its number."""
     if device == CPU:
         return "CPU"
     import torch
@@ -77,12 +77,12 @@ def device_title(device: str) -> str:
 
 @contextmanager
 def enough_memory(work: str) -> Iterator[None]:
-    """Raise SettingError, which names the work and what to do, where a GPU's memory does not hold it."""
+    """Raise SettingError, with the work and the remedy, if a GPU's memory is too small."""
     try:
         yield
     except RuntimeError as cause:
         if type(cause).__name__ != "OutOfMemoryError":
             raise
         raise SettingError(
-            f"The GPU has too little free memory for {work}: close what else uses it, or choose another device or cpu"
+            f"The GPU has too little free memory for {work}: free some, or choose another device or cpu"
         ) from cause

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encoder of PatchNet: linear layers that take a corner's patch and make its code of ten numbers (methods 7.12).
+"""Encoder of PatchNet: linear layers from a corner's patch to its code of ten numbers (methods 7.12).
 
-They come in several widths: how wide they are costs time when codes are made, and none when pixels are decoded.
-Training knows other architectures, which the engine does not run.
+There are several widths, which affect the time of encoding, not of decoding. Training has further architectures, which
+the engine does not implement.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numpy as np
 from .kinds import CODE_SIZE
 
 CHANNELS = 5  # of a cell: occupancy, luminance, three of the normal
-LUMINANCE = 1  # its place among them
+LUMINANCE = 1  # its index
 MLP_WIDTH_STEP = 64  # kernels compute whole vectors of a layer's values
 _HIDDEN = 3  # layers of as many values
 
 
 class Encoder(Protocol):
-    """Encoder of the corners of a chunk outside of our kernels; `chunk` is the number of corners that it likes at once.
+    """Encoder of the corners of a chunk by other code than the kernels; `chunk` is its preferred number of corners.
 
     A corner's patch is eight blocks, of 4x4x4 cells each for a look-ahead of two levels, which corners share.
     """
@@ -48,8 +48,8 @@ def patch_side(lookahead: int) -> int:
 class EncoderKind:
     """Architecture of an encoder.
 
-    text: what it is in words. width: values between its linear layers, a multiple of `MLP_WIDTH_STEP`; 0 where the
-    look-ahead decides it.
+    text: description. width: values between its linear layers, a multiple of `MLP_WIDTH_STEP`; 0 if the look-ahead
+    determines it.
     """
 
     name: str
@@ -73,7 +73,7 @@ class EncoderKind:
         return parameters_of(self.shapes(lookahead))
 
     def hide_luminance(self, layers: Sequence[tuple[np.ndarray, np.ndarray]], lookahead: int) -> None:
-        """Set what the first of these layers would see of luminance to zero."""
+        """Set the first layer's weights of luminance to zero."""
         layers[0][0][:, LUMINANCE::CHANNELS] = 0
 
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of PatchNet, by what the decoder is given and what it says: the paper's, and the luminance mixture.
+"""Kinds of PatchNet by inputs and outputs of the decoder: the paper's, and the luminance mixture.
 
-The paper's decoder takes the interpolated code and the ray, and says coverage and luminance (methods 7.13 to 7.15).
+The paper's decoder maps the interpolated code and the ray to coverage and luminance (methods 7.13 to 7.15).
 
-The luminance mixture (methods 11.1) sees shape alone: its encoder's luminance columns are zero. Its decoder is also
-told how it looks at the voxel, in the ray's own frame, part of the eight corner codes side by side, and how much of the
-pixel each cell around would cover alone. It says coverage, and shares of luminances that the octree has at hand: those
-of the voxel's eight children, of the 56 cells of their size around it, and the voxel's own. So its luminance follows
-every change of light exactly.
+The luminance mixture (methods 11.1) encodes shape only: its encoder's luminance columns are zero. Further inputs of its
+decoder are the view of the voxel in the ray's own frame, part of each of the eight corner codes, and the share of the
+pixel that each nearby cell covers on its own. Its outputs are coverage, and shares of luminances that the octree holds:
+those of the voxel's eight children, of the 56 cells of their size around it, and the voxel's own. So its luminance
+follows every change of light exactly.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ CHILDREN, CORNERS = 8, 8
 OUTER = 4**3 - CHILDREN  # cells of the children's size around a voxel, to half its side
 COVERING = CHILDREN + OUTER
 MIXED = COVERING + 1  # luminances, in this order: of the children, of the outer cells, of the voxel
-SIDE_BY_SIDE = 4  # first numbers of each corner code that the mixture's decoder sees apart
+SIDE_BY_SIDE = 4  # first numbers of each corner code that are inputs of the mixture's decoder
 
 RAY_INPUTS = CODE_SIZE + 3 + 3 + 1 + HARMONICS  # inputs of both kinds, methods 7.15
-WIDTH_STEP = 6  # of decoders: kernels compute so many outputs of a layer at once
+WIDTH_STEP = 6  # step of decoders' widths: kernels compute so many outputs at once
 VIEW = 9  # direction, entry point and up in the ray's frame
 VIEWS = RAY_INPUTS + CORNERS * SIDE_BY_SIDE  # rows of the mixture's inputs: the view in the ray's frame,
-COVERED = VIEWS + VIEW  # and what children and outer cells cover
+COVERED = VIEWS + VIEW  # and covered shares of children and outer cells
 OUTPUT_LOW, OUTPUT_RANGE = -1.0, 3.0  # out = -1 + 3 sigmoid(x)
 
 
@@ -34,8 +34,8 @@ OUTPUT_LOW, OUTPUT_RANGE = -1.0, 3.0  # out = -1 + 3 sigmoid(x)
 class NetworkKind:
     """Kind of network.
 
-    decoder: values between the decoder's layers, those of a pixel first. inputs, output: in words, as files state
-    them. mixes: says shares of known luminances in the place of a luminance; such decoders come in several widths.
+    decoder: values between the decoder's layers, inputs first. inputs, output: descriptions, as in files. mixes:
+    outputs shares of known luminances instead of a luminance; such decoders have several widths.
     """
 
     name: str

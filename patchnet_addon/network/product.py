@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Matrix products of our own, for the encoder's layers: float32, with bias and ReLU, whatever BLAS NumPy has.
+"""Matrix products of the encoder's layers: float32, with bias and ReLU, independent of NumPy's BLAS.
 
 Sums of four rows times two vectors of columns stay in registers. A matrix is packed once into panels of as many
-columns, which a core keeps in its nearest cache while it goes through a block of rows. Columns of the values that are
-zero in all four rows are left out: most cells of a block are empty, and ReLU makes most of what a layer hands on zero.
+columns, which a core keeps in its nearest cache for a block of rows. Columns that are zero in all four rows are
+skipped: most cells of a block are empty, and ReLU zeroes most values of a layer.
 
-A sum takes its terms in the order of columns. So a row has the same bits in whatever company, order and number of
-threads it is computed; only a processor that cannot multiply and add in one rounding has others.
+A sum adds its terms in the order of columns. So a row has the same bits for any neighbours, order and number of
+threads; only processors without fused multiply-add have others.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ ROWS = 4  # eight vectors of sums: with five or six rows the compiler runs out o
 
 
 class PackedLayers(NamedTuple):
-    """Layers of the encoder in panels of WIDTH columns, the last one filled up with zeros, for kernels.
+    """Layers of the encoder in panels of WIDTH columns, the last one zero-padded, for kernels.
 
-    octants: (8 * P, B, WIDTH) the first layer's, octant by octant. first_bias: (256,). panels: (Q, 256, WIDTH) of the
-    layers behind it, one after the other. bias: (Q * WIDTH,) of these. least: (2,) the smallest result of a layer, and
-    of the last. sees_luminance: whether a cell's luminance changes anything; a luminance mixture sees shape alone.
+    octants: (8 * P, B, WIDTH) of the first layer, octant by octant. first_bias: (256,). panels: (Q, 256, WIDTH) of
+    further layers, concatenated. bias: (Q * WIDTH,) of these. least: (2,) the smallest result of a layer, and of the
+    last. sees_luminance: whether luminance has nonzero weights; a luminance mixture encodes shape only.
     """
 
     octants: np.ndarray
@@ -42,7 +42,7 @@ class PackedLayers(NamedTuple):
 
     @classmethod
     def pack(cls, weights: Weights) -> PackedLayers:
-        """Layers of these weights, with which `encode_octree` encodes by kernels on all cores."""
+        """Layers of these weights for the kernels of `encode_octree`."""
         (matrix, bias), *others = weights.encoder
         octants = _panels(octant_matrices(matrix))
         return cls(
@@ -63,7 +63,7 @@ def _panels(matrix: np.ndarray) -> np.ndarray:
 
 @device
 def find_steps(bits, rows, steps):
-    """Write the columns that are not zero in all rows into `steps` (depth + 1,); returns how many they are."""
+    """Write the columns that are nonzero in any row into `steps` (depth + 1,); returns their number."""
     row0, row1, row2, row3 = bits[rows[0]], bits[rows[1]], bits[rows[2]], bits[rows[3]]
     used = np.empty(len(row0), np.int32)
     for column in range(len(row0)):

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vectors of float32 that fill one SIMD register, or a few, and what products do with them.
+"""Vectors of float32 of one or a few SIMD registers, and their operations in matrix products.
 
-The compiler makes vectors of loops over columns by itself, but it keeps no block of sums in registers meanwhile, and a
-fast matrix product is made of that. So a kernel names the vectors that are to stay. Indices are flat, into C-ordered
-arrays, and are not checked.
+The compiler vectorizes loops over columns, but does not keep a block of sums in registers, which a fast matrix product
+needs. So a kernel uses explicit vectors. Indices are flat, into C-ordered arrays, and unchecked.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from ..runtime.vectors import VectorType, array_address, build_splat
 
 
 def _lanes() -> int:
-    """16 where registers have 512 bits, else 8; a processor with smaller ones takes two or more for a vector."""
+    """16 with 512-bit registers, else 8; a processor with smaller ones uses several for a vector."""
     try:
         return 16 if binding.get_host_cpu_features().get("avx512f") else 8
-    except RuntimeError:  # LLVM knows nothing about this processor
+    except RuntimeError:  # unknown to LLVM
         return 8
 
 
 LANES = _lanes()
 WIDE_LANES = 4 * LANES if LANES == 16 else 2 * LANES
-"""Lanes of a wide vector: so many registers' worth of it that the sums of six fit into the processor's registers."""
+"""Lanes of a wide vector: the sums of six of them fit into the processor's registers."""
 
 _INDEX = ir.IntType(32)
 
@@ -37,7 +36,7 @@ _WIDE = VectorType(types.float32, WIDE_LANES)
 _SIXTEEN = VectorType(types.float32, 16)
 
 HALF_SCALE = 2.0**112
-"""Factor that `load_halves` leaves out: the ratio of the smallest half float to a float32 of the same bits."""
+"""Scale of `load_halves`: the ratio of the smallest half float to a float32 of the same bits."""
 
 
 @intrinsic
@@ -101,9 +100,9 @@ def add_product(_typing: Any, total: Any, left: Any, right: Any) -> Any:
 def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
     """Vector of 16 half floats / `HALF_SCALE`: load_halves(array, first, second).
 
-    Eight stand from the first index on, eight from the second on, in an array of int16. A half float with its bits at
-    the places of a float32 is that much too small; infinities are not told from numbers. So it takes shifts alone, and
-    processors that know no half floats have the same bits.
+    Eight begin at the first index, eight at the second, in an array of int16. The bits of a half float, shifted to
+    those of a float32, give a value too small by this factor; infinities become numbers. So shifts suffice, and
+    processors without half floats have the same bits.
     """
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -116,7 +115,7 @@ def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
         integers = ir.VectorType(_INDEX, 16)
         both = builder.shuffle_vector(*parts, ir.Constant(integers, list(range(16))))
         bits = builder.shl(builder.sext(both, integers), ir.Constant(integers, [13] * 16))
-        bits = builder.and_(bits, ir.Constant(integers, [0x8FFFFFFF] * 16))  # the sign stands at its place only
+        bits = builder.and_(bits, ir.Constant(integers, [0x8FFFFFFF] * 16))  # without the sign's copies
         return builder.bitcast(bits, _SIXTEEN.ir)
 
     return _SIXTEEN(array, types.intp, types.intp), build

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spherical harmonics of vectors in kernels, by the formulas of `harmonics.py`, which are given instructions."""
+"""Spherical harmonics of vectors in kernels, by evaluating the formulas of `harmonics.py` on instructions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .harmonics import harmonic_terms
 
 
 class _Term:
-    """Term of a formula: arithmetic with it adds instructions to a function that is being compiled."""
+    """Term of a formula: its arithmetic appends instructions to the function in compilation."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self.builder, self.value = builder, value
@@ -40,7 +40,7 @@ class _Term:
 def store_harmonics(_typing: Any, array: Any, _index: Any, _stride: Any, x: Any, y: Any, z: Any) -> Any:
     """Store the 25 harmonics of vectors of directions: store_harmonics(array, index, stride, x, y, z).
 
-    The first one stands from the index on, each other one `stride` elements after the one before.
+    The first one is at the index, each further one `stride` elements later.
     """
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -12,11 +12,10 @@ import torch
 
 @contextmanager
 def float32_products(device: torch.device, *, tf32: bool = False) -> Iterator[None]:
-    """Products and convolutions of float32 on a GPU are exact float32 within the block, or TF32 if that is wanted.
+    """Use exact float32 for products and convolutions on a GPU within the block, or TF32 if requested.
 
-    TF32 has 10 bits of mantissa; torch convolves in it unless it is told otherwise. Whatever the process or its
-    environment had chosen (TORCH_ALLOW_TF32_CUBLAS_OVERRIDE is set in NVIDIA's images) holds again afterwards. Nothing
-    changes on a CPU.
+    TF32 has 10 bits of mantissa; it is torch's default for convolutions. Settings of the process and its environment
+    (TORCH_ALLOW_TF32_CUBLAS_OVERRIDE is set in NVIDIA's images) are restored afterwards. Nothing changes on a CPU.
     """
     if device.type != "cuda":
         yield
@@ -33,10 +32,10 @@ def float32_products(device: torch.device, *, tf32: bool = False) -> Iterator[No
 
 
 def _switches(*, tf32: bool) -> tuple[list[Any], str, str | bool]:
-    """What holds the precision of products and of convolutions, what it is called there, and the wanted value."""
+    """Objects and attributes of the precision of products and convolutions, and their value."""
     products: Any = torch.backends.cuda.matmul
     convolutions: Any = torch.backends.cudnn
-    # torch up to 2.8 has a switch; from 2.9 on a word, and reading the switch is an error where the word was set.
+    # torch up to 2.8 has a flag; from 2.9 on a string, and reading the flag fails if the string was set.
     if hasattr(products, "fp32_precision"):
         return [products, convolutions.conv], "fp32_precision", "tf32" if tf32 else "ieee"
     return [products, convolutions], "allow_tf32", tf32

@@ -23,13 +23,13 @@ from .kinds import KINDS, PAPER, WIDTH_STEP, NetworkKind
 MODULATED = 9  # dimensions of a code that harmonics of degree 0 to 2 are multiplied into (methods 7.13)
 KIND = "weights"
 _ENCODERS = {MLP.name: MLP}  # of the engine
-_PLUS = "plus."  # before the names of an estimator's arrays
+_PLUS = "plus."  # prefix of an estimator's arrays
 
 
 def network(lookahead: int, kind: NetworkKind = PAPER, encoder: EncoderKind = MLP) -> dict[str, Any]:
-    """Conventions of the numbers, beyond their shapes: a file states them, and one that states others is refused.
+    """Conventions of the numbers, beyond their shapes, which a file states; files with others are rejected.
 
-    A file that states no kind is of the paper's, and one that states no encoder has the paper's layers.
+    The defaults of files are the paper's kind and the paper's encoder.
     """
     side = patch_side(lookahead)
     encoding = {} if encoder.name == MLP.name else {"encoder": encoder.name, "encoder_layers": encoder.text}
@@ -168,9 +168,9 @@ def save_weights(weights: Weights, path: str | Path) -> None:
 
 
 def load_weights(path: str | Path | None = None, encoders: Mapping[str, EncoderKind] = _ENCODERS) -> Weights:
-    """Read weights from a file, or those that are shipped; raises WeightsFileError.
+    """Read weights from a file, or the shipped ones; raises WeightsFileError.
 
-    encoders: those that may be, by name; the engine runs `mlp` alone.
+    encoders: accepted encoders by name; the engine implements `mlp` only.
     """
     path = Path(path) if path is not None else default_weights_path()
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
@@ -225,7 +225,7 @@ def _known_encoder(encoders: Mapping[str, EncoderKind], stated: Mapping[str, Any
 
 
 def default_weights_path() -> Path:
-    """File of the weights that are shipped."""
+    """File of the shipped weights."""
     return Path(__file__).parent / "weights" / "patchnet.safetensors"
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Surface sums per leaf in fixed point: integers add up to the same whatever the order, and so does the octree.
+"""Surface sums per leaf in fixed point: integer sums are independent of the order, and so is the octree.
 
-Sums of a leaf's sides are floats, which take half the memory; of them an octree keeps 8 bits. Leaves live in bricks of
-cells (`bricks.py`).
+Sums of a leaf's sides are floats, which take half the memory; an octree stores 8 bits of them. Leaves are stored in
+bricks of cells (`bricks.py`).
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from .side_levels import LeafSides, leaf_sides
 from .sides import FACES
 
 MIN_OPACITY = 1.0 / 255.0
-# A leaf's area counts in 2^-40 of a voxel's face: four million coincident layers fit, and what is smaller counts as
-# one unit, so that every touched voxel stays. Luminance times area needs more room, and so do red and blue: multiples
-# of 2^24 units, and the rest. Green is what those two leave of luminance.
+# The unit of a leaf's area is 2^-40 of a voxel's face: four million coincident layers fit, and smaller areas count as
+# one unit, so that every touched voxel is kept. Luminance times area needs more bits, as do red and blue: multiples of
+# 2^24 units, and the remainder. Green follows from luminance and those two.
 _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
-_COLUMNS = 6  # area, luminance in whole parts and the rest, normal (x, y, z); each weighed by area
-_COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each in whole parts and the rest
+_COLUMNS = 6  # area, luminance as quotient and remainder, normal (x, y, z); each weighted by area
+_COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each as quotient and remainder
 _ALL_FRONT = np.empty(0, np.int8)
 _NO_COLOR = np.empty((0, 3), np.float32)
 _NO_LIGHTS = np.empty((0, 2, 1), np.float32)
@@ -38,8 +38,8 @@ _NO_LIGHTS = np.empty((0, 2, 1), np.float32)
 class _Shading(NamedTuple):
     """Luminance (F,) and opacity (F,) float32 of fragments, and their colour (F, 3) float32, or (0, 3) without.
 
-    facing: (T,) int8, side that a triangle's light is seen on: 1 front, -1 back, 0 both; (0,) if all are 1.
-    lights: (F, 2, 1 or 4) float32, luminance, and colour, of front and back; (0, 2, 1) if each shows the luminance.
+    facing: (T,) int8, lit side of a triangle: 1 front, -1 back, 0 both; (0,) if all are 1. lights: (F, 2, 1 or 4)
+    float32, luminance, and colour, of front and back; (0, 2, 1) if both have the fragment's luminance.
     """
 
     luminance: np.ndarray
@@ -69,7 +69,7 @@ class _Bricks(NamedTuple):
 
 
 class LeafAccumulator:
-    """Sums over fragments of leaves of side `voxel_size_world`, until `take` hands them out in order of their key."""
+    """Sums over fragments of leaves of side `voxel_size_world`; `take` returns them in the order of keys."""
 
     def __init__(self, voxel_size_world: float, *, sides: bool = False) -> None:
         self._area_unit = voxel_size_world**2 / _AREA_UNITS
@@ -83,12 +83,12 @@ class LeafAccumulator:
         self._bricks = _Bricks(table_of(keys, 0), keys, rows, sums, boxes, faces, np.zeros(2, np.int64))
 
     def __len__(self) -> int:
-        """Leaves so far."""
+        """Number of leaves."""
         return int(self._bricks.used[1])
 
     @property
     def _face_numbers(self) -> int:
-        """Numbers that a leaf's sides take."""
+        """Number of values of a leaf's sides."""
         return 2 * FACES * (2 if self._columns == _COLUMNS else 4) if self._sides else 0
 
     def add(
@@ -104,9 +104,9 @@ class LeafAccumulator:
     ) -> None:
         """Add fragments with their luminance (F,), opacity (F,) and the unit normals (T, 3) of their triangles.
 
-        color: (F, 3) linear, brought to the luminance here; given each time or never, as (F, 0). lights: of both sides,
-        see `ShadingFn`. facing: (T,) int8, side that a triangle's light is seen on, see `build_octree`.
-        Fragments with less than 1/255 of opacity leave no trace.
+        color: (F, 3) linear, scaled to the luminance here; given in all calls or in none, as (F, 0). lights: of both
+        sides, see `ShadingFn`. facing: (T,) int8, lit side of a triangle, see `build_octree`. Fragments with an opacity
+        below 1/255 are ignored.
         """
         color = None if color is not None and color.shape[1] == 0 else color
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
@@ -128,12 +128,12 @@ class LeafAccumulator:
                 self._grow()
 
     def _grow(self) -> None:
-        """Grow the room by half; the arrays grow in place, so that the old ones do not stand beside the new.
+        """Enlarge the arrays by half, in place, so that old and new arrays do not coexist.
 
-        Raises SettingError where rows and bricks, in 32 bits, end.
+        Raises SettingError beyond 32-bit rows and bricks.
         """
         bricks, leaves = (int(value) for value in self._bricks.used)
-        check_count(leaves + 1, INT32_COUNT - 1, "leaves of one part of an octree", NODE_ADVICE)  # bricks are fewer
+        check_count(leaves + 1, INT32_COUNT - 1, "leaves of one part of an octree", NODE_ADVICE)  # fewer bricks
         if bricks == len(self._bricks.keys):
             more = bricks + bricks // 2
             self._bricks.keys.resize(more, refcheck=False)
@@ -146,7 +146,7 @@ class LeafAccumulator:
             self._bricks.faces.resize(room * self._face_numbers, refcheck=False)
 
     def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, LeafSides | None]:
-        """Keys (n,) uint64, ascending, sums, boxes and sides, as `LeafSums` holds them."""
+        """Keys (n,) uint64, ascending, sums, boxes and sides, as in `LeafSums`."""
         bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
         sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
@@ -162,7 +162,7 @@ class LeafAccumulator:
 
 @device
 def _add_large(rows, row, product):  # type: ignore[no-untyped-def]
-    """Add to a sum that two columns hold: whole parts, and the rest."""
+    """Add to a sum stored in two columns: quotient and remainder."""
     whole = np.rint(product / _WHOLE)
     rows[row] += np.int64(whole)
     rows[row + 1] += np.int64(np.rint((product - whole * _WHOLE) / _PART))
@@ -170,7 +170,7 @@ def _add_large(rows, row, product):  # type: ignore[no-untyped-def]
 
 @device
 def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
-    """Red and blue of a colour (3,) brought to a luminance; gray for black and what is no number."""
+    """Red and blue of a colour (3,) scaled to a luminance; gray for black and NaN."""
     red = float(color[0]) if color[0] > 0.0 else 0.0
     green = float(color[1]) if color[1] > 0.0 else 0.0
     blue = float(color[2]) if color[2] > 0.0 else 0.0
@@ -183,7 +183,7 @@ def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
 
 @kernel
 def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
-    """Add fragments from `first` on; returns the first that found no room, or their number."""
+    """Add fragments from `first` on; returns the first without room, or their number."""
     keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
     opacity, color = shading.opacity, shading.color
     table, brick_key, brick_rows, rows, leaf_boxes, faces, count = bricks
@@ -238,7 +238,7 @@ def _light_of(values):  # type: ignore[no-untyped-def]
 
 @device
 def _add_to_faces(faces, row, weight, normal, light, columns):  # type: ignore[no-untyped-def]
-    """Add a fragment to the three of a row of six faces that it faces; below 0, `weight` is that of its back."""
+    """Add a fragment to the three of six faces that it faces; for a negative `weight`, its back."""
     channels = 2 if columns == _COLUMNS else 4
     for axis in range(3):
         along = weight * normal[axis] / _AREA_UNITS
@@ -251,7 +251,7 @@ def _add_to_faces(faces, row, weight, normal, light, columns):  # type: ignore[n
 
 @kernel
 def _emit(order, bricks, area_unit, keys, sums, boxes, places):  # type: ignore[no-untyped-def]
-    """Leaves of the bricks in `order`, in Morton order, from fixed point to world units; places: where they stood."""
+    """Leaves of the bricks in `order`, in Morton order, from fixed point to world units; places: their rows."""
     _, brick_key, brick_rows, rows, leaf_boxes, _, _ = bricks
     leaf = 0
     columns = _COLUMNS if sums.shape[1] == 5 else _COLOR_COLUMNS

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blocks of the voxelizer's work: passes over blocks of space, so that memory stays bounded, and tasks for cores.
+"""Blocks of the voxelizer's work: passes over blocks of space, which bound memory, and tasks for cores.
 
 A convex piece K of surface meets 1 + widths along the axes + areas of its shadows on the coordinate planes cells of a
 grid of unit cells, on average over the grid's position: the volume of K thickened by a cell (Steiner's formula).
@@ -21,13 +21,13 @@ from .grid import Grid
 from .leaf_levels import LeafLevels
 
 FRAGMENTS_PER_TASK = 1 << 18
-MIN_SHARE = 50_000  # fragments for which a core of its own is worth while
-BLOCK_LEVEL = 5  # where all leaves are on one level, memory is divided by blocks of this level
+MIN_SHARE = 50_000  # least fragments for a separate core
+BLOCK_LEVEL = 5  # level of the blocks of a pass, if all leaves are on one level
 
 
 @dataclass(frozen=True, eq=False)
 class CellSet:
-    """Cells of one level that are asked for, for `clip_triangles`.
+    """Requested cells of one level, for `clip_triangles`.
 
     near, block: (wanted, shift) each, wanted (n,) bool by the Morton key of a brick or a cell, >> shift (uint64).
     """
@@ -37,11 +37,11 @@ class CellSet:
 
     @classmethod
     def of_blocks(cls, wanted: np.ndarray, level: int) -> CellSet:
-        """Cells of `level` in the wanted ones (8^b,) bool of all blocks."""
+        """Cells of `level` in the requested ones (8^b,) bool of all blocks."""
         block_level = (len(wanted).bit_length() - 1) // 3
         brick_level = max(level - BRICK_LEVELS, 0)
         near, coarser = wanted, brick_level - block_level
-        if coarser < 0:  # bricks hold several blocks
+        if coarser < 0:  # a brick contains several blocks
             near, coarser = wanted.reshape(-1, 8**-coarser).any(axis=1), 0
         return cls((near, np.uint64(3 * coarser)), (wanted, np.uint64(3 * (level - block_level))))
 
@@ -53,7 +53,7 @@ def all_cells(level: int) -> CellSet:
 
 @dataclass(frozen=True)
 class BlockRange:
-    """Consecutive blocks first..end-1 of `layout`'s, whose leaves one core makes."""
+    """Consecutive blocks first..end-1 of `layout`'s, the work of one core."""
 
     layout: LeafLevels
     first: int
@@ -75,14 +75,14 @@ def plan_passes(
 ) -> list[list[BlockRange]]:
     """Plan passes over the triangles, each over blocks with about `max_fragments`, in Morton order.
 
-    Each is divided into as many ranges of similar load as there are cores; reads the triangles once.
+    Each has as many ranges of similar load as there are cores; reads the triangles once.
     """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
     total = float(load.sum())
     passes = max(int(np.ceil(total / max_fragments)), 1)
     shares = max(min(cores, int(total / passes / MIN_SHARE)), 1)
-    # A block belongs where its middle fragment lies, so that rounding leaves no range behind.
+    # A block belongs to the range of its middle fragment, so that rounding leaves no empty range.
     number = np.minimum((np.cumsum(load) - load / 2) * (passes * shares / max(total, 1.0)), passes * shares - 1)
     cuts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))
     ranges = [BlockRange(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
@@ -105,7 +105,7 @@ def to_cells(corners_world: np.ndarray, grid: Grid, level: int) -> np.ndarray:
 
 
 def tasks_of(corners_voxel: np.ndarray, resolution: int, cells: CellSet) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """Ranges first, last, (x_first, x_last) of similar work in wanted cells; one huge triangle is divided along x."""
+    """Ranges first, last, (x_first, x_last) of similar work in requested cells; a huge triangle is split along x."""
     work = np.ones(len(corners_voxel), np.float64)
     _expected_work(corners_voxel, resolution, *cells.block, work)
     ends = np.cumsum(work)
@@ -144,7 +144,7 @@ def _extents(corners):  # type: ignore[no-untyped-def]
 
 @kernel
 def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ignore[no-untyped-def]
-    """Add the expected fragments of each triangle in wanted blocks, by points spread over it."""
+    """Add the expected fragments of each triangle in requested blocks, by points spread over it."""
     side = 2.0 ** (np.int64(shift) // 3)
     for triangle in range(len(corners_voxel)):
         corners = corners_voxel[triangle]
@@ -160,7 +160,7 @@ def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ign
 
 @kernel
 def _add_load(corners_voxel, depth, shift, levels, load):  # type: ignore[no-untyped-def]
-    """Add each triangle's expected fragments to the blocks it lies in, by points spread over it.
+    """Add each triangle's expected fragments to its blocks, by points spread over it.
 
     corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bricks of 4x4x4 cells that a hash table finds by their key, for what is added up cell by cell.
+"""Bricks of 4x4x4 cells in a hash table, for sums per cell.
 
-Neighbouring fragments share a brick, so most lookups stay in cache, and only bricks are sorted at the end.
+Neighbouring fragments share a brick, so that most lookups hit the cache, and only bricks are sorted at the end.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ BRICK_CELLS = 1 << BRICK_BITS
 
 
 def table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
-    """Hash table (a power of two,) int32 with room for as many bricks as `brick_key` holds; -1 where empty."""
+    """Hash table (a power of two,) int32 for the bricks in `brick_key`; -1 where empty."""
     table = np.full(1 << (2 * len(brick_key) - 1).bit_length(), -1, np.int32)
     _insert_all(table, brick_key, bricks)
     return table
@@ -23,7 +23,7 @@ def table_of(brick_key: np.ndarray, bricks: int) -> np.ndarray:
 
 @device
 def _slot(table, key):  # type: ignore[no-untyped-def]
-    """Slot where the search for a brick begins: Fibonacci hashing."""
+    """First slot to probe for a brick: Fibonacci hashing."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
 
@@ -39,7 +39,7 @@ def _insert_all(table, brick_key, bricks):  # type: ignore[no-untyped-def]
 
 @device
 def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
-    """Index of a brick, new ones included; -1 if there is no room for a new one."""
+    """Index of a brick, inserted if it is new; -1 without room."""
     slot = _slot(table, key)
     while table[slot] >= 0:
         if brick_key[table[slot]] == key:
@@ -56,7 +56,7 @@ def _find_brick(key, table, brick_key, count):  # type: ignore[no-untyped-def]
 
 @device
 def brick_of(cell_key, last, table, brick_key, count):  # type: ignore[no-untyped-def]
-    """Index of the brick of a cell, new ones included; -1 if there is no room for a new one. last: looked up before."""
+    """Index of the brick of a cell, inserted if it is new; -1 without room. last: the previous result."""
     key = cell_key >> np.uint64(BRICK_BITS)
     if last >= 0 and brick_key[last] == key:
         return last

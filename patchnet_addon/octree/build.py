@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree builder, from triangles: leaves pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
+"""Octree builder: leaves of triangles pass by pass, then exact means of all levels, bottom-up (methods 7.2)."""
 
 from __future__ import annotations
 
@@ -36,18 +36,15 @@ def build_octree(
     sides: bool = False,
     facing: np.ndarray | None = None,
 ) -> Steps[Octree]:
-    """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if it is a shade of colour.
+    """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if `shade` has colour.
 
-    layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels without leaves below the
-    finest leaf are left out.
-    exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None chooses it so that the
-    99.5 % quantile of leaf luminance becomes 1, but for leaves with emitters (methods 7.1). What is above 1 is kept
-    apart (methods 7.1b).
-    block_fragments: about how many fragments are added up at a time; this bounds memory and changes nothing else.
-    boxes: keep the boxes of the finest leaves, so that rays meet what is thinner than a voxel where it is (methods
-    4.1d). sides: luminance by direction, for nodes whose sides differ (`sides.py`). facing: (T,) int8, side of
-    each triangle that its luminance is seen on: 1 front, -1 back, 0 both; None: the front. Raises GeometryError when no
-    opaque surface is left.
+    layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels below the finest leaf are
+    omitted. exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None scales the 99.5 % quantile
+    of leaf luminance to 1, without leaves with emitters (methods 7.1). Values above 1 are stored separately (methods
+    7.1b). block_fragments: approximate number of fragments in memory; it does not affect the result. boxes: store the
+    boxes of the finest leaves, so that rays meet structures thinner than a voxel at their place (methods 4.1d). sides:
+    luminance by direction, for nodes whose sides differ (`sides.py`). facing: (T,) int8, lit side of each triangle: 1
+    front, -1 back, 0 both; None: the front. Raises GeometryError without opaque surface.
     """
     emitters = Emitters(source)
     watch = emitters.note if exposure is None and emitters.anything else None
@@ -73,7 +70,7 @@ def _joined(
     boxes: bool = False,
     sides: bool = False,
 ) -> Octree:
-    """Octree of blocks in Morton order; `parts` is emptied, so that nothing is held twice for long."""
+    """Octree of blocks in Morton order; empties `parts` to save memory."""
     colored = parts[0].leaf_chroma[0].shape[1] > 0
     parts[:0] = [_above(parts)]
     depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
@@ -163,7 +160,7 @@ def _luminance(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Stored luminance of each level, bottom-up, and chroma if there are `hues`, the leaves' chroma.
 
-    The leaves' `light` is exposed and clamped, their hue stays; both lists are emptied.
+    The leaves' `light` is exposed and clamped, their hue is kept; both lists are emptied.
     """
     stored: list[np.ndarray] = []
     chroma: list[np.ndarray] = []
@@ -181,7 +178,7 @@ def _luminance(
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:
-    """Concatenate all arrays; the list is emptied, each array let go as soon as it is copied."""
+    """Concatenate all arrays and empty the list, each array right after its copy."""
     joined = np.empty((sum(len(array) for array in arrays), *arrays[0].shape[1:]), arrays[0].dtype)
     start = 0
     while arrays:

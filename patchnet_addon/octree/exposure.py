@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exposure, the factor that brings the scene's white to 1, and the emitters that it leaves out (methods 7.1).
+"""Exposure, the factor that scales the scene's white to 1, and emitters, which it ignores (methods 7.1).
 
-A lamp that is seen is a hundred times as bright as the room that it lights; where its voxels are more than the few that
-may be white, the room would be dark.
+A visible lamp is a hundred times as bright as its room; if its voxels exceed the small share that may be white, the
+room would be dark.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ if TYPE_CHECKING:
     from .octree import Octree
 
 QUANTILE = 0.995
-_OWN_SHARE = 0.5  # of a material's light: what shines less shows mostly the light of others
+_OWN_SHARE = 0.5  # least emitted share of an emitter's light
 
 
 def quantile_exposure(leaf_luminance: np.ndarray) -> float:
-    """Factor that brings the 99.5 % quantile of leaf luminance (n,) to 1; 1 for a black scene."""
+    """Factor that scales the 99.5 % quantile of leaf luminance (n,) to 1; 1 for a black scene."""
     white = float(np.quantile(leaf_luminance, QUANTILE))
     return 1.0 / white if white > 0 else 1.0
 
 
 def exposure_text(octree: Octree) -> str:
-    """Exposure of an octree in words: the factor, and who chose it."""
+    """Exposure of an octree in words: the factor, and whether it is automatic."""
     how = {"automatic": " (automatic)", "given": " (given)"}.get(str(octree.provenance.get("exposure")), "")
     return f"Exposure {octree.exposure:.4g}{how}"
 
 
 class Emitters:
-    """Cells in which materials lie that shine; filled while a surface is voxelized, in any thread."""
+    """Cells that contain emitting materials; filled during voxelization, from any thread."""
 
     def __init__(self, source: MeshSource) -> None:
-        """Know which materials of `source` emit anything."""
+        """Find the emitting materials of `source`."""
         self._emission = np.array([material.emission for material in source.materials], np.float64).reshape(-1, 3)
         self._emission = self._emission @ REC709.astype(np.float64)  # (M,)
         self._cells: list[tuple[int, int, np.ndarray]] = []  # material, level, keys
@@ -51,7 +51,7 @@ class Emitters:
         return bool((self._emission > 0.0).any())
 
     def note(self, level: int, batch: TriangleBatch, fragments: Fragments, luminance: np.ndarray) -> None:
-        """Note fragments of cells on a `level`, with the luminance (F,) that they are shaded with."""
+        """Record fragments of cells on a `level`, with their shaded luminance (F,)."""
         materials = batch.materials[fragments.triangle]
         for material in np.unique(materials[self._emission[materials] > 0.0]).tolist():
             mine = materials == material
@@ -60,9 +60,9 @@ class Emitters:
             self._light.append((material, float(area @ luminance[mine].astype(np.float64)), float(area.sum())))
 
     def cells(self) -> dict[int, np.ndarray]:
-        """Keys (k,) uint64, ascending, of cells that emitters lie in, by level.
+        """Keys (k,) uint64, ascending, of cells with emitters, by level.
 
-        A material is an emitter if half of its light or more is its own, on the mean over its surface.
+        A material is an emitter if it emits at least half of its light, on the mean over its surface.
         """
         shining = {material for material in {each for each, _, _ in self._light} if self._shines(material)}
         levels = {level for material, level, _ in self._cells if material in shining}
@@ -80,7 +80,7 @@ class Emitters:
 def exposure_without_emitters(
     masks: Sequence[np.ndarray], light: Sequence[np.ndarray], emitters: Emitters | None
 ) -> float:
-    """Automatic exposure of leaves in which no emitter lies; of all leaves where there are no others that are lit.
+    """Automatic exposure of leaves without emitters; of all leaves if no others are lit.
 
     masks: (n,) uint8 child masks of a level's nodes; light: (l,) float32 luminance of its leaves; both by level.
     """
@@ -93,7 +93,7 @@ def exposure_without_emitters(
 
 
 def _others(masks: Sequence[np.ndarray], light: Sequence[np.ndarray], cells: dict[int, np.ndarray]) -> list[np.ndarray]:
-    """Luminance of the leaves in which no emitter lies, by level."""
+    """Luminance of the leaves without emitters, by level."""
     others, keys = [], np.zeros(1, np.uint64)
     for level, mask in enumerate(masks):
         values = light[level]

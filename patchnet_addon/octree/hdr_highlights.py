@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light above white: what the clamp of luminance to [0, 1] leaves out, of the few nodes that have some (methods 7.1b).
+"""Light above white: the excess over the clamp of luminance to [0, 1], for the few nodes that have it (methods 7.1b).
 
-Network, priorities and errors see the clamped luminance; a render adds this, so that lamps and suns on a wall come out
-as bright as they are.
+Network, priorities and errors use the clamped luminance; a render adds the excess, so that lamps and sunlit walls keep
+their brightness.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from ..surface.chroma import REC709, decoded_colors
 
 _POPCOUNT = np.array([value.bit_count() for value in range(256)], np.int64)
-_LEAST = 1.0 / 65535.0  # luminance: below it nothing is stored, as of luminance itself
+_LEAST = 1.0 / 65535.0  # least stored excess luminance, the step of luminance itself
 
 
 class HdrHighlights(NamedTuple):
-    """Light above white as kernels read it.
+    """Light above white in the form of kernels.
 
     bits: (n / 8,) uint8, whether a node has some, or (0,) if none has. nodes: (b,) uint32, ascending. colors: (b, 3)
-    float32, linear and exposed, what is to be added to the node's colour.
+    float32, linear and exposed, to be added to the node's colour.
     """
 
     bits: np.ndarray
@@ -34,7 +34,7 @@ NO_HIGHLIGHTS = HdrHighlights(np.empty(0, np.uint8), np.empty(0, np.uint32), np.
 
 
 def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> HdrHighlights:
-    """Light above white of `nodes` (b,) among `node_count`, with the bits by which most rays see that there is none."""
+    """Light above white of `nodes` (b,) among `node_count`, with a bit per node, by which most rays skip it."""
     if not len(nodes):
         return NO_HIGHLIGHTS
     bits = np.zeros(-(-node_count // 8), np.uint8)
@@ -43,7 +43,7 @@ def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> HdrHigh
 
 
 def colors_at(above: HdrHighlights, nodes: np.ndarray) -> np.ndarray:
-    """Light above white (N, 3) float32 of nodes (N,) int64; 0 where there is none, and for misses (-1)."""
+    """Light above white (N, 3) float32 of nodes (N,) int64; 0 for nodes without, and for misses (-1)."""
     colors = np.zeros((len(nodes), 3), np.float32)
     if not len(above.nodes):
         return colors
@@ -60,7 +60,7 @@ def light_hdr_highlights(
     hues: Sequence[np.ndarray],
     exposure: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (b,) uint32, ascending, and colours (b, 3) float32 of what is above white in leaves and in their means.
+    """Nodes (b,) uint32, ascending, and colours (b, 3) float32 above white, of leaves and their means.
 
     All by level, coarse first: child masks (n,) and areas (n,) of its nodes, luminance (l,) before exposure and chroma
     (l, 2) of its leaves; `hues` is empty without colour.

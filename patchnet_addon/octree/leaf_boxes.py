@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Boxes of leaves: what part of a voxel its surface spans along each axis, in sixteenths (methods 4.1d).
+"""Boxes of leaves: extent of the surface in a voxel along each axis, in sixteenths (methods 4.1d).
 
-A bar of half a voxel that lies in two voxels marks both, and comes out four times as wide. So a ray meets a leaf of the
-finest level only where it meets the box around the surface in it. A box is never smaller than its surface, so surfaces
-have no gaps. It is packed in three bytes, one an axis: the first sixteenth in the lower four bits, the last one in the
-upper four.
+A bar of half a voxel that spans two voxels marks both, and would be rendered four times as wide. So a ray meets a leaf
+of the finest level only if it meets the box around its surface. A box contains its surface, so that surfaces have no
+gaps. It is packed in three bytes, one per axis: the first sixteenth in the lower four bits, the last one in the upper
+four.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import numpy as np
 from ..runtime.kernels import device, lean_device
 
 STEPS = 16
-FILLED_STEPS = 3 * STEPS**2  # of what a box fills of its voxel
+FILLED_STEPS = 3 * STEPS**2  # steps of the filled share of a voxel
 WHOLE = 0xF0F0F0  # packed box of a whole voxel
-_MARGIN = 1e-6  # of a sixteenth: what rounding may have moved a cut
+_MARGIN = 1e-6  # tolerance for rounding of cuts, in sixteenths
 _BITS = 8
 
 
 def unpacked(packed: np.ndarray) -> np.ndarray:
-    """Boxes (n, 3) uint8, a byte an axis, of packed ones (n,) uint32."""
+    """Boxes (n, 3) uint8, a byte per axis, of packed ones (n,) uint32."""
     return np.ascontiguousarray(np.asarray(packed, "<u4").view(np.uint8).reshape(-1, 4)[:, :3])
 
 
 def filled_steps(boxes: np.ndarray) -> np.ndarray:
-    """What boxes (n, 3) uint8 fill of their voxels, (n,) uint16 in steps of 1 / FILLED_STEPS.
+    """Filled share of the voxels of boxes (n, 3) uint8, (n,) uint16 in steps of 1 / FILLED_STEPS.
 
-    That is the mean of what they cover as seen along the three axes. Reference of `filled_share`.
+    It is the mean of the covered shares along the three axes. Reference of `filled_share`.
     """
     x, y, z = (1 + (boxes >> 4).astype(np.uint16) - (boxes & 15)).T
     return np.asarray(x * y + y * z + z * x, np.uint16)
@@ -36,7 +36,7 @@ def filled_steps(boxes: np.ndarray) -> np.ndarray:
 
 @device
 def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
-    """One axis of a packed box, from `low` to `high`, in voxels from the leaf's lowest corner."""
+    """One axis of a packed box, from `low` to `high`, in voxel sides from the leaf's lowest corner."""
     first = min(max(np.floor(low * STEPS - _MARGIN), 0.0), STEPS - 1.0)
     last = min(max(np.ceil(high * STEPS + _MARGIN) - 1.0, first), STEPS - 1.0)
     return (np.uint64(first) | np.uint64(last) << np.uint64(4)) << np.uint64(_BITS * axis)
@@ -44,7 +44,7 @@ def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
 
 @device
 def joined_boxes(one, other):  # type: ignore[no-untyped-def]
-    """Packed box around two packed ones."""
+    """Packed bounding box of two packed ones."""
     joined = np.int64(0)
     for axis in range(3):
         a, b = (np.int64(one) >> (_BITS * axis)) & 255, (np.int64(other) >> (_BITS * axis)) & 255
@@ -61,20 +61,20 @@ def filled_share(boxes, row):  # type: ignore[no-untyped-def]
 
 @lean_device
 def covered_steps(boxes, row):  # type: ignore[no-untyped-def]
-    """Parts of its voxel's faces that a box covers as seen along each axis, three numbers of 1 / STEPS^2 each."""
+    """Covered part of the voxel's face along each axis, three numbers of 1 / STEPS^2 each."""
     x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
     return y * z, x * z, x * y
 
 
 @lean_device
 def box_side(boxes, row, axis):  # type: ignore[no-untyped-def]
-    """Sixteenths that a box spans along an axis."""
+    """Length of a box along an axis in sixteenths."""
     byte = np.int64(boxes[row, axis])
     return 1 + (byte >> 4) - (byte & 15)
 
 
 @lean_device
 def mirrored_span(byte, mirrored):  # type: ignore[no-untyped-def]
-    """First and last sixteenth of a box on an axis whose direction may be mirrored."""
+    """First and last sixteenth of a box on an axis that may be mirrored."""
     first, last = np.int64(byte) & 15, np.int64(byte) >> 4
     return (15 - last, 15 - first) if mirrored else (first, last)

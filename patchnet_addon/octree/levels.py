@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Build one level of an octree from the next finer one: which nodes there are, and what they hold.
+"""Build one level of an octree from the next finer one: its nodes and their contents.
 
-Leaves may lie on several levels, as long as no leaf lies in another one.
+Leaves may be on several levels, but no leaf is inside another one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .octree import LUMINANCE_SCALE, NORMAL_SCALE
 def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes over leaves with ascending keys (n,) uint64 on each level up to `depth`.
 
-    child_mask (nodes,) uint8 and first_child (nodes,) uint32, as `Octree` holds them.
+    child_mask (nodes,) uint8 and first_child (nodes,) uint32, as in `Octree`.
     """
     masks: list[np.ndarray] = []
     none = np.empty(0, np.uint64)
@@ -51,9 +51,9 @@ def merge_nodes(leaves: np.ndarray, inner: np.ndarray, inner_mask: np.ndarray) -
 
 
 def number_children(child_mask: np.ndarray) -> np.ndarray:
-    """Index (n,) uint32 of each node's first child: children of all nodes stand in the order of their parents.
+    """Index (n,) uint32 of each node's first child: children are in the order of their parents.
 
-    Raises SettingError for more nodes than 32 bits can name.
+    Raises SettingError for more nodes than 32-bit indices allow.
     """
     check_count(len(child_mask), UINT32_COUNT, "nodes", NODE_ADVICE)
     first_child = np.empty(len(child_mask), np.uint32)
@@ -64,7 +64,7 @@ def number_children(child_mask: np.ndarray) -> np.ndarray:
 def sums_of_level(child_mask: np.ndarray, child_sums: np.ndarray, leaf_sums: np.ndarray) -> np.ndarray:
     """Area and area * normal (n, 4) float64 of a level's nodes in order: their children's, or their own for leaves.
 
-    child_sums: (c, 4) of the level below. leaf_sums: (l, 5 or 7) of the level's leaves, as `LeafSums` holds them.
+    child_sums: (c, 4) of the level below. leaf_sums: (l, 5 or 7) of the level's leaves, as in `LeafSums`.
     """
     sums = np.zeros((len(child_mask), 4), np.float64)
     _sums(child_mask, child_sums, leaf_sums, sums)
@@ -72,7 +72,7 @@ def sums_of_level(child_mask: np.ndarray, child_sums: np.ndarray, leaf_sums: np.
 
 
 def area_and_normal(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Area (n,) float32 and mean normal (n, 3) int8, as the octree stores them, of sums (n, 4)."""
+    """Stored area (n,) float32 and mean normal (n, 3) int8 of sums (n, 4)."""
     normal = np.empty((len(sums), 3), np.int8)
     _round_normals(sums, normal)
     return sums[:, 0].astype(np.float32), normal
@@ -105,14 +105,14 @@ def red_blue_of_level(
 
 
 def stored_chroma(luminance: np.ndarray, red_blue: np.ndarray) -> np.ndarray:
-    """Chroma (n, 2) uint8, as the octree stores it, of luminance (n,), red and blue (n, 2), of any brightness."""
+    """Stored chroma (n, 2) uint8 of luminance (n,), red and blue (n, 2), of any brightness."""
     stored = np.empty((len(luminance), 2), np.uint8)
     _store_chroma(luminance, red_blue, stored)
     return stored
 
 
 def stored_luminance(luminance: np.ndarray) -> np.ndarray:
-    """Luminance (n,) uint16, as the octree stores it, of values in [0, 1]."""
+    """Stored luminance (n,) uint16 of values in [0, 1]."""
     stored = np.empty(len(luminance), np.uint16)
     _store_luminance(luminance, stored)
     return stored
@@ -120,7 +120,7 @@ def stored_luminance(luminance: np.ndarray) -> np.ndarray:
 
 @kernel
 def _parents(keys, parents, mask):  # type: ignore[no-untyped-def]
-    """Fill `parents` and `mask`; returns how many parents there are."""
+    """Fill `parents` and `mask`; returns the number of parents."""
     parent = -1
     for i in range(len(keys)):
         key = keys[i] >> np.uint64(3)

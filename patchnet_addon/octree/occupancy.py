@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Occupied leaf cells, a bit each: what the fit of a layout to cameras asks of the surface, without light and areas."""
+"""Occupied leaf cells, one bit each, without light and areas: for fitting leaf levels to cameras."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _FIRST_BRICKS = 1 << 10
 
 
 class OccupiedCells:
-    """Cells that opaque fragments lie in, until `take` hands them out in order of their key.
+    """Cells with opaque fragments; `take` returns them in the order of keys.
 
-    The cells are those that `LeafAccumulator` makes leaves of, in 12 bytes for each brick of 64 and its hash table.
+    The cells are those of `LeafAccumulator`'s leaves, in 12 bytes for each brick of 64 and its hash table.
     """
 
     def __init__(self) -> None:
@@ -28,13 +28,13 @@ class OccupiedCells:
         self._table = table_of(self._keys, 0)
 
     def __len__(self) -> int:
-        """Bricks so far."""
+        """Number of bricks."""
         return int(self._used[0])
 
     def add(
         self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
     ) -> None:
-        """Add the cells of fragments with an opacity (F,) of 1/255 or more; takes what `LeafAccumulator.add` does."""
+        """Add the cells of fragments with an opacity (F,) of at least 1/255; arguments as of `LeafAccumulator.add`."""
         opacity = np.asarray(opacity, np.float32)
         first = 0
         while first < len(fragments):
@@ -56,7 +56,7 @@ class OccupiedCells:
 
 @kernel
 def _mark(first, keys, opacity, table, brick_keys, used, cells):  # type: ignore[no-untyped-def]
-    """Mark the cells of fragments from `first` on; returns the first that found no room, or their number."""
+    """Mark the cells of fragments from `first` on; returns the first without room, or their number."""
     brick = np.int64(-1)
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
@@ -70,7 +70,7 @@ def _mark(first, keys, opacity, table, brick_keys, used, cells):  # type: ignore
 
 @kernel
 def _count(cells):  # type: ignore[no-untyped-def]
-    """Return how many bits are set."""
+    """Number of set bits."""
     count = 0
     for bits in cells:
         while bits:

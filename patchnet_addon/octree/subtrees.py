@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Subtrees over leaves of some blocks of space, from the blocks down, as compact as the octree will hold them.
+"""Subtrees over the leaves of some blocks of space, from the blocks down, in the octree's compact form.
 
-So of a large scene only the leaves of one pass are ever held as sums; luminance waits for the exposure, which
-takes all leaves to choose.
+In a large scene only the leaves of one pass are held as sums; luminance is stored later, since the exposure needs all
+leaves.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .voxelize import LeafSums
 class Subtrees:
     """Nodes of consecutive blocks, level by level from `root_level` on; within a level in Morton order.
 
-    root_keys: (r,) uint64 of the blocks that hold anything. root_sums: (r, 4) float64, area and area * normal (x, y, z)
-    in world units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as `Octree` holds
-    them, leaf_luminance (l,) float32, means over its leaves before exposure, leaf_chroma (l, 2) uint8, or (l, 0)
-    without colour, leaf_box (l, 3) uint8, and leaf_sides, of no leaves where sides are not kept apart.
+    root_keys: (r,) uint64 of the nonempty blocks. root_sums: (r, 4) float64, area and area * normal (x, y, z) in world
+    units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as in `Octree`,
+    leaf_luminance (l,) float32, means over its leaves before exposure, leaf_chroma (l, 2) uint8, or (l, 0) without
+    colour, leaf_box (l, 3) uint8, and leaf_sides, empty unless sides are stored.
     """
 
     root_level: int
@@ -60,7 +60,7 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
 
 
 def _boxes(leaves: LeafSums) -> np.ndarray:
-    """Boxes (l, 3) uint8 of leaves, whole voxels where they are not known."""
+    """Boxes (l, 3) uint8 of leaves, whole voxels if unknown."""
     return unpacked(np.full(len(leaves.keys), WHOLE, np.uint32)) if leaves.boxes is None else leaves.boxes
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxel cloud of an octree at one level: its nodes there, and the leaves above it, which are coarser.
+"""Voxel cloud of an octree at one level: its nodes there, and coarser leaves.
 
-`voxel_runs` walks them in pieces of bounded size, for files; `voxel_cloud` has them all at once, for the screen.
+`voxel_runs` yields them in pieces of bounded size, for files; `voxel_cloud` returns all of them, for the screen.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from ..cells.morton import morton_decode
 from ..runtime.errors import SettingError
 from .octree import POPCOUNT, Octree
 
-_PIECE = 1 << 17  # nodes of a level that are expanded at a time
+_PIECE = 1 << 17  # nodes of a level per step
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelRun:
-    """Run of voxels of one level; columns are computed when they are asked for.
+    """Run of voxels of one level; columns are computed on demand.
 
     nodes: (n,) int64 node indices. keys: (n,) uint64 Morton keys of their cells.
     """
@@ -34,7 +34,7 @@ class VoxelRun:
         return len(self.nodes)
 
     def only(self, chosen: np.ndarray | slice) -> VoxelRun:
-        """Select the voxels that `chosen` picks."""
+        """Select voxels by `chosen`."""
         return VoxelRun(self.octree, self.level, self.nodes[chosen], self.keys[chosen])
 
     @property
@@ -69,7 +69,7 @@ class VoxelRun:
 
     @property
     def area_world(self) -> np.ndarray:
-        """Surface (n,) float32 in each voxel, weighed by opacity."""
+        """Surface (n,) float32 in each voxel, weighted by opacity."""
         return self.octree.area_world[self.nodes]
 
 
@@ -95,7 +95,7 @@ class VoxelCloud:
 
 
 def voxel_counts(octree: Octree) -> np.ndarray:
-    """Voxels (depth + 1,) int64 that each level shows; never fewer on a finer level."""
+    """Number of voxels (depth + 1,) int64 of each level's cloud; it does not decrease with the level."""
     levels = range(octree.depth + 1)
     leaves = np.array([np.count_nonzero(octree.child_mask[octree.level(level)] == 0) for level in levels])
     coarser = np.cumsum(leaves) - leaves
@@ -103,7 +103,7 @@ def voxel_counts(octree: Octree) -> np.ndarray:
 
 
 def check_level(octree: Octree, level: int) -> int:
-    """Check `level` and return it; raises SettingError if the octree does not have it."""
+    """Check `level` and return it; raises SettingError outside the octree's levels."""
     if not 0 <= level <= octree.depth:
         raise SettingError(
             f"Level {level} is outside 0 to {octree.depth}, the levels of the octree: choose one of them"
@@ -112,21 +112,22 @@ def check_level(octree: Octree, level: int) -> int:
 
 
 def level_within(octree: Octree, limit: int, finest: int | None = None) -> int:
-    """Finest level, up to `finest`, that shows at most `limit` voxels.
+    """Finest level, up to `finest`, with at most `limit` voxels.
 
-    Raises SettingError if `limit` is below 1 or the octree does not have the level `finest`.
+    Raises SettingError if `limit` is below 1 or `finest` is not a level of the octree.
     """
     if limit < 1:
-        raise SettingError(f"A limit of {limit} voxels leaves none to show: choose at least 1")
+        raise SettingError(f"A limit of {limit} voxels shows none: choose at least 1")
     finest = octree.depth if finest is None else check_level(octree, finest)
     fitting = int(np.searchsorted(voxel_counts(octree), limit, side="right")) - 1
     return min(fitting, finest)
 
 
 def voxel_runs(octree: Octree, level: int, top: VoxelRun | None = None, piece: int = _PIECE) -> Iterator[VoxelRun]:
-    """Voxels that `level` shows, below the nodes of `top` or all of them, in a fixed order.
+    """Voxels of `level`'s cloud, below the nodes of `top` or all of them, in a fixed order.
 
-    Memory is bounded by `piece` nodes a level: the octree is walked depth first, many neighbouring nodes at a time.
+    Memory is bounded by `piece` nodes per level: the octree is traversed depth first, many neighbouring nodes at a
+    time.
     """
     stack = [top or VoxelRun(octree, 0, np.zeros(1, np.int64), np.zeros(1, np.uint64))]
     while stack:
@@ -142,7 +143,7 @@ def voxel_runs(octree: Octree, level: int, top: VoxelRun | None = None, piece: i
 
 
 def _children(run: VoxelRun) -> VoxelRun:
-    """All children of inner nodes, in their order."""
+    """All children of inner nodes in order."""
     mask = run.octree.child_mask[run.nodes]
     parent, octant = np.nonzero(np.unpackbits(mask[:, None], axis=1, bitorder="little"))  # each (m,)
     counts = POPCOUNT[mask].astype(np.int64)
@@ -152,7 +153,7 @@ def _children(run: VoxelRun) -> VoxelRun:
 
 
 def voxel_cloud(octree: Octree, level: int) -> VoxelCloud:
-    """Collect all voxels that `level` shows; raises SettingError if the octree does not have it."""
+    """Collect the voxels of `level`; raises SettingError outside the octree's levels."""
     runs = list(voxel_runs(octree, check_level(octree, level)))
     return VoxelCloud(
         level=level,

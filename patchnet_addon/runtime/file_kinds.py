@@ -124,6 +124,5 @@ EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Ta
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
 ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))
 NETWORKS = FileKind("values of networks of the paper", (".json",), _begins(b'{\n "networks_of_paper": {'))
-NETWORKS_TABLE = FileKind("a table of networks of the paper", (".md",), _begins(b"# Networks of the paper"))
 NETWORK_RECORD = FileKind("a network's record", (".json",), _begins(b'{\n "network": '))
 FIGURE_VALUES = FileKind("values of a figure of PatchNet", (".json",), _begins(b'{\n "figure": '))

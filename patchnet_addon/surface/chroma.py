@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chroma beside luminance, two bytes a node: how much of red + green + blue is red, and how much is blue.
+"""Chroma beside luminance, two bytes per node: the shares of red and of blue in red + green + blue.
 
-Luminance stays what it is: a colour is decoded so that it has exactly the luminance beside it. 255 is all; gray, a
-third of each, is 85 and so exact. Near gray, rounding to bytes changes a channel by at most 1.3 %, about one of the
-255 grades of a screen. Colours are linear Rec. 709 (methods 7.2d).
+A decoded colour has exactly the node's luminance. 255 is all; gray, a third of each, is 85 and so exact. Near gray,
+rounding to bytes changes a channel by at most 1.3 %, about one of the 255 grades of a screen. Colours are linear Rec.
+709 (methods 7.2d).
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chroma kernels: colour to and from two bytes; `chroma` is the plain twin, and says what the bytes are."""
+"""Chroma kernels: colour to and from two bytes; `chroma` is the NumPy version and defines the bytes."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opacity integrated over the outline of a fragment (methods 7.2a); functions that kernels call.
+"""Opacity integrated over the outline of a fragment (methods 7.2a); functions for kernels.
 
-The outline is the triangle cut by its cell once more, laid on the texture. There it is cut by the lines of a raster:
-texels of the level of the mip chain on which it covers up to `MAX_SQUARES`, or parts of the finest texels where it is
-small.
+The outline is the triangle clipped to its cell again, in texture space. There it is clipped to a raster: texels of the
+mip level at which it covers up to `MAX_SQUARES`, or parts of the finest texels if it is small.
 """
 
 from __future__ import annotations
@@ -99,9 +98,9 @@ def piece_on_texture(rows, corners_voxel, key, triangle, uvs, m):  # type: ignor
 
 @device
 def _span(low, high, size, margin, wrap):  # type: ignore[no-untyped-def]
-    """First and last square that [low, high] (in squares) reaches.
+    """First and last square that [low, high] (in squares) overlaps.
 
-    Beyond a border that does not repeat, one stands for all.
+    Beyond a border that does not repeat, a single square stands for all.
     """
     first = math.floor(low)
     last = math.floor(high)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mesh source, triangles as the voxelizer reads them: batches with material ids, never all at once."""
+"""Mesh source: triangles for the voxelizer, in batches with material ids, so that memory is bounded."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Material:
 
 
 class TriangleArrays(NamedTuple):
-    """Triangles of a batch as kernels read them; shapes as in `TriangleBatch`."""
+    """Triangles of a batch in the form of kernels; shapes as in `TriangleBatch`."""
 
     corners_world: np.ndarray
     uvs: np.ndarray
@@ -97,7 +97,7 @@ class MeshSource(Protocol):
 
 
 class FragmentArrays(NamedTuple):
-    """Fragments as kernels read them; shapes as in `Fragments`, but (0,) and (0, 3, 3) of outlines that are unknown."""
+    """Fragments in the form of kernels; shapes as in `Fragments`, but (0,) and (0, 3, 3) without outlines."""
 
     keys: np.ndarray
     triangle: np.ndarray
@@ -160,7 +160,7 @@ mean colour."""
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Mesh as a `MeshSource` that is held in memory: one batch, or several that were read before."""
+    """Mesh in memory as a `MeshSource`: one batch, or several."""
 
     parts: tuple[TriangleBatch, ...]
     materials: tuple[Material, ...] = (Material("default"),)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Convex polygons in compiled code: cutting them at planes, and measuring them.
+"""Convex polygons in compiled code: cuts at planes, and measures.
 
-All polygons live in one array of vertices (x, y, z, u, v) and are named by their first row: views of arrays cost the
+All polygons are in one array of vertices (x, y, z, u, v) and identified by their first row: views of arrays cost the
 compiled code more than the clipping itself.
 """
 
@@ -18,7 +18,7 @@ POLYGON_ROWS = 16
 def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
     """Cut along one axis; compiled once for each, so that the loops over coordinates unroll.
 
-    Coordinates before `kept` are left out of the parts: where axes are cut in order, nothing looks at them again.
+    Coordinates before `kept` are omitted from the parts: with axes cut in order, they are no longer needed.
     """
 
     def split(rows, source, count, plane, below, above):  # type: ignore[no-untyped-def]
@@ -53,8 +53,8 @@ def splitter(axis: int, kept: int):  # type: ignore[no-untyped-def]
             b = a
         return n_below - below, n_above - above
 
-    # Compiled code is linked by name. Alike but for a number that each process counts anew, those of two processes in
-    # the cache would be taken for one.
+    # Compiled code is linked by name. The default names contain a counter of the process, so that cached functions of
+    # two processes could be confused.
     split.__name__ = split.__qualname__ = f"split_{'xyz'[axis]}_from_{kept}"
     return device(split)
 

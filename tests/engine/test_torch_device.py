@@ -75,7 +75,7 @@ def test_a_device_is_found_or_its_error_says_what_to_do(monkeypatch):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     monkeypatch.setattr(torch.cuda, "current_device", lambda: 1)
     assert [found_device(name) for name in ("cuda", "cuda:0", "cuda:1")] == ["cuda:1", "cuda:0", "cuda:1"]
-    with pytest.raises(SettingError, match=r"'cuda:2' is not there: choose one .* \(cuda:0, cuda:1\), or cpu"):
+    with pytest.raises(SettingError, match=r"'cuda:2' does not exist: choose one .* \(cuda:0, cuda:1\), or cpu"):
         found_device("cuda:2")
     monkeypatch.setattr(devices, "torch_has_gpu", lambda: True)
     assert found_device("auto") == "cuda:1"

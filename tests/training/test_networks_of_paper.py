@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet lab train-networks`: plan, resumed trainings, tables."""
+"""`patchnet lab train-networks`: plan, resumed trainings, results."""
 
 import json
 from dataclasses import replace
@@ -93,15 +93,6 @@ def test_every_network_is_trained(out, rows):
     assert [rows[name]["look_ahead"] for name in ("look-ahead-1", "slats", "look-ahead-3")] == [1, 2, 3]
     for kind in (CONV3D, VOXCEPTION):
         assert rows[kind.name]["encoder_parameters"] == kind.parameters(2)
-
-
-def test_table(out, rows):
-    text = (out / "networks.md").read_text(encoding="utf-8")
-    row = rows["voxception"]
-    error = row["errors"]["slats"]
-    wanted = f"| seen | {error['coverage']:.4f} ({error['luminance_ratio']:.2f}) |"
-    assert f"| `voxception` | shells | voxception | 2 | {row['encoder_parameters']:,} + 29,082 | 2,048 |" in text
-    assert wanted in text
 
 
 def test_what_is_done_is_skipped(octrees, out, rows, monkeypatch):

@@ -28,16 +28,14 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_errors_are_means_over_the_views(file: Path, kind) -> None:
     dataset = load_dataset(file)
     found = weights_errors(Weights.random(3, kind=kind), dataset, 100)
-    assert found["all"]["views"] == 400 == sum(part["views"] for part in found["level"].values())
-    mean = sum(part["views"] * part["coverage"] for part in found["level"].values()) / 400
-    assert found["all"]["coverage"] == pytest.approx(mean, abs=1e-5)
+    assert found["views"] == 400
     batch = all_of(dataset).batch(np.arange(100), Augmentation.none(100))
     node = [dataset.octree.find(int(one[0]), one[None, 1:].astype(int))[0] for one in dataset.samples.voxel[:100]]
     own = dataset.octree.luminance_float(np.array(node))[:, None]
     wanted = np.abs(own - batch.luminance)[batch.coverage > 0].mean()
-    assert found["all"]["voxel_luminance"] == pytest.approx(wanted, abs=1e-5)
-    ratio = found["all"]["luminance"] / found["all"]["voxel_luminance"]
-    assert found["all"]["luminance_ratio"] == pytest.approx(ratio, rel=1e-3)
+    assert found["voxel_luminance"] == pytest.approx(wanted, abs=1e-5)
+    ratio = found["luminance"] / found["voxel_luminance"]
+    assert found["luminance_ratio"] == pytest.approx(ratio, rel=1e-3)
 
 
 def test_command_compares_weights(file: Path, tmp_path: Path, capsys) -> None:
@@ -47,7 +45,7 @@ def test_command_compares_weights(file: Path, tmp_path: Path, capsys) -> None:
     words += ["--out", str(out)]
     assert main(words) == 0
     (found,) = json.loads(out.read_text())["errors"].values()
-    assert found["scenes"]["slats"]["all"]["views"] == 200
+    assert found["scenes"]["slats"]["views"] == 200
     assert "slats" in capsys.readouterr().out
     assert main([*words[:2], str(file), *words[2:]]) == 2
     assert "Two sample files are called slats" in capsys.readouterr().err

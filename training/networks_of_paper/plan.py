@@ -10,14 +10,12 @@ from pathlib import Path
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.file_kinds import NETWORKS, NETWORKS_TABLE
 from ..encoders import ENCODERS
 from ..evaluation import WITHOUT
 from ..run.run_files import WEIGHTS
 
 RECORD = "record.json"
-VALUES, TABLE = "networks.json", "networks.md"
-OUTPUTS = {VALUES: NETWORKS, TABLE: NETWORKS_TABLE}
+VALUES = "networks.json"
 SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
 
 

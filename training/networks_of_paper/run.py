@@ -17,10 +17,9 @@ from ...patchnet_addon.network.weights import Weights, save_weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import FileFormatError, WeightsFileError
-from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD
+from ...patchnet_addon.runtime.file_kinds import NETWORK_RECORD, NETWORKS
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.replace import replaced_file
-from ..benchmarks.tables import markdown_table
 from ..data.dataset import DATASET_SEEDS, SUFFIX, Dataset, load_dataset, save_samples
 from ..data.samples import SampleSettings, draw_samples
 from ..encoders import ENCODERS, load_weights
@@ -28,14 +27,7 @@ from ..run.run_files import CHECKPOINT, LOG, read_log
 from ..run.trainer import RunOptions, train
 from ..run.validation import weights_errors
 from ..settings import TrainSettings
-from .plan import OUTPUTS, RECORD, TABLE, VALUES, NetworkPlan, network_folder, weights_path
-
-TITLE = "# Networks of the paper"
-_HEAD = ("network", "learned from", "encoder", "look-ahead", "parameters", "passes", "seconds")
-_MEANING = (
-    "Parameters: of encoder + decoder. Seconds: of training. Then errors of coverage (of luminance, over that of the "
-    "voxel's own) on samples of each scene that the network has not seen."
-)
+from .plan import RECORD, VALUES, NetworkPlan, network_folder, weights_path
 
 
 @dataclass(frozen=True)
@@ -141,7 +133,7 @@ def _row(
         "decoder_parameters": sum(array.size for layer in weights.decoder for array in layer),
         "passes": weights.metadata["sample_passes"],
         "seconds": seconds,
-        "errors": {scene: weights_errors(weights, data[scene], run.voxels)["all"] for scene in unseen},
+        "errors": {scene: weights_errors(weights, data[scene], run.voxels) for scene in unseen},
     }
 
 
@@ -181,31 +173,8 @@ def _kept(octree: Path, path: Path, count: int, settings: SampleSettings) -> Dat
     return dataset if same else None
 
 
-def write_tables(out: Path, settings: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write networks.json and networks.md into `out`; raises OutputError."""
+def write_rows(out: Path, settings: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write networks.json into `out`; raises OutputError."""
     values = {"networks_of_paper": dict(settings), "networks": list(rows)}
-    texts = {VALUES: json.dumps(values, indent=1, allow_nan=False), TABLE: markdown_of(rows)}
-    for name, text in texts.items():
-        with replaced_file(out / name, OUTPUTS[name]) as file:
-            file.write(text.encode())
-
-
-def markdown_of(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of networks as a table, with a column for each scene."""
-    scenes = list(dict.fromkeys(scene for row in rows for scene in (*row["scenes"], *row["errors"])))
-    lines = []
-    for row in rows:
-        about = [
-            f"`{row['network']}`", ", ".join(row["scenes"]), row["encoder"], str(row["look_ahead"]),
-            f"{row['encoder_parameters']:,} + {row['decoder_parameters']:,}", f"{row['passes']:,}",
-            f"{row['seconds']:,.0f}",
-        ]  # fmt: skip
-        lines.append([*about, *(_error(row["errors"].get(scene)) for scene in scenes)])
-    return "\n\n".join([TITLE, _MEANING, markdown_table([*_HEAD, *scenes], lines)]) + "\n"
-
-
-def _error(errors: Mapping[str, float] | None) -> str:
-    if errors is None:
-        return "seen"
-    ratio = errors["luminance_ratio"]
-    return f"{errors['coverage']:.4f} ({'-' if ratio is None else f'{ratio:.2f}'})"
+    with replaced_file(out / VALUES, NETWORKS) as file:
+        file.write(json.dumps(values, indent=1, allow_nan=False).encode())

@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Validation: scenes that take no part in a run, held-out parts of those that do, and errors on them (methods 7.21);
-errors of weights on a scene's samples as a whole, by level and by pixel-voxel ratio.
-"""
+"""Validation: held-out scenes and held-out parts of training scenes, and errors on them (methods 7.21)."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -21,13 +17,11 @@ from ..data.corpus import Corpus
 from ..data.dataset import Dataset, check_names
 from ..data.forest import concatenate, voxel_luminance
 from ..data.held_out import why_not_held_out
-from ..data.samples import UNIT
 from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
 
 _CHUNK = 512
-_RATIOS = 0.5, 0.625, 0.75, 0.875, 1.0
 
 
 def validate(model: PatchNet, sets: Mapping[str, Corpus]) -> dict[str, dict[str, float]]:
@@ -110,13 +104,12 @@ def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
     return Corpus(concatenate([dataset.octree]), tree, samples.voxel, samples.views, dataset.lookahead, nearby)
 
 
-def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str, Any]:
-    """Errors of the first `voxels` of a data set, plain JSON values: `all`, by `level`, by `ratio`.
+def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str, float | None]:
+    """Errors of the first `voxels` of a data set, plain JSON values.
 
-    Each has `views`, mean absolute `coverage` and `luminance`, the luminance error of `voxel_luminance`, what the voxel
-    shows without a network, `luminance_ratio` of these two, and mean squares: `coverage_squared`, and
-    `luminance_squared_ratio` over views weighted by coverage. Raises SettingError where samples and weights look
-    another number of levels ahead.
+    `views`, mean absolute `coverage` and `luminance`, the luminance error of `voxel_luminance`, the voxel's own
+    luminance, `luminance_ratio` of these two, and mean squares: `coverage_squared`, and `luminance_squared_ratio` over
+    views weighted by coverage. Raises SettingError if samples and weights have another look-ahead.
     """
     if weights.lookahead != dataset.lookahead:
         raise SettingError(
@@ -124,16 +117,7 @@ def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str,
             f"with --lookahead {weights.lookahead}"
         )
     corpus = all_of(dataset, nearby=weights.kind.mixes)
-    found = np.stack(predicted_views(PatchNet(weights), corpus, voxels))  # (5, N)
-    views = corpus.views.shape[1]
-    level = np.repeat(corpus.voxel[:voxels, 0], views)
-    ratio = corpus.views[:voxels, :, 9].ravel() / UNIT
-    bins = {f"{low} to {high}": (ratio >= low) & (ratio <= high) for low, high in itertools.pairwise(_RATIOS)}
-    return {
-        "all": _errors(found),
-        "level": {str(one): _errors(found[:, level == one]) for one in np.unique(level)},
-        "ratio": {name: _errors(found[:, chosen]) for name, chosen in bins.items() if chosen.any()},
-    }
+    return _errors(np.stack(predicted_views(PatchNet(weights), corpus, voxels)))
 
 
 def _errors(found: np.ndarray) -> dict[str, float | None]:
