@@ -3,7 +3,7 @@
 
     blender --enable-event-simulate -p 0 0 1300 700 yard.blend -P card_window.py -- OUT NAME SECONDS
 
-SECONDS: how long two viewports turn, saved meanwhile.
+SECONDS: how long two viewports turn, saved meanwhile; from a minute on the visit does nothing else.
 
 Writes OUT/NAME.json and screenshots beside it; test_card_window.py judges them.
 """
@@ -50,7 +50,6 @@ def picture():
     space.shading.type = "RENDERED"
     yield from clicks.wait_for(settled, "all samples of the first view", 240.0)
     (viewport,) = viewports
-    seen["card"] = module("gpu_view.cards").BlenderDevice().name
     yield from clicks.wait_for(lambda: viewport._on_card._background not in (None, "no map"), "the world's map", 120.0)
     yield from clicks.wait_for(settled, "all samples before the world", 180.0)
     seen["by the CPU"] = viewport._preview is not None
@@ -116,12 +115,17 @@ def split():
     yield 3.0
 
 
+def far() -> None:
+    """A view from so far away that it looks ahead, with the line about what is shown."""
+    space = clicks.area("VIEW_3D").spaces.active
+    space.region_3d.view_perspective, space.region_3d.view_distance = "PERSP", 20.0
+    space.shading.type, space.overlay.show_overlays = "RENDERED", True
+
+
 def heat():
     """The live heatmap: at half the resolution first, over the picture; what needs codes says so."""
     overlay = bpy.context.window_manager.patchnet_overlay
-    space = clicks.area("VIEW_3D").spaces.active
-    space.region_3d.view_perspective, space.region_3d.view_distance = "PERSP", 20.0  # so far away that it looks ahead
-    space.overlay.show_overlays = True  # with the line about what is shown
+    far()
     overlay.live = "PRIORITY"
     yield 3.0
     bpy.ops.patchnet.precompute_codes()
@@ -132,6 +136,14 @@ def heat():
         yield from clicks.screenshot(OUT / f"{NAME}-{kind.lower()}.png")
     seen["priority by"] = [v._heat._wanted[1].ranked_by.name for v in viewports if v._heat]
     yield from inspect()
+
+
+def turning():
+    """Two viewports turn with heatmaps and pictures."""
+    overlay = bpy.context.window_manager.patchnet_overlay
+    far()
+    if result().coded is None:
+        bpy.ops.patchnet.precompute_codes()
     overlay.live = "PRIORITY"
     yield from two_views()
     seen["turned"] = yield from turned(TURNED_S)
@@ -168,7 +180,7 @@ def two_views():
     for area in views():
         area.spaces.active.shading.type = "RENDERED"
     heats = module("overlay.drawing").live
-    yield from clicks.wait_for(lambda: sum(heat.done for heat in heats.values()) >= 2, "two heatmaps", 240.0)
+    yield from clicks.wait_for(lambda: sum(heat.done for heat in heats.values()) >= 2, "two heatmaps", 600.0)
 
 
 def join() -> None:
@@ -263,7 +275,9 @@ def session():
     watched(viewports)
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
-    for part in (picture, moves, split, heat, by_priority, workspaces, freed, reloaded):
+    seen["card"] = module("gpu_view.cards").BlenderDevice().name
+    parts = picture, moves, split, heat, turning, by_priority, workspaces, freed, reloaded
+    for part in parts if TURNED_S < 60 else (turning, reloaded):
         yield from part()
         visit.save(part.__name__)
 

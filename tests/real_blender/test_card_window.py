@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Viewports by the graphics card in a real Blender with a window; card_window.py is what happened there.
 
-    PATCHNET_TURN_S=600 .venv/bin/python -m pytest tests/real_blender/test_card_window.py
+    PATCHNET_TURN_S=600 .venv/bin/python -m pytest tests/real_blender/test_card_window.py -k turn
 
 turns the view for ten minutes with each of Blender's graphics libraries instead of a moment.
 """
