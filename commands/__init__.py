@@ -80,7 +80,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         from .shared.lines import say_error
 
-        say_error(f"error: {message}; `{self.prog} --help` lists what there is", EXIT_ERROR)
+        say_error(f"error: {message}; `{self.prog} --help` lists the arguments", EXIT_ERROR)
         self.exit(EXIT_ERROR)
 
 

@@ -61,8 +61,8 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
             f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
             if octree.chroma is not None
-            else "luminance alone, no color",
-            "one luminance a voxel"
+            else "luminance only, no color",
+            "one luminance per voxel"
             if octree.side_nodes is None
             else f"light by direction in {len(octree.side_nodes) / octree.node_count:.1%} of the nodes",
         ]
@@ -71,7 +71,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
         return [
             f"network {held.kind.name}, encoder {held.encoder_kind.name}, look-ahead {held.lookahead}",
             f"hash {held.hash}",
-            f"{'with' if held.plus else 'without'} an estimator of pixel errors of its own",
+            f"{'with' if held.plus else 'without'} an error estimator",
         ]
     if header.kind == "codes":
         arrays = header.arrays

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
     add_number(parser, "--depth", bounds.DEPTH, required=True, help="octree depth")
     parser.add_argument(
-        "--cameras", default="", help="names with commas between, all, auto, or a number of cameras to place (active)"
+        "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
     add_number(
         parser,

@@ -6,8 +6,8 @@
 #
 #   PATCHNET_SCENES=/path/to/scenes training/shipped_weights.sh LIBRARIES-FOLDER WORK-FOLDER
 #
-# Of the sources for testing (LDraw, the sports car, Reallusion, the scenes that this project builds itself) none takes
-# part. What exists is kept and the training resumes, so the script can be run again.
+# Sources for testing (LDraw, the sports car, Reallusion, this project's own scenes) are excluded from training. A second
+# run keeps existing files and resumes the training.
 set -euo pipefail
 scenes=${PATCHNET_SCENES:?set PATCHNET_SCENES to the folder of the scenes}
 libraries=${1:?give the folder of the furniture libraries}
@@ -52,7 +52,7 @@ octree san-miguel "$scenes/san_miguel.glb" --depth 10 --light cycles \
     --without sun_light,fill_light,baked:negro,baked:banqueta,calle --bisect z 0.76
 octree san-miguel-turned "$scenes/san_miguel.glb" --depth 10 --light two-lights --rotate 1
 
-# Scenes to validate on, which are not learned from.
+# Scenes for validation only.
 unseen=(courtyard furnished-room furnished-garden shuttle station sports-car)
 "$patchnet" lab evaluate --scenes "$(IFS=,; echo "${unseen[*]}")" --prepare --out "$work/unseen"
 for scene in "${unseen[@]}"; do
@@ -65,5 +65,5 @@ resume=$([ -e "$work/run/checkpoint.pt" ] && echo --resume || true)
 "$patchnet" lab train "$work"/octrees/*.safetensors --fresh --validate "$work/unseen-samples" --preset improved \
     --encoder-width 128 --passes 256000000 --out "$work/run" $resume
 
-# The estimator of errors, which learns from what these weights say of the octrees.
+# The error estimator, trained on these weights' predictions for the octrees.
 "$patchnet" lab train-plus "$work"/octrees/*.safetensors --weights "$work/run/patchnet.safetensors" --out "$work/plus"

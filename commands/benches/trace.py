@@ -35,7 +35,7 @@ from .inputs import SHELLS, read_triangles, voxelized
 _BLOCK = 4  # side in pixels of super-sampled blocks, as in refinement
 _BLOCKS = 40
 _SIDE = 32
-_CLOSE = 0.15  # of the way from what the view within sees back to it
+_CLOSE = 0.15  # share of the way back from the surface to the view Inside
 
 
 def import_embree() -> ModuleType:
@@ -157,7 +157,7 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
 
 
 def _blocks(camera: Camera) -> np.ndarray:
-    """Pixels (N,) int64 of small squares all over the picture, always the same ones."""
+    """Pixels (N,) int64 of small squares spread over the picture, the same in every call."""
     rng = np.random.default_rng(0)
     rows = rng.integers(0, max(camera.height_px - _BLOCK, 1), _BLOCKS)
     columns = rng.integers(0, max(camera.width_px - _BLOCK, 1), _BLOCKS)

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples",
         bounds.DATASET_SAMPLES,
         default=SAMPLES,
-        help=f"samples (views) in all, the same for each octree ({SAMPLES:,})",
+        help=f"total samples (views), the same number for each octree ({SAMPLES:,})",
     )
     add_out(parser, "folder for the sample files", required=True)
     add_number(parser, "--seed", bounds.SEED, default=0, help="random seed")

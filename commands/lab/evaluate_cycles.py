@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
-    add_out(parser, "folder for results and figures; that of `patchnet lab evaluate` will do", required=True)
+    add_out(parser, "folder for results and figures, for example that of `patchnet lab evaluate`", required=True)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     with replaced_file(credits_file, SCENE_CREDITS) as file:
         file.write(text.encode())
     if composed.role == "test":
-        say_note("this library is for testing only: nothing is to be trained on this scene")
+        say_note("this library is for testing only: do not train on this scene")
     count = len(composed.plan.placements)
     say_result(f"{args.out}: {counted(count, 'piece')}; credits are in {credits_file}", file=args.out, pieces=count)
     return 0

@@ -48,5 +48,5 @@ def scenes_named(names: str) -> list[Scene]:
         return [scene_named(name.strip()) for name in names.split(",") if name.strip()]
     scenes = [scene for scene in SCENES.values() if scene.is_there()]
     if absent := [f"{scene.name} ({scene.file})" for scene in SCENES.values() if scene not in scenes]:
-        say_note(f"not evaluated, since their files are not there: {', '.join(absent)}; --scenes NAME says more")
+        say_note(f"not evaluated, since files are missing: {', '.join(absent)}; --scenes NAME shows how to get one")
     return scenes

@@ -69,5 +69,5 @@ def run(args: argparse.Namespace) -> int:
     with ProgressBars() as bars:
         frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)
         path = drain(train_maps(frames, key, settings, options), bars.show)
-    say_result(f"{path}: learnt from {counted(len(frames), 'frame')}", file=path, frames=len(frames))
+    say_result(f"{path}: trained on {counted(len(frames), 'frame')}", file=path, frames=len(frames))
     return 0

@@ -10,9 +10,9 @@ Kinds of networks:
     look-ahead  look-ahead-1 and look-ahead-3, trained on all scenes but --unseen
     encoders    conv3d and voxception, trained on all scenes but --unseen; they need torch for encoding
 
-Missing octrees of the catalogue's scenes are created, samples drawn, networks trained with checkpoints. A later run
-skips finished networks and resumes interrupted ones. networks.json has parameters, times, and errors on the scenes that
-a network was not trained on.
+Creates missing octrees of the catalogue's scenes, draws samples, and trains the networks with checkpoints. A later run
+skips finished networks and resumes an interrupted one. networks.json has parameters, times, and errors on the
+held-out scenes of each network.
 """  # noqa: E501  a command stands on one line
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(
         parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of a scene for errors ({_VOXELS:,})"
     )
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
     add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU (all cores)")
     add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
     add_out(parser, "folder for octrees, samples and networks", required=True)
@@ -110,7 +110,7 @@ def _scenes(args: argparse.Namespace) -> list[Scene]:
     """Named scenes of the catalogue; raises SettingError without scenes and octrees."""
 
     if not args.scenes and not args.octrees:
-        raise SettingError("There is nothing to learn from: name --scenes, or octree files")
+        raise SettingError("There is nothing to train on: name --scenes, or octree files")
     return scenes_named(args.scenes) if args.scenes else []
 
 

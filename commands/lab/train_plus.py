@@ -80,6 +80,6 @@ def run(args: argparse.Namespace) -> int:
     losses = log_lines(args.out / LOG)[-1]["loss"]
     print(f"Losses, where 1 is a constant guess: {', '.join(f'{name} {loss:.3f}' for name, loss in losses.items())}")
     say_written(args.out, RUN_FILES)
-    text = f"{args.out / WEIGHTS}: weights and their estimator, learned from {counted(len(table), 'pixel')}"
+    text = f"{args.out / WEIGHTS}: weights and their estimator, trained on {counted(len(table), 'pixel')}"
     say_result(text, file=args.out / WEIGHTS, pixels=len(table))
     return 0

@@ -70,7 +70,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, "importance_image", "importance_group", "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
-    add_device(parser, "what the network makes codes on; auto: a GPU where torch has one (auto)")
+    add_device(parser, "device of the network's encoder; auto: a GPU if torch has one (auto)")
     _add_cycles(parser)
 
 
@@ -119,7 +119,7 @@ def _importance(args: argparse.Namespace) -> Importance | None:
     if args.mask is None and not args.mask_image and not args.mask_group:
         return None
     if args.mask is not None and not args.mask.is_file():  # raises before the bake
-        raise SettingError(f"The importance mask {args.mask} does not exist")
+        raise SettingError(f"The importance mask {args.mask} does not exist: check --mask")
     return Importance(args.mask_image, None if args.mask is None else args.mask.absolute(), args.mask_group)
 
 

@@ -15,7 +15,7 @@ from .arguments import add_device, add_number
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --device, --threads, --resume, --stop-after and --checkpoint-minutes."""
-    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
     add_number(
         parser, "--threads", bounds.THREADS, help="threads of the CPU that train, or gather batches for a GPU "
         "(all cores)",

@@ -3,14 +3,13 @@
 // PatchNet on a Flamenco 3 farm, frame by frame: copy this file into the folder `scripts` beside flamenco-manager and
 // choose "PatchNet" in Blender's Output properties, panel Flamenco 3.
 //
-// One frame is made first, and its automatic exposure is that of all: machines that share frames cannot agree
-// otherwise. Then each task makes some frames, and in the end a task looks that all are there and writes report.json
-// about them. A frame that is there and would become the same again is skipped, so a job that failed can simply be sent
+// The first task makes one frame, whose automatic exposure all frames use. Then each task makes some frames. The last
+// task checks that all frames exist and writes report.json. Frames that are up to date are skipped: submit a failed job
 // again under its name. Workers need Blender with the PatchNet extension enabled.
 
 const JOB_TYPE = {
   label: "PatchNet",
-  description: "Bake voxels of every frame and refine its pictures where they are wrong",
+  description: "Bake voxels of every frame, and refine its pictures where they are wrong",
   settings: [
     {
       key: "frames", type: "string", required: true,
@@ -20,16 +19,16 @@ const JOB_TYPE = {
     },
     {
       key: "chunk_size", type: "int32", default: 1, propargs: { min: 1 }, visible: "submission",
-      description: "Number of frames that one task makes",
+      description: "Number of frames per task",
     },
     {
       key: "exposure_frame", type: "int32", required: true, eval: "C.scene.frame_current",
       evalInfo: { showLinkButton: true, description: "Current frame" },
-      description: "Frame whose automatic exposure is that of all frames; a bright one. It is made even if Frames lack it",
+      description: "Bright frame whose automatic exposure all frames use. It is made even if it is not in Frames",
     },
     {
       key: "depth", type: "string", required: true, default: "auto",
-      description: "Octree depth, or auto, or fit. A number gives all frames the same",
+      description: "Octree depth, auto, or fit. A number is the depth of all frames",
     },
     {
       key: "light", type: "string", required: true, default: "cycles", choices: ["cycles", "two-lights"],
@@ -37,11 +36,11 @@ const JOB_TYPE = {
     },
     {
       key: "samples", type: "int32", required: true, default: 4, propargs: { min: 1 },
-      description: "Cycles samples of each baked texel",
+      description: "Cycles samples per baked texel",
     },
     {
       key: "cameras", type: "string", required: true, default: "all",
-      description: "Names with commas between, all, or auto",
+      description: "Camera names separated by commas, all, or auto",
     },
     {
       key: "width", type: "int32", required: true, default: 192, propargs: { min: 0 },
@@ -49,20 +48,20 @@ const JOB_TYPE = {
     },
     { key: "height", type: "int32", required: true, default: 192, propargs: { min: 0 }, description: "Pixels" },
 
-    // Where results go: a folder named after the job, so that the same job sent again finds what is there.
+    // Results are in a folder named after the job, so that the job submitted again finds finished frames.
     {
       key: "output_root", type: "string", subtype: "dir_path", required: true, visible: "submission", default: "//out",
-      description: "Folder that all workers see; the job gets a folder of its name in it",
+      description: "Folder shared by all workers; results are in a subfolder with the job's name",
     },
     {
       key: "output_folder", type: "string", subtype: "dir_path", editable: false,
       eval: "str(Path(abspath(settings.output_root), jobname))",
-      description: "Folder of frame-0001 and so on",
+      description: "Folder of the frames' folders, frame-0001 and so on",
     },
 
     {
       key: "blender_command", type: "string", required: true, default: "{blender}", visible: "web",
-      description: "Blender as the workers find it",
+      description: "Command of Blender on the workers",
     },
     { key: "blendfile", type: "string", required: true, visible: "web", description: "Path of the Blend file" },
   ],
@@ -89,7 +88,7 @@ function compileJob(job) {
   job.addTask(report);
 }
 
-// Make the task that makes some frames. All tasks have the same settings: else frames would not count as made.
+// Make a task of some frames. All tasks have the same settings, so that finished frames count.
 function patchnetTask(name, settings, frames) {
   const task = author.Task(name, "blender");
   task.addCommand(author.Command("exec", {

@@ -108,7 +108,7 @@ def test_nothing_to_learn_from(table, tmp_path):
     with pytest.raises(PatchNetError, match="show no surface"):
         drain(train_plus(empty, PlusSettings(), RunOptions(tmp_path)))
     wrong = replace(table, errors={name: errors * np.nan for name, errors in table.errors.items()})
-    with pytest.raises(PatchNetError, match=r"no number.*--rate"):
+    with pytest.raises(PatchNetError, match=r"not finite.*--rate"):
         drain(train_plus(wrong, PlusSettings(steps=1, batch=8), RunOptions(tmp_path)))
     with pytest.raises(SettingError, match="Steps"):
         PlusSettings(steps=0)

@@ -26,13 +26,12 @@ BUDGET = 0.3
 
 
 def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> dict[str, Any]:
-    """Claims by name, each with what was found on every scene, by name, with intervals (methods 5).
+    """Claims by name, each with its results by scene and strategy, with intervals (methods 5).
 
     lowest: the strategy is below all references of the paper from a budget on, which should be 13 % at most;
-    share_of_budgets: of those from 13 % on, where it is.
-    half: at 30 % the strategy leaves half of the error of screen-space variance.
-    Each is asked of all strategies of the network and of the exact oracles of their scores.
-    groups: of the strategies in use, by name.
+    share_of_budgets: share of the budgets from 13 % on at which it is. half: at 30 % the strategy leaves half of the
+    error of screen-space variance. Both are tested for all strategies of the network and for the exact oracles of their
+    scores. groups: of the strategies in use, by name.
     """
     return {
         "lowest": {scene: _lowest(draw, groups) for scene, draw in draws.items()},

@@ -50,10 +50,10 @@ def coded_octree(path: Path, weights: Weights) -> Steps[CodedOctree]:
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """Files of a scene that frames are evaluated of.
+    """Files of a scene for the evaluation of frames.
 
-    codes: file of those by `weights`, None for the weights that are shipped. networks: further networks, whose codes
-    stand beside that file.
+    codes: file of the codes by `weights`. weights: None for the shipped ones. networks: further networks, whose codes
+    are beside that file.
     """
 
     octree: Path
@@ -79,7 +79,7 @@ class SceneCodes:
     networks: Mapping[PatchNetwork, CodedOctree]
 
     def of(self, strategy: Strategy) -> CodedOctree:
-        """Octree with the codes that a strategy's prediction is decoded from."""
+        """Octree with the codes of a strategy's network."""
         return self.networks[strategy.network] if isinstance(strategy, NetworkStrategy) else self.coded
 
 

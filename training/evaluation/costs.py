@@ -43,8 +43,8 @@ STAGED_BUDGET = 0.3
 _MEASURED = (0.0, 0.05, 0.06, 0.07, 0.1, 0.2, 0.24, 0.25, 0.3, 0.5, 0.7, 0.74, 0.75, 1.0)
 """Measured budgets of staged strategies; costs between them are interpolated."""
 CYCLES_MS_PER_PIXEL = 0.2
-"""Processor milliseconds that 64 paths of Cycles take in a pixel, at the rate that `patchnet bench bake` says of camera
-renders: 0.3 million paths a second."""
+"""Processor milliseconds of 64 Cycles paths in a pixel, at the rate of camera renders in `patchnet bench bake`: 0.3
+million paths per second."""
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,11 @@ def _supersample(octree: Octree, camera: Camera, side: int) -> None:
 
 def _predict(coded: CodedOctree, camera: Camera) -> None:
     buffers = drain(trace_view(coded.octree, camera, [], coded=coded, reference=False, unrefined=PREDICTED))
-    assert buffers.predicted is not None  # which computes it
+    assert buffers.predicted is not None  # computes the prediction
 
 
 def _spread_pixels(camera: Camera) -> np.ndarray:
-    """Pixels (N,) int64 all over the picture."""
+    """Pixels (N,) int64, evenly spread over the picture."""
     count = min(_REFERENCE_PIXELS, camera.pixel_count)
     return np.linspace(0, camera.pixel_count - 1, count).astype(np.int64)
 

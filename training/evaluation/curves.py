@@ -166,21 +166,21 @@ def check_track(track: TrackErrors) -> None:
     best = track.left[:, track.row(OPTIMAL), None]
     begin = best[..., :1]  # (F, 1, 1)
     left = track.left
-    _require(track, np.isfinite(left) & (left >= 0), "has an error that is negative or no number")
-    _require(track, left[..., -1:] <= ROUNDING * begin, "has an error left where all is refined", 100)
+    _require(track, np.isfinite(left) & (left >= 0), "has a negative or undefined error")
+    _require(track, left[..., -1:] <= ROUNDING * begin, "has an error although all is refined", 100)
     same = np.abs(left[..., :1] - begin) <= ROUNDING * begin
-    _require(track, same, f"begins with another error than {OPTIMAL!r}")
+    _require(track, same, f"has an initial error other than that of {OPTIMAL!r}")
     falls = np.diff(left) <= ROUNDING * begin
     falls[:, [row for row, name in enumerate(track.strategies) if name in STAGED]] = True
-    _require(track, falls, "has an error that rises with the budget", 1)
-    _require(track, left >= best - RANKING * begin, f"is below {OPTIMAL!r}, which nothing can be")
+    _require(track, falls, "has an error that increases with the budget", 1)
+    _require(track, left >= best - RANKING * begin, f"is below {OPTIMAL!r}, the least possible error")
     check_random(track)
 
 
 def check_random(track: TrackErrors) -> None:
     """Check that the pooled error of `random` is within STANDARD_ERRORS of its expectation (methods 3.2).
 
-    The expectation is (1 - X) MSE(0), with X the share that whole pixels make of the budget. Raises CheckError.
+    The expectation is (1 - X) MSE(0), with X the budget rounded to whole pixels. Raises CheckError.
     """
     frames = track.active > 0
     active = track.active[frames, None]
@@ -193,8 +193,8 @@ def check_random(track: TrackErrors) -> None:
     worst = int(off.argmax()) if off.size else 0
     if off.size and not off[worst] <= allowed:
         raise CheckError(
-            f"Scene {track.scene!r}, strategy {RANDOM!r}, budget {worst} %: the error left is {off[worst]:.6g} off its "
-            f"expectation, beyond the tolerance {allowed:.6g}: the order of pixels or the sums are wrong"
+            f"Scene {track.scene!r}, strategy {RANDOM!r}, budget {worst} %: the error differs by {off[worst]:.6g} from "
+            f"its expectation, more than {allowed:.6g}: the order of pixels or the sums are wrong"
         )
 
 

@@ -74,8 +74,9 @@ class Explorations:
         return cameras
 
     def _best(self, starts: list[Pose], frames: int, name: str, speed: float) -> tuple[list[Camera], list[Pose]] | None:
-        """Flight from one of the poses, and its walk: the first that is long enough and has the wanted look-ahead, else
-        the one with most. None if none is smooth.
+        """Flight from one of the poses, and its walk; None if no flight is smooth.
+
+        It is the first that is long enough and has the wanted look-ahead, otherwise the one with the most.
         """
         best: tuple[bool, float, list[Camera], list[Pose]] | None = None
         for start in starts:

@@ -58,7 +58,7 @@ def _frames_of(path: Path, settings: FrameSettings, folder: Path, key: str) -> S
     cameras = cameras[:: settings.every]
     frames = []
     for number, camera in enumerate(cameras):
-        yield Progress(number, len(cameras), "Rendering frames to learn from")
+        yield Progress(number, len(cameras), "Rendering training frames")
         file = folder / f"{key[:16]}-{number:05}.safetensors"
         frame = RenderedFrame.load(file, key)
         if frame is None:

@@ -52,7 +52,7 @@ class PatchNet(nn.Module):
         return Weights.from_arrays(arrays, metadata, self.lookahead, self.kind, self.encoder_kind)
 
     def _columns(self) -> np.ndarray:
-        """Columns of the first matrix, whose patches are in the order z, y, x, channel, in the order of blocks."""
+        """Order that turns the first matrix's columns, by z, y, x, channel of a patch, into the order of blocks."""
         side = 1 << self.lookahead
         columns = np.arange(8 * side**3 * CHANNELS).reshape(2, side, 2, side, 2, side, CHANNELS)
         blocks = columns.transpose(0, 2, 4, 1, 3, 5, 6)  # octant and cell of z, y, x; channel
@@ -80,7 +80,7 @@ class PatchNet(nn.Module):
         return _without_luminance(blocks) if self.kind.mixes else blocks
 
     def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Codes (C, 10) of patches (C, 8, B), by products in `dtype`, those of the last layer in float32."""
+        """Codes (C, 10) of patches (C, 8, B); products run in `dtype`, those of the last layer in float32."""
         with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             values = self._hidden(patches)
         codes: Tensor = self.encoder[-1](values.float())
@@ -136,14 +136,14 @@ def _branch(branch: Branch, convolution: nn.Module, cells: Tensor) -> Tensor:
 
 
 def interpolate(corner_codes: Tensor, entry: Tensor) -> Tensor:
-    """Trilinear means (V, R, 10) of the codes (V, 8, 10) of corners, x fastest, at points (V, R, 3) in [0, 1]^3."""
+    """Codes (V, R, 10) at points (V, R, 3) in [0, 1]^3, trilinear from those of corners (V, 8, 10), x fastest."""
     x, y, z = torch.stack([1 - entry, entry], dim=-1).unbind(2)  # each (V, R, 2)
     shares = (z[..., :, None, None] * y[..., None, :, None] * x[..., None, None, :]).flatten(2)
     return torch.bmm(shares, corner_codes)
 
 
 def _ray_inputs(codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> Tensor:
-    """Inputs (..., 42) of code and ray."""
+    """Decoder inputs (..., 42) of code and ray."""
     x, y, z = direction.unbind(-1)
     harmonics = torch.stack(harmonic_terms(x, y, z), dim=-1)  # (..., 25)
     modulated = codes[..., :MODULATED] * harmonics[..., :MODULATED]
@@ -160,7 +160,7 @@ def _without_luminance(blocks: Tensor) -> Tensor:
 
 
 def _with_luminance(blocks: Tensor) -> Tensor:
-    """Blocks (..., 5 n) of cells, with luminances of 0, of blocks (..., 4 n) that have none."""
+    """Blocks (..., 5 n) with luminance 0 from blocks (..., 4 n) without luminance."""
     cells = blocks.unflatten(-1, (-1, len(_SHAPE)))
     result = cells.new_zeros(*cells.shape[:-1], CHANNELS)
     result[..., _SHAPE] = cells

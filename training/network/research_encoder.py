@@ -40,7 +40,7 @@ class _ModelEncoder:
         self._model = PatchNet(weights)
 
     def __call__(self, blocks: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Encode as `Encoder` says."""
+        """Encode, see `Encoder`."""
         import torch
 
         seen = self._model.seen_channels(torch.from_numpy(blocks))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Networks of the paper: of one scene each, without one, of each look-ahead, of each encoder, in one run."""
+"""Training of the paper's networks in one run: for each scene, without a scene, by look-ahead and by encoder."""

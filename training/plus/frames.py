@@ -32,7 +32,7 @@ from ..network.research_encoder import research_encoder
 KIND = "track-references"
 _CODE = ("patchnet_addon.tracing.supersample", "training.evaluation.tracks")
 _INPUTS = Strategy(
-    "inputs", "Inputs", "All that the estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
+    "inputs", "Inputs", "Inputs of all error estimators", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
 )
 
 
@@ -81,7 +81,7 @@ def _references(octree: Octree, cameras: Sequence[Camera], settings: TrackSettin
         return arrays["references"]
     found = []
     for number, camera in enumerate(cameras):
-        yield Progress(number, len(cameras), "Rendering references to learn from")
+        yield Progress(number, len(cameras), "Rendering references")
         found.append(drain(supersample(octree, camera, settings.side)))
     references = np.array(found, np.float32)
     folder.mkdir(parents=True, exist_ok=True)

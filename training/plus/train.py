@@ -60,7 +60,7 @@ def pixels_of(
     parts = []
     for number, path in enumerate(octrees):
         views = yield from views_of(path, weights, tracks, folder)
-        yield Progress(number, len(octrees), "Gathering pixels to learn from")
+        yield Progress(number, len(octrees), "Gathering pixels")
         parts.append(PixelTable.of(views, settings.pixels, settings.seed))
     return PixelTable.joined(parts)
 
@@ -69,10 +69,10 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
     """Train the networks of all forms on a table, and return the path of their weights.
 
     Updates `log.jsonl` in `options.out` and writes `plus.safetensors` at the end. Raises PatchNetError without pixels
-    or if the loss is NaN, OutputError for files that cannot be written.
+    or if the loss is not finite, OutputError for files that cannot be written.
     """
     if len(table) == 0:
-        raise PatchNetError("There is nothing to train on: the octrees' tracks show no surface")
+        raise PatchNetError("The octrees' tracks show no surface to train on: give octrees with surfaces")
     check_plus_run(options.out)
     options.out.mkdir(parents=True, exist_ok=True)
     log, began = Log(options.out / LOG, 0), time.monotonic()
@@ -104,11 +104,11 @@ def rate_at(step: int, settings: PlusSettings) -> float:
 
 
 def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
-    """Write the mean losses since the last time; raises PatchNetError if one is NaN."""
+    """Write the mean losses since the last call; raises PatchNetError if one is not finite."""
     means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
     for learner in learners:
         learner.losses.clear()
     if not all(map(math.isfinite, means.values())):
-        raise PatchNetError(f"The loss is NaN after {step} steps: train again with a lower --rate")
+        raise PatchNetError(f"The loss is not finite after {step} steps: train again with a lower --rate")
     rounded = {name: round(mean, 6) for name, mean in means.items()}
     log.write({"step": step, "loss": rounded, "seconds": round(seconds, 1)})

@@ -26,7 +26,7 @@ class Resumable:
     """Training state with the number of steps, and their seconds over all interruptions."""
 
     def __init__(self, **parts: Any) -> None:
-        """Parts of a state by name: modules and optimisers of torch's."""
+        """Parts of the state by name: modules and optimisers of torch."""
         self._parts = parts
         self.steps, self.seconds = 0, 0.0
 
@@ -53,7 +53,7 @@ class Learner(Resumable):
         super().__init__(model=self.model, mean=self.mean, optimizer=self.optimizer)
 
     def differentiate(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
-        """Gradients of the loss of a batch by all parameters, and its sums (3,) for `mean_errors`.
+        """Gradients of a batch's loss by all parameters, and sums (3,) for `mean_errors`.
 
         share: of the batch in the step; both are scaled by it, so that those of all parts sum up. The encoder's
         products run in `dtype`.

@@ -39,13 +39,13 @@ class Log:
         self._losses.append(losses)
 
     def means(self) -> list[float]:
-        """Means of the stored values since the last time."""
+        """Means of the values stored since the last call."""
         found: list[float] = torch.stack(self._losses).double().mean(0).flatten().tolist()
         self._losses.clear()
         return found
 
     def write_means(self, step: int, passes: int, rate: float, seconds: float) -> None:
-        """Write the mean errors of coverage and luminance since the last time."""
+        """Write the mean errors of coverage and luminance since the last call."""
         coverage, luminance = self.means()
         errors = {"coverage": round(coverage, 6), "luminance": round(luminance, 6)}
         self.write({"step": step, "passes": passes, "seconds": round(seconds, 1), "rate": rate} | errors)

@@ -62,7 +62,7 @@ class RunOptions:
 
 
 def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOptions) -> Steps[Weights]:
-    """Train on `datasets` and return the weights, the moving mean if there is one.
+    """Train on `datasets` and return the weights: the moving mean if there is one.
 
     Updates `checkpoint.pt`, `patchnet.safetensors` and `log.jsonl` in `options.out`. A run that is resumed on the same
     device with as many threads continues exactly, else within rounding. The first of several processes (`processes.py`)

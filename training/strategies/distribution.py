@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Windows of 3x3 around every pixel, and the distribution p of luminance, or of another weight, in them (methods 2)."""
+"""Windows of 3x3 pixels, and the distribution p of luminance or of another weight in them (methods 2)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ EPSILON = 1e-6  # windows with a smaller sum of luminance are black
 
 
 def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values (H, W, 9) of the windows of `picture` (H, W), and which of them lie in the picture (H, W, 9) bool.
+    """Values (H, W, 9) of the windows of `picture` (H, W), and a mask (H, W, 9) bool of the values inside the picture.
 
-    Values outside the picture are 0. The window is in row-major order, the pixel itself at index 4.
+    Values outside the picture are 0. A window is in row-major order, its pixel at index 4.
     """
     padded = np.pad(picture, 1), np.pad(np.ones(picture.shape, bool), 1)
     values, inside = (sliding_window_view(plane, (3, 3)).reshape(*picture.shape, 9) for plane in padded)
@@ -29,9 +29,9 @@ def windows(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class WindowDistribution:
     """Distribution p_i = w_i / sum w of weights over the N pixels of each window inside the picture.
 
-    inside: (H, W, 9) bool, these pixels. count: (H, W), N, their number. mean: (H, W) float64, mean weight. ratio: (H,
-    W, 9) float64, N p_i, the weights over their mean; 1 in windows without weight, which count as uniform, and 0
-    outside of the picture.
+    inside: (H, W, 9) bool, pixels in the picture. count: (H, W), N, their number. mean: (H, W) float64, mean weight.
+    ratio: (H, W, 9) float64, N p_i, the weights over their mean; 1 in windows without weight, which count as uniform,
+    and 0 outside the picture.
 
     Contrasts are sums over these ratios instead of p_i: in uniform windows they are exactly 1, so that all uniform
     windows score exactly 0 and tie for any N.
@@ -44,7 +44,7 @@ class WindowDistribution:
 
     @classmethod
     def of(cls, weights: np.ndarray, least: float) -> WindowDistribution:
-        """Distributions in a picture of weights (H, W), at least 0; windows that do not sum to `least` have none."""
+        """Distributions in a picture of weights (H, W) >= 0; windows whose sum is below `least` count as uniform."""
         values, inside = windows(weights.astype(np.float64))
         count = inside.sum(axis=-1)  # 9, fewer at the picture's borders
         total = values.sum(axis=-1)
@@ -63,7 +63,7 @@ Contrast = Callable[[WindowDistribution], np.ndarray]
 
 
 def luminance_contrast(buffers: PixelBuffers, contrast: Contrast) -> np.ndarray:
-    """Contrast of luminance times mean luminance of each window of the preview, (H, W); black ones count as uniform."""
+    """Contrast times mean luminance of each window of the preview, (H, W); black windows count as uniform."""
     distribution = WindowDistribution.of(buffers.picture(buffers.preview), EPSILON)
     return distribution.mean * contrast(distribution)
 
@@ -71,7 +71,7 @@ def luminance_contrast(buffers: PixelBuffers, contrast: Contrast) -> np.ndarray:
 def contrast_strategy(
     name: str, title: str, description: str, contrast: Contrast, maximum: float, quantity: str = "luminance x contrast"
 ) -> Strategy:
-    """Strategy whose score is a contrast of luminance times mean luminance of the 3x3 pixels around."""
+    """Strategy whose score is a contrast of luminance times mean luminance of the 3x3 pixels around each pixel."""
     return Strategy(
         name=name,
         title=title,

@@ -12,7 +12,7 @@ from .divergences import kullback_leibler
 
 LUMINANCE_SHARE = 0.5  # delta of methods 3.5
 _TINY = float(np.finfo(np.float64).tiny)
-_NEAREST = float(np.finfo(np.float32).tiny)  # for a camera in a leaf, whose distance is 0: its square is above 0
+_NEAREST = float(np.finfo(np.float32).tiny)  # least distance, for a camera in a leaf; its square is above 0
 
 
 def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
@@ -24,7 +24,7 @@ def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
 
 
 def geometry_contrast(buffers: PixelBuffers) -> np.ndarray:
-    """Entropy contrast of cos / d^2 of each window, (H, W); d: distance of the hit, cos: |N_V . w| (equations 9, 10).
+    """Entropy contrast (H, W) of cos / d^2 in each window; d: distance of the hit, cos: |N_V . w| (equations 9, 10).
     Misses have p = 0; a window without hits has no contrast.
     """
     assert buffers.normal is not None  # required by `needs`
@@ -44,7 +44,7 @@ STRATEGIES = (
     contrast_strategy(
         "entropy",
         "Entropy, luminance",
-        "Mean luminance times the entropy that luminance lacks to be uniform in the 3x3 pixels around",
+        "Mean luminance times the entropy contrast of luminance in the 3x3 pixels around",
         entropy_contrast,  # equation 8 of methods 3.5 with one channel
         maximum=0.2,
     ),

@@ -22,7 +22,7 @@ def _strategy(name: str, title: str, words: str, need: str, seen: Seen, rays: in
     return Strategy(
         name=name,
         title=title,
-        description=f"Luminance difference to {words} one level more than a patch",
+        description=f"Luminance difference to {words}, one level finer than a patch",
         needs=frozenset({need}),
         score=lambda buffers: np.abs(buffers.preview - seen(buffers)),
         quantity="luminance difference",
@@ -44,9 +44,9 @@ def _mean_of_four(buffers: PixelBuffers) -> np.ndarray:
     return mean
 
 
-FINE_RAY = _strategy("fine-ray", "One finer ray", "one ray through the pixel's center that sees", FINE, _one, 1)
+FINE_RAY = _strategy("fine-ray", "One finer ray", "one ray through the pixel's center", FINE, _one, 1)
 FINE_RAYS_4 = _strategy(
-    "fine-rays-4", "Four finer rays", "the mean of 2x2 rays in the pixel that see", FINE_RAYS, _mean_of_four, 4
+    "fine-rays-4", "Four finer rays", "the mean of 2x2 rays in the pixel", FINE_RAYS, _mean_of_four, 4
 )
 
 STRATEGIES = FINE_RAY, FINE_RAYS_4

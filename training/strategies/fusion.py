@@ -14,7 +14,7 @@ SHARE = 0.25  # share of the variance of 3x3 pixels that estimates the pixel's o
 
 
 def with_variance(strategy: Strategy, name: str, title: str) -> Strategy:
-    """Strategy that adds SS-Variance to one whose score is a difference of luminance."""
+    """Strategy that adds SS-Variance to a strategy whose score is a luminance difference."""
 
     def score(buffers: PixelBuffers) -> np.ndarray:
         expected = np.asarray(strategy.score(buffers), np.float64)

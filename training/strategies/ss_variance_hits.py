@@ -20,7 +20,7 @@ STRATEGIES = (
     Strategy(
         name="ss-variance-hits",
         title="Screen-space variance of hits",
-        description="Variance of luminance in the 3x3 pixels around; 0 where the pixel's own ray met nothing",
+        description="Variance of luminance in the 3x3 pixels around; 0 in pixels without a hit",
         needs=frozenset(),
         score=_score,
         quantity="variance of luminance",

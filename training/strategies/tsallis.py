@@ -16,11 +16,11 @@ INDICES = (0.5, 1.5, 2.0, 3.0)  # the paper does not state its index
 def tsallis_contrast(distribution: WindowDistribution, q: float) -> np.ndarray:
     """Tsallis contrast 1 - H_q / H_q_max of each window (H, W), in [0, 1]; H_q = (1 - sum p^q) / (q - 1).
 
-    q: entropic index above 0; 1 is the limit, the contrast of Shannon's entropy. A window of one pixel has no contrast.
+    q: entropic index above 0; 1 is the limit, the contrast of Shannon's entropy. A window of one pixel has contrast 0.
     """
     if q == 1.0:
         return entropy_contrast(distribution)
-    # With p = r / N this is the definition without differences of nearly equal numbers: exactly 0 for uniform r = 1.
+    # The definition with p = r / N, without cancellation: exactly 0 for uniform r = 1.
     most = distribution.count ** (q - 1.0) - 1.0
     contrast = (distribution.average(distribution.ratio**q) - 1.0) / np.where(most != 0, most, 1.0)
     return np.maximum(contrast, 0.0)  # rounding may go below 0
@@ -36,7 +36,7 @@ def tsallis(q: float) -> Strategy:
     return contrast_strategy(
         f"tsallis-{q:g}",
         f"Tsallis entropy, q = {q:g}",
-        "Mean luminance times the Tsallis entropy that the 3x3 pixels around lack to be uniform",
+        "Mean luminance times the Tsallis entropy contrast of the 3x3 pixels around",
         lambda distribution: tsallis_contrast(distribution, q),
         maximum=0.2,
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World-space look-up table: error of a voxel against its children by child mask and direction (methods 3.8)."""
+"""World-space look-up table: a voxel's error relative to its children, by child mask and direction (methods 3.8)."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ STRATEGIES = (
     Strategy(
         name="ws-lut-coverage",
         title="World-space coverage, exact",
-        description="Share of the pixel that the voxels one level ahead leave empty, rendered and not looked up",
+        description="Share of the pixel that the voxels one level ahead leave empty, rendered instead of looked up",
         needs=frozenset({EXACT_1}),
         score=_coverage_score,
         quantity="missing coverage",

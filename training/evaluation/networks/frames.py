@@ -37,7 +37,7 @@ SIDES = (1, 2, 4, 8)  # of the pictures: side x side rays in each pixel
 SUBPIXELS = 4  # parts along a pixel's side, each of (32 / 4)^2 of the reference's rays
 _PART_SIDE = 8
 _INPUTS = Strategy(
-    "inputs", "Inputs", "The G-buffer, with nothing scored", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
+    "inputs", "Inputs", "G-buffer without a score", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0
 )
 
 

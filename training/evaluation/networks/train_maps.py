@@ -121,8 +121,8 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     """Train a map network on frames of one size, and return the path of its weights.
 
     key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
-    `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is NaN, and as `check_map_run` and
-    `load_checkpoint`.
+    `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is not finite, and as
+    `check_map_run` and `load_checkpoint`.
     """
     if not frames:
         raise PatchNetError("There is nothing to train on: name at least one octree")
@@ -160,10 +160,10 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
 
 
 def _log_mean(log: Log, learner: MapLearner) -> None:
-    """Write the mean loss since the last time; raises PatchNetError if it is NaN."""
+    """Write the mean loss since the last call; raises PatchNetError if it is not finite."""
     (mean,) = log.means()
     if mean != mean:
-        raise PatchNetError(f"The loss is NaN after {learner.steps} steps: train again with a lower --rate")
+        raise PatchNetError(f"The loss is not finite after {learner.steps} steps: train again with a lower --rate")
     log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
 
 

@@ -110,7 +110,7 @@ def _scores(network: nn.Module, planes: Tensor) -> Tensor:
 
 
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
-    """L1 of the picture that is inpainted from the samples, and how far the map's mean is from a half."""
+    """L1 distance of the inpainted picture, plus the distance of the map's mean from 0.5."""
     importance = network(batch.planes)
     thresholds = pattern(*importance.shape[1:]).to(importance.device)
     samples = torch.sigmoid(_SHARPNESS * (normalised(importance) - thresholds))
