@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells of a level: the Morton keys that name them, and which of them fit a pixel."""
+"""Cells of a level: their Morton keys, and the level-of-detail contract with pixels."""

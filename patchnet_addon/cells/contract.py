@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Level-of-detail contract (methods 4.1b): which voxel fits a pixel, and whether there is look-ahead below it.
+"""Level-of-detail contract (methods 4.1b): the voxel that fits a pixel, and whether it has look-ahead.
 
-Sides are in the octree's cube, where a voxel of level l has side 2^-l. Tracing, depths and fitted octrees all ask here;
+Sides are in the octree's cube, where a voxel of level l has side 2^-l. Tracing, depths and fitted octrees all use it;
 the functions named `..._of` are the references, for arrays.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..runtime.kernels import device
 
 MAX_LEVELS = 24  # of any walk down an octree
-MIN_RATIO, MAX_RATIO = 0.5, 1.0  # pixel side / voxel side that the network knows (methods 7.8)
+MIN_RATIO, MAX_RATIO = 0.5, 1.0  # range of pixel side / voxel side of the network (methods 7.8)
 _CHILDREN = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
@@ -34,23 +34,22 @@ def fitting_level(pixel_side):  # type: ignore[no-untyped-def]
 
 
 def fitting_level_of(pixel_side: np.ndarray | float) -> np.ndarray:
-    """Levels (N,) float64, whole numbers, as `fitting_level` without the limit, of which it is the reference, too."""
+    """Levels (N,) float64, whole numbers, as `fitting_level` without the limit; also its reference."""
     levels: np.ndarray = np.maximum(np.floor(-np.log2(2.0 * np.asarray(pixel_side))) + 1, 0)
     return levels
 
 
 @device
 def pixel_voxel_ratio(pixel_side, voxels_per_side):  # type: ignore[no-untyped-def]
-    """Pixel side over voxel side, clamped to what the network knows; voxels_per_side: 2^level (methods 7.8)."""
+    """Pixel side over voxel side, clamped to the network's range; voxels_per_side: 2^level (methods 7.8)."""
     return min(max(pixel_side * voxels_per_side, MIN_RATIO), MAX_RATIO)
 
 
 @device
 def has_lookahead(child_mask, first_child, node, lookahead):  # type: ignore[no-untyped-def]
-    """Return whether `node` has real descendants `lookahead` levels down, compiled as `Octree.look_ahead`.
+    """Return whether `node` has descendants `lookahead` levels down; the compiled form of `Octree.look_ahead`.
 
-    Within a level, the children of nodes that follow each other follow each other, so all descendants of a node on a
-    level are one run of nodes.
+    Children of consecutive nodes are consecutive, so a node's descendants on a level are one run of nodes.
     """
     first = np.int64(node)
     last = first

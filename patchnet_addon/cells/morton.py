@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Morton keys: the bits of a cell's coordinates in turn, so that cells near each other have keys near each other.
+"""Morton keys: interleaved bits of a cell's coordinates, so that nearby cells have nearby keys.
 
-A key of a level is that of its parent, times eight, plus the octant x + 2 y + 4 z. `spread` and `gather` are written
-for arrays and for single numbers alike: `morton_kernels.py` compiles them, and nothing here needs numba.
+A key of a level is that of its parent, times eight, plus the octant x + 2 y + 4 z. `spread` and `gather` work on arrays
+and on single numbers: `morton_kernels.py` compiles them; this module does not need numba.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def gather(bits):  # type: ignore[no-untyped-def]
 
 
 def _gather_pairs(values: np.ndarray) -> np.ndarray:
-    """Bits 0, 2, 4, ... of up to 32, moved together."""
+    """Compact bits 0, 2, 4, ... of up to 32."""
     values = values & 0x55555555
     for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
         values = (values | (values >> shift)) & mask

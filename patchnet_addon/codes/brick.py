@@ -2,9 +2,8 @@
 """Bricks: the fine cells around a voxel, as 27 blocks of one voxel each (methods 7.7, 7.9).
 
 With a look-ahead of n levels, a block is a cube of 2^n cells a side: 4x4x4 for two levels, and a brick 12x12x12. A
-brick is an array (27, 8^n) int32 of the nodes that fill its cells, -1 where a cell is empty. Blocks and the cells in
-them run in the order z, y, x. Outside of the root cube everything is empty; a leaf coarser than the fine level fills
-all its cells.
+brick is an array (27, 8^n) int32 of the nodes that fill its cells, -1 for an empty cell. Blocks and their cells are in
+the order z, y, x. Outside of the root cube everything is empty; a leaf coarser than the fine level fills all its cells.
 """
 
 from __future__ import annotations
@@ -24,8 +23,9 @@ MIDDLE = 13  # the block that is the voxel itself
 
 
 def _ranks() -> np.ndarray:
-    """How many children stand before each of the eight, (256, 8) int32 by child mask; for those that are not there so
-    far below 0 that it stays there with any node added. A leaf, of mask 0, stands for each of its parts itself."""
+    """Number of children before each of the eight, (256, 8) int32 by child mask; for missing children so negative that
+    the sum with any node stays negative. A leaf, of mask 0, represents each of its parts.
+    """
     there = np.arange(256)[:, None] >> np.arange(CHILDREN) & 1 == 1
     ranks = np.where(there, np.cumsum(there, axis=1) - 1, np.iinfo(np.int32).min)
     ranks[0] = 0
@@ -39,9 +39,9 @@ _PARTS = (_RANKS >= 0).sum(axis=1).astype(np.uint8)
 class Brick(NamedTuple):
     """Fine cells around a voxel.
 
-    nodes: (27, 8^n) int32, valid only in blocks whose count is not 0; the others keep what they had.
+    nodes: (27, 8^n) int32, valid only in blocks whose count is not 0; others keep stale values.
     counts: (27,) int32, occupied cells of each block.
-    around: (27,) int32, of each block the node that is the voxel, or the coarser leaf that covers it, EMPTY for none.
+    around: (27,) int32, each block's voxel node, or the coarser leaf that covers it, EMPTY for none.
     """
 
     nodes: np.ndarray
@@ -50,7 +50,7 @@ class Brick(NamedTuple):
 
 
 def check_nodes(count: int) -> None:
-    """Raise SettingError for more nodes than the 32 bits of a brick's or block's cells can name."""
+    """Raise SettingError for more nodes than the 32-bit cells of bricks and blocks can index."""
     check_count(count, INT32_COUNT, "nodes", NODE_ADVICE)
 
 
@@ -83,9 +83,9 @@ def covering_node(nodes, root, level, x, y, z):
 
 @lean_device
 def fill_block(nodes, node, lookahead, cells):
-    """Write the nodes of a voxel's fine cells into `cells` (8^lookahead,) and return how many are occupied.
+    """Write the nodes of a voxel's fine cells into `cells` (8^lookahead,) and return the number of occupied ones.
 
-    From the voxel down, level by level: the first of the cells that a node fills holds it until it is divided.
+    Top-down, level by level: a node is stored in the first cell that it fills until it is divided.
     """
     masks, first_children = nodes.child_mask, nodes.first_child
     if masks[node] == 0:
@@ -115,7 +115,7 @@ def fill_block(nodes, node, lookahead, cells):
 
 @lean_device
 def _divide_twice(masks, first_children, side, corner, cells):  # type: ignore[no-untyped-def]
-    """Give what the node at a corner of a block fills to its 4x4x4 cells; how many are occupied."""
+    """Fill the 4x4x4 cells of the node at a corner of a block; returns the number of occupied ones."""
     node = np.int64(cells[corner])
     if node < 0:
         return 0
@@ -135,9 +135,9 @@ def _divide_twice(masks, first_children, side, corner, cells):  # type: ignore[n
 
 @lean_device
 def _write_parts(masks, first_children, node, side, half, corner, cells):  # type: ignore[no-untyped-def]
-    """Write the children of a node into its eight parts, `half` cells wide, from a corner on; how many there are.
+    """Write the children of a node into its eight parts, `half` cells wide, from a corner on; returns their number.
 
-    A leaf is all of its parts. All are written, since no processor could foresee which of them are occupied.
+    A leaf fills all parts. All parts are written, which avoids unpredictable branches.
     """
     mask = np.int64(masks[node])
     first = node if mask == 0 else np.int64(first_children[node])
@@ -153,8 +153,7 @@ def _write_parts(masks, first_children, node, side, half, corner, cells):  # typ
 def nodes_around(nodes, root, level, cell, around):
     """Write the nodes of the 27 voxels around `cell` (x, y, z) of a level below `root`, as in `Brick.around`.
 
-    They are found together: most of the way down from the root they have in common, and on the rest the processor waits
-    for the nodes of all of them at once.
+    They are found together: most of the path from the root is shared, and memory latencies of the rest overlap.
     """
     masks, first_children = nodes.child_mask, nodes.first_child
     x, y, z = np.int64(cell[0]), np.int64(cell[1]), np.int64(cell[2])
@@ -182,7 +181,7 @@ def nodes_around(nodes, root, level, cell, around):
 
 @device
 def empty_brick(lookahead):
-    """Brick to be filled."""
+    """Allocate a brick."""
     return Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32), np.empty(27, np.int32))
 
 
@@ -195,7 +194,7 @@ def fill_brick(nodes, root, level, cell, lookahead, brick):
 
 @lean_device
 def fill_blocks(nodes, lookahead, brick):
-    """Write the cells of a brick whose nodes around are there, and how many of each block are occupied."""
+    """Write the cells of a brick whose `around` is set, and the number of occupied ones per block."""
     cells, counts, around = brick.nodes, brick.counts, brick.around
     for block in range(27):
         node = np.int64(around[block])

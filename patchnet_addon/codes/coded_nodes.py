@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Coded nodes: which nodes of an octree have codes, and how many stand before each; a bit a node and a count for 64.
+"""Coded nodes: which nodes of an octree have codes, and the number before each; one bit per node and one count per 64.
 
-Only levels that may have look-ahead have bits, which all stand before the others: a fifth of a byte a node.
+Only levels that may have look-ahead have bits; their nodes come first. The cost is a fifth of a byte per node.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from ..runtime.threads import run_parts
 class CodedNodes(NamedTuple):
     """Coded nodes of an octree.
 
-    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not.
-    before: (W,) uint32, coded nodes before each word.
+    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not coded. before:
+    (W,) uint32, coded nodes before each word.
     """
 
     bits: np.ndarray
@@ -44,7 +44,7 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
 
 @device
 def coded_row(coded, node):  # type: ignore[no-untyped-def]
-    """Row of a node among the coded ones, -1 if it is not one, or is -1."""
+    """Row of a node among the coded ones, -1 for other nodes and for node -1."""
     word = node >> 6
     if node < 0 or word >= len(coded.bits):
         return np.int64(-1)

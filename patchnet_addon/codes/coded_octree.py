@@ -11,7 +11,7 @@ import numpy as np
 from ..network.weights import Weights
 from ..octree.octree import Octree
 
-if TYPE_CHECKING:  # it brings numba
+if TYPE_CHECKING:  # imports numba
     from .coded_nodes import CodedNodes
 
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:  # it brings numba
 class CodedOctree:
     """Octree with codes by (level, corner); neighbouring voxels of a level share them (methods 7.10).
 
-    weights: the network that made the codes and decodes them.
+    weights: the network that encodes and decodes the codes.
     codes: (C, 10) float16, level by level, within a level in the order z, y, x of the corners.
-    corner_rows: (K, 3) uint32, where the codes of each coded voxel's corners stand, as `corner_rows.py` says.
-    nodes: which nodes are coded, and so which line of `corner_rows` is whose.
-    corner_cells: (C, 8) uint32, the finer cells around the corners, for weights that mix luminances; None for others.
+    corner_rows: (K, 3) uint32, rows of the codes of each coded voxel's corners, see `corner_rows.py`.
+    nodes: coded nodes, which map nodes to lines of `corner_rows`.
+    corner_cells: (C, 8) uint32, finer cells around the corners, for weights with a luminance mixture; None for others.
     """
 
     octree: Octree
@@ -48,7 +48,7 @@ class CodedOctree:
 
     def corners_of(self, rows: np.ndarray) -> np.ndarray:
         """Rows in the codes (..., 8) int64 of the corners of coded voxels, given by their rows (...,); x fastest."""
-        from .corner_rows import corners_of  # it brings numba
+        from .corner_rows import corners_of  # imports numba
 
         return corners_of(self.corner_rows, rows)
 
@@ -59,11 +59,11 @@ class CodedOctree:
 
     @property
     def index_nbytes(self) -> int:
-        """Bytes of what finds a node's codes: about 12 for a coded voxel."""
+        """Bytes of the index of codes: about 12 per coded voxel."""
         return self.corner_rows.nbytes + sum(array.nbytes for array in self.nodes)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the codes and of what finds them."""
+        """Bytes of the codes and their index."""
         corners = 0 if self.corner_cells is None else self.corner_cells.nbytes
         return self.codes.nbytes + corners + self.index_nbytes

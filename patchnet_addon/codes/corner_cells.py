@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cells around corners of voxels: shape and luminance, in 32 bits, of the eight of the next finer level there.
+"""Cells around corners of voxels: shape and luminance of the eight cells of the next finer level, 32 bits each.
 
-Of a voxel's eight corners these are the 4x4x4 cells in it and around it to half its side. A word is 0 for an empty
+For a voxel's eight corners these are the 4x4x4 cells in it and up to half its side around it. A word is 0 for an empty
 cell. Else its bits 0 to 7 are the cell's children (all eight for a leaf), and the rest the luminances of its six faces:
-each of four columns of two children shows the child that a ray meets first, and the mean of these is the face's. Bits 8
-to 15 are the mean b of the faces' roots, of 255; five bits from 16, 21 and 26 on, for each axis, 15 + 15 t, where the
-face that a ray up the axis meets is (b - t|t| / 2)^2 and the one across from it (b + t|t| / 2)^2 (methods 11.2).
+a face's luminance is the mean over its four columns of the child that a ray hits first. Bits 8 to 15 are the mean b of
+the faces' roots, of 255; five bits from 16, 21 and 26 on, for each axis, 15 + 15 t, where the face hit by a ray up the
+axis is (b - t|t| / 2)^2 and the opposite one (b + t|t| / 2)^2 (methods 11.2).
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from .ray_frame import CELLS, SIDE
 
 EMPTY = 0
 BASE, BASE_STEPS = 8, 255  # first bit, and steps, of the mean root
-SLOPE, SLOPE_BITS, SLOPE_STEPS = 16, 5, 15  # of the difference along an axis, to either side
-FACES = 6  # two along each axis, the one first that a ray up the axis meets
+SLOPE, SLOPE_BITS, SLOPE_STEPS = 16, 5, 15  # of the difference along an axis, in both directions
+FACES = 6  # two along each axis, first the one hit by a ray up the axis
 
 _COLUMNS = [[octant for octant in range(8) if not octant >> axis & 1] for axis in range(3)]  # lower child of each
 
 
 def corner_cells(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
-    """Words (C, 8) uint32 of the cells, x fastest, that meet at corners (C, 3) int32 of a level."""
+    """Words (C, 8) uint32 of the cells, x fastest, around corners (C, 3) int32 of a level."""
     result = np.empty((len(corners), CORNERS), np.uint32)
     run_parts(_write_all, len(corners), octree.nodes, octree.light, level, corners, result)
     return result
@@ -58,10 +58,10 @@ def _write_all(first, last, nodes, light, level, corners, result):  # type: igno
 
 
 class CellWork(NamedTuple):
-    """Memory to write words of cells with.
+    """Scratch to write words of cells.
 
-    cells: (64,) int64 nodes of cells, -1 for empty ones. place: (64,) int64 of occupied ones. lights: (8 * 64,)
-    float32 luminances of their children, by octant, below 0 for none. words: (64,) uint32 of occupied ones.
+    cells: (64,) int64 nodes of cells, -1 for empty ones. place: (64,) int64 of occupied ones. lights: (8 * 64,) float32
+    luminances of their children, by octant, below 0 for none. words: (64,) uint32 of occupied ones.
     """
 
     cells: np.ndarray
@@ -72,7 +72,7 @@ class CellWork(NamedTuple):
 
 @device
 def empty_work():  # type: ignore[no-untyped-def]
-    """Memory for `write_cells_around`."""
+    """Allocate the scratch of `write_cells_around`."""
     lights = np.empty(CORNERS * CELLS, np.float32)
     return CellWork(np.empty(CELLS, np.int64), np.empty(CELLS, np.int64), lights, np.empty(CELLS, np.uint32))
 
@@ -81,7 +81,7 @@ def empty_work():  # type: ignore[no-untyped-def]
 def write_cells_around(nodes, light, around, words, work):  # type: ignore[no-untyped-def]
     """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
-    Cells in the voxel itself count as empty: pixels see them by the octree. work: a `CellWork`.
+    Cells in the voxel itself count as empty: pixels read them from the octree. work: a `CellWork`.
     """
     cells = work.cells
     cells[:] = -1
@@ -94,7 +94,7 @@ def write_cells_around(nodes, light, around, words, work):  # type: ignore[no-un
         for k in range(max(2 * z - 1, 0), min(2 * z + 1, SIDE)):
             for j in range(max(2 * y - 1, 0), min(2 * y + 1, SIDE)):
                 for i in range(max(2 * x - 1, 0), min(2 * x + 1, SIDE)):  # cells of the 4x4x4
-                    octant = (1 - (i & 1)) | (1 - (j & 1)) << 1 | (1 - (k & 1)) << 2  # they begin half a voxel before
+                    octant = (1 - (i & 1)) | (1 - (j & 1)) << 1 | (1 - (k & 1)) << 2  # they start half a voxel before
                     cell = child_at(nodes, node, octant) if divided else node
                     if cell >= 0:
                         prefetch(light.luminance, np.int64(nodes.first_child[cell]))
@@ -107,7 +107,7 @@ def write_cells_around(nodes, light, around, words, work):  # type: ignore[no-un
 def _write_words(nodes, light, work, words):  # type: ignore[no-untyped-def]
     """Write the words of the first of the cells in `work` into `words`, at most 64.
 
-    Occupied ones are listed first, so that all of them are packed by the same instructions at once.
+    Occupied ones are listed first, so that they are packed in vector lanes.
     """
     cells, places, lights, found = work.cells, work.place, work.lights, work.words
     masks, first_children = nodes.child_mask, nodes.first_child
@@ -122,7 +122,7 @@ def _write_words(nodes, light, work, words):  # type: ignore[no-untyped-def]
         mask, child = np.int64(masks[node]), np.int64(first_children[node])
         leaf = mask == 0
         mask, child = np.int64(255) if leaf else mask, node if leaf else child
-        for octant in range(CORNERS):  # without a branch, which no processor could foresee
+        for octant in range(CORNERS):  # branchless, since a branch would be unpredictable
             there = mask >> octant & 1
             own = np.float32(luminance[child]) * scale
             lights[octant * CELLS + count] = own if there else np.float32(-1)
@@ -138,7 +138,7 @@ def _write_words(nodes, light, work, words):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _with_sides(word, light, node, row):  # type: ignore[no-untyped-def]
-    """Word with the luminances of a cell's own sides, as far as anything faces them."""
+    """Word with the luminances of a cell's own sides, where a surface faces them."""
     mean = np.sqrt(np.float32(light.luminance[node]) / np.float32(LUMINANCE_SCALE))
     total, packed = np.float32(0), np.int32(0)
     for axis in range(3):
@@ -170,7 +170,7 @@ def _pack(words, lights, count):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _slope_of(low, high):  # type: ignore[no-untyped-def]
-    """Steps of the slope between the roots of two faces that lie opposite of each other."""
+    """Steps of the slope between the roots of two opposite faces."""
     half = min(max(np.float32(0.5) * (high - low), np.float32(-0.5)), np.float32(0.5))
     steps = np.int32(np.float32(SLOPE_STEPS) * np.sqrt(np.float32(2) * abs(half)) + np.float32(0.5))
     return np.int32(SLOPE_STEPS) + (-steps if half < 0 else steps)
@@ -178,9 +178,9 @@ def _slope_of(low, high):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):  # type: ignore[no-untyped-def]
-    """Root of the luminance of a face of a cell: of the children at it, or behind where one is not there, below 0.
+    """Root of the luminance of a face of a cell: of the children at it, or behind missing ones, below 0.
 
-    One after the other by name: loops over them with what they skip took three times as long.
+    Written out: loops with skips take three times as long.
     """
     none, one = np.float32(0), np.float32(1)
     a, b = a if a >= none else behind_a, b if b >= none else behind_b
@@ -196,7 +196,7 @@ _READ, _SOON_AGAIN, _DATA = 0, 3, 1  # arguments of llvm.prefetch
 
 @intrinsic
 def prefetch(_typing: Any, array: Any, index: Any) -> Any:
-    """Begin to fetch the cache line of an item of an array (n,), and go on without waiting: prefetch(array, index).
+    """Prefetch the cache line of an item of an array (n,) without waiting: prefetch(array, index).
 
     An index beyond the array is harmless.
     """

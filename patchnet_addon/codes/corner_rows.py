@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corner rows: where the codes of a coded voxel's eight corners stand, in 12 bytes instead of 32.
+"""Corner rows: rows of the codes of a coded voxel's eight corners, in 12 bytes instead of 32.
 
-Codes of a level stand plane by plane, line by line, x fastest. So the corner at x + 1 is always the next row after the
-one at x, and four rows say all eight: those of the corners (x, y, z), (x, y + 1, z), (x, y, z + 1), (x, y + 1, z + 1).
-Between the first two lie less than a line of corners, and so do between the others; 16 bits hold that.
+Codes of a level are stored plane by plane, line by line, x fastest. So the corner at x + 1 is the row after the one at
+x, and four rows determine all eight: those of the corners (x, y, z), (x, y + 1, z), (x, y, z + 1), (x, y + 1, z + 1).
+The first two, and the last two, are less than a line of corners apart, which fits 16 bits.
 
-A table (K, 3) uint32 has a line for each coded voxel, in order of their nodes: the rows of (x, y, z) and (x, y, z + 1),
-and how much further those of y + 1 are, the first in the low half of the third number.
+A table (K, 3) uint32 has a line for each coded voxel, in node order: the rows of (x, y, z) and (x, y, z + 1), and the
+offsets to those of y + 1, the first in the low half of the third number.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
 
 
 def last_row(table: np.ndarray) -> int:
-    """Last row in the codes that a table (K, 3) names, -1 for none; nothing as large as the table is made of it."""
+    """Last row in the codes referenced by a table (K, 3), -1 for none; needs no memory of the table's size."""
     most = -1
     for start in range(0, len(table), _PIECE):
         most = max(most, int(corners_of(table, slice(start, start + _PIECE)).max()))
@@ -46,9 +46,10 @@ def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
 
 
 def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> bool:
-    """Write rows (V,) of the corners (0, y, z), octant 2 y + 4 z, into lines (V,); y = 0 first, as y = 1 is a step on.
+    """Write rows (V,) of the corners (0, y, z), octant 2 y + 4 z, into lines (V,); y = 0 first, since y = 1 is stored
+    as an offset.
 
-    Returns whether the steps can be held.
+    Returns whether the offsets fit 16 bits.
     """
     if octant & 2 == 0:
         table[lines, octant >> 2] = starts

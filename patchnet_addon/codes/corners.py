@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corners of a level's coded voxels, range of lines by range of lines, so that memory does not grow with the octree.
+"""Corners of a level's coded voxels in ranges of lines, so that memory does not grow with the octree.
 
-Corners stand plane by plane (z), line by line (y), x fastest: the order of codes that `corner_rows.py` relies on. A
-range is some whole planes, or some lines of one plane where that has too many voxels. Its voxels are found by a walk
-that goes down only where the range lies.
+Corners are ordered plane by plane (z), line by line (y), x fastest, as `corner_rows.py` requires of codes. A range is
+several planes, or several lines of a plane with too many voxels. Its voxels are found by a walk restricted to the
+range.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _Y, _Z = 0, 1
 
 
 class Lines(NamedTuple):
-    """Lines of corners with y from `low_y` to `high_y` and z from `low_z` to `high_z`, those excluded.
+    """Lines of corners with y from `low_y` to `high_y` and z from `low_z` to `high_z`, exclusive.
 
-    The voxels around them have y from low_y - 1 and z from low_z - 1 on.
+    The voxels around them start at y = low_y - 1 and z = low_z - 1.
     """
 
     low_y: int
@@ -37,7 +37,7 @@ class Lines(NamedTuple):
 
 
 class CornerRange(NamedTuple):
-    """Range of corners of a level, and how many coded voxels lie around it."""
+    """Range of corners of a level, and the number of coded voxels around it."""
 
     level: int
     lines: Lines
@@ -65,9 +65,9 @@ def find_corners(octree: Octree, coded: CodedNodes, where: CornerRange) -> np.nd
 
 
 def write_corner_rows(octree: Octree, coded: CodedNodes, where: CornerRange, first: int, table: np.ndarray) -> int:
-    """Write the rows of a range's corners, from `first` on, into the table (K, 3); returns how many they are.
+    """Write the rows of a range's corners, from `first` on, into the table (K, 3); returns the number of corners.
 
-    Raises SettingError where a line of corners is too long for the table: with more than 65,535 of them.
+    Raises SettingError for a line of more than 65,535 corners.
     """
     corners, starts, voxels = _corner_keys(octree, coded, where)
     fits = True
@@ -86,7 +86,7 @@ def _corner_keys(
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
     """Keys x + y side + z side^2 of a range's corners (C,) int64, rising, with side = 2^level + 1.
 
-    Then for each pair of corners (0, y, z) of voxels, y + 2 z of it, those of the range: keys, and rows of the voxels.
+    Also the corners (0, y, z) of voxels within the range, for each y + 2 z: keys, and rows of the voxels.
     """
     level, lines = where.level, where.lines
     cells, found = np.empty((where.voxels, 3), np.int64), np.empty(where.voxels, np.int64)
@@ -103,19 +103,19 @@ def _corner_keys(
             starts.append(key[inside] + y * side + z * side**2)
             voxels.append(found[inside])
     every = np.concatenate([start + x for start in starts for x in range(2)])
-    every.sort(kind="stable")  # it merges what is in order already
+    every.sort(kind="stable")  # merges sorted runs
     return every[np.diff(every, prepend=-1) > 0], starts, voxels
 
 
 def _counts(octree: Octree, coded: CodedNodes, level: int, lines: Lines, axis: int) -> np.ndarray:
-    """Coded voxels (side + 2,) int64 by z or y, one place higher, among those around some lines."""
+    """Number of coded voxels (side + 2,) int64 around some lines by z or y, shifted by one place."""
     counts = np.zeros((1 << level) + 2, np.int64)
     _count(octree.nodes, coded, level, lines, axis, counts[1:])
     return counts
 
 
 def _cut(counts: np.ndarray, most: int) -> Iterator[tuple[int, int, int]]:
-    """Cut places 0 to side of corners into parts, those without voxels left out: low, high, voxels around.
+    """Split places 0 to side of corners into parts (low, high, voxels around), without empty ones.
 
     counts: (side + 2,) voxels at place - 1; the corners of a place have those of place - 1 and place around them.
     """
@@ -133,7 +133,7 @@ def _cut(counts: np.ndarray, most: int) -> Iterator[tuple[int, int, int]]:
 def _push_children(nodes, coded, level, lines, stack, top):  # type: ignore[no-untyped-def]
     """Replace the voxel on top of the stack by its coded children around the lines, the first on top.
 
-    stack: (n, 5) int64 of node, level, x, y, z. Returns where the top is then.
+    stack: (n, 5) int64 of node, level, x, y, z. Returns the new top.
     """
     node, at, x, y, z = stack[top, 0], stack[top, 1] + 1, stack[top, 2], stack[top, 3], stack[top, 4]
     shift = level - at

@@ -34,12 +34,12 @@ _HALF_MAX = float(np.finfo(np.float16).max)
 def encode_octree(
     octree: Octree, weights: Weights, *, device: str = CPU, encoder: PackedLayers | Encoder | None = None
 ) -> Steps[CodedOctree]:
-    """Octree with codes, as many levels ahead as the weights look.
+    """Octree with codes for the look-ahead of the weights.
 
-    Corners go range by range, so that what is needed beside octree and codes does not grow with them: about 20 MB.
-    `device`: cpu for our kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all give the same codes to
-    1e-4 and 1e-5 of the largest. An `encoder` of these weights counts instead. Raises SettingError for a device that is
-    not there, or has too little memory, and for more nodes or corners than 32 bits can name.
+    Corners are processed in ranges, so that memory beside octree and codes stays at about 20 MB. `device`: cpu for the
+    compiled kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all give the same codes to 1e-4 and
+    1e-5 of the largest. An `encoder` of these weights overrides it. Raises SettingError for a device that is missing or
+    has too little memory, and for more nodes or corners than 32 bits can index.
     """
     if encoder is None:
         encoder = make_encoder(weights, device)
@@ -78,7 +78,7 @@ def encode_octree(
 
 
 def make_encoder(weights: Weights, device: str = CPU) -> PackedLayers | Encoder:
-    """Encoder that `encode_octree` uses on a device; raises SettingError for one that is not there."""
+    """Encoder of `encode_octree` on a device; raises SettingError if the device is missing."""
     device = found_device(device)
     if device == CPU:
         return PackedLayers.pack(weights)
@@ -89,8 +89,8 @@ def make_encoder(weights: Weights, device: str = CPU) -> PackedLayers | Encoder:
 
 
 def _corners_on_device(encoder: PackedLayers | Encoder, octree: Octree, lookahead: int) -> TorchCorners | None:
-    """Encoder of corners whose blocks the encoder's GPU gathers, if it is one and has room for the octree."""
-    device = getattr(encoder, "device", None)  # only torch's has one
+    """Encoder that gathers corners' blocks on the encoder's GPU, if there is one with memory for the octree."""
+    device = getattr(encoder, "device", None)  # only torch encoders have one
     if device is None or device.type == CPU:
         return None
     from .torch_tree import TorchCorners, tree_fits
@@ -108,7 +108,7 @@ def _encode(
 
 
 def chunk_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks (U, B) of the voxels around corners (C, 3) of a level, and rows (C, 8) in them, as an `Encoder` asks."""
+    """Blocks (U, B) of the voxels around corners (C, 3) of a level, and rows (C, 8) in them, as `Encoder` requires."""
     neighbours = corner_neighbours(octree, level, corners)
     nodes, rows = np.unique(np.append(neighbours.reshape(-1), -1), return_inverse=True)  # node -1 comes first
     blocks = voxel_blocks(octree, nodes, lookahead).reshape(len(nodes), -1)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encode corners with compiled code in one pass: each core takes chunks of corners from octree nodes to codes.
+"""Encode corners with compiled code in one pass: each core computes the codes of chunks of corners.
 
 A chunk's blocks are filled once for each voxel around its corners. A voxel in one octant of a corner lies in that
-octant of no other, so each pair of a voxel that is not empty and an octant is one product, and none is made that no
-corner needs. Octant by octant, pairs whose voxels have the same cells stand side by side, as `network/product.py`
-wants them, and products are added to the first layer's sums where these stand: in the nearest caches, as all of a
-chunk is. Nothing waits for another core before a range of corners is done.
+octant of no other, so each pair of a non-empty voxel and an octant is one product, and only needed products are
+computed. In each octant, pairs whose voxels have the same cells are adjacent, for `network/product.py`, and products
+are added to the first layer's sums in place. All data of a chunk fits the nearest caches.
 
-Sums take their terms in the same order in whatever company a corner is encoded.
+Cores synchronize only after a range of corners. Sums take their terms in the same order, independent of the chunk.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import larger, store
 from .brick import covering_node, fill_block
 
-_TILES = 32  # whose steps are kept at a time
+_TILES = 32  # with steps stored at a time
 _CHUNKS = {1: 512, 2: 512, 3: 128}  # corners at a time by look-ahead: their blocks and sums fit a core's second cache
-_SLOTS = 16  # of the table of voxels, for each corner
+_SLOTS = 16  # slots of the table of voxels per corner
 
 
 class Cells(NamedTuple):
-    """Octree as blocks are filled from it: `BoxedNodes`, with their luminance (n,) uint16 and normal (n, 3) int8."""
+    """Octree arrays to fill blocks from: `BoxedNodes`, with their luminance (n,) uint16 and normal (n, 3) int8."""
 
     child_mask: np.ndarray
     first_child: np.ndarray
@@ -45,12 +44,12 @@ class Cells(NamedTuple):
 
 
 class _Voxels(NamedTuple):
-    """Voxels around a chunk of S corners that are not empty, each once.
+    """Distinct non-empty voxels around a chunk of S corners.
 
     node: (8 S,) int64. table: (16 S,) int32 hash table of their numbers, -1 where empty. block: (8 S, B) float32,
-    z, y, x, channel. used: (8 S, B / 64) uint64, bits of what is not 0 in them. key: (8 S,) uint64, the same for the
-    same occupied cells. first: (8 S, 8) int32, a corner that has the voxel in each octant, -1 for none.
-    next: (S, 8) int32, another corner that has the same voxel there, -1 for none: leaves above the level are many.
+    z, y, x, channel. used: (8 S, B / 64) uint64, bits of their non-zero values. key: (8 S,) uint64, equal for equal
+    occupied cells. first: (8 S, 8) int32, a corner with the voxel in each octant, -1 for none.
+    next: (S, 8) int32, another corner with the same voxel there, -1 for none: coarser leaves adjoin many corners.
     """
 
     node: np.ndarray
@@ -65,7 +64,7 @@ class _Voxels(NamedTuple):
 def encode_corners(
     octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int, chunk: int | None = None
 ) -> np.ndarray:
-    """Codes (C, 10) float32 of corners (C, 3) int32 of a level; `chunk`, how many at a time, changes the time alone."""
+    """Codes (C, 10) float32 of corners (C, 3) int32 of a level; `chunk`, the number at a time, affects only speed."""
     chunk = chunk or _CHUNKS[lookahead]
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
     cells = Cells(*octree.boxed_nodes, octree.luminance, octree.normal)
@@ -107,7 +106,7 @@ def _make_voxels(size, lookahead):  # type: ignore[no-untyped-def]
 
 @device
 def _find_voxels(nodes, level, corners, voxels):  # type: ignore[no-untyped-def]
-    """List the voxels around corners that are not empty; returns how many they are."""
+    """List the non-empty voxels around corners; returns their number."""
     node, table, first, following = voxels.node, voxels.table, voxels.first, voxels.next
     around = np.empty(8, np.int64)
     table[:] = -1
@@ -117,7 +116,7 @@ def _find_voxels(nodes, level, corners, voxels):  # type: ignore[no-untyped-def]
         follows = corner > 0 and corners[corner - 1, 0] + 1 == x
         follows = follows and corners[corner - 1, 1] == y and corners[corner - 1, 2] == z
         for octant in range(8):
-            if follows and octant & 1 == 0:  # what was to the right of the corner before is to the left of this
+            if follows and octant & 1 == 0:  # the right voxels of the previous corner are the left ones of this
                 around[octant] = around[octant + 1]
             else:
                 column, line, plane = octant & 1, (octant >> 1) & 1, octant >> 2
@@ -136,7 +135,7 @@ def _find_voxels(nodes, level, corners, voxels):  # type: ignore[no-untyped-def]
 
 @device
 def _find_slot(table, nodes, node, count):  # type: ignore[no-untyped-def]
-    """Return the number of a node's voxel, which is `count` if it was not there; it is then."""
+    """Return the number of a node's voxel; a new one is added as number `count`."""
     mixed = np.uint64(node) * np.uint64(0x9E3779B97F4A7C15)
     slot = np.int64((mixed >> np.uint64(32)) & np.uint64(len(table) - 1))
     while table[slot] >= 0:
@@ -149,9 +148,9 @@ def _find_slot(table, nodes, node, count):  # type: ignore[no-untyped-def]
 
 @device
 def _fill_blocks(cells, lookahead, count, with_luminance, voxels):  # type: ignore[no-untyped-def]
-    """Fill the blocks of `count` voxels, the bits of what is not 0 in them, and their keys.
+    """Fill the blocks of `count` voxels, the bits of their non-zero values, and their keys.
 
-    Where luminance changes nothing it is 0, whatever it is, and takes no products.
+    Luminance without effect is set to 0, so that it takes no products.
     """
     luminance, normal, side = cells.luminance, cells.normal, 1 << lookahead
     first_boxed, boxes = cells.first_boxed, cells.boxes
@@ -183,7 +182,7 @@ def _fill_blocks(cells, lookahead, count, with_luminance, voxels):  # type: igno
 
 @device
 def _coarse(cell, side):  # type: ignore[no-untyped-def]
-    """Number of the one among 4x4x4 parts of a block in which a cell lies; with fewer cells, of the cell."""
+    """Number of the part, of 4x4x4 in a block, that holds a cell; of the cell itself in smaller blocks."""
     if side <= 4:
         return cell
     x, y, z = cell % side, cell // side % side, cell // (side * side)
@@ -192,10 +191,10 @@ def _coarse(cell, side):  # type: ignore[no-untyped-def]
 
 @device
 def _sum_octants(voxels, corners, count, octants, bias, sums):  # type: ignore[no-untyped-def]
-    """First layer with ReLU: sums (S + 1, 256) of the products of each corner's voxels; the last row is for nobody."""
+    """First layer with ReLU: sums (S + 1, 256) of the products of each corner's voxels; the last row is padding."""
     width = len(bias)
     for corner in range(corners):
-        for column in range(0, width, LANES):  # by hand: assigning rows compiles for three seconds
+        for column in range(0, width, LANES):  # by hand: a row assignment adds three seconds of compilation
             store(sums, corner * width + column, load(bias, column))
     order = _order(voxels.key, count)
     pairs = np.empty((corners + ROWS, 2), np.int64)  # voxel and corner
@@ -223,7 +222,7 @@ def _sum_octants(voxels, corners, count, octants, bias, sums):  # type: ignore[n
 
 @device
 def _order(keys, count):  # type: ignore[no-untyped-def]
-    """Order (count,) of ascending keys by merging runs; `np.argsort` compiles for a second and a half."""
+    """Order (count,) of ascending keys by merge sort; `np.argsort` adds 1.5 s of compilation."""
     order, other = np.arange(count), np.empty(count, np.int64)
     width = 1
     while width < count:
@@ -263,7 +262,7 @@ def _add_products(blocks, used, pairs, panels, sums):  # type: ignore[no-untyped
 
 @device
 def _used_columns(used, four, steps):  # type: ignore[no-untyped-def]
-    """Write the columns that are not zero in all of four blocks into `steps`, ascending; returns how many they are."""
+    """Write the columns that are not zero in all of four blocks into `steps`, ascending; returns their number."""
     count = 0
     for word in range(used.shape[1]):
         bits = used[four[0], word] | used[four[1], word] | used[four[2], word] | used[four[3], word]
@@ -276,9 +275,10 @@ def _used_columns(used, four, steps):  # type: ignore[no-untyped-def]
 
 @device
 def _run_layers(layers, corners, values, other, codes):  # type: ignore[no-untyped-def]
-    """Run the layers behind the first on values (S + 1, 256), and write the codes (C, 10); `other` is like the values.
+    """Run the layers after the first on values (S + 1, 256), and write the codes (C, 10); `other`: scratch like the
+    values.
 
-    Rows up to a whole tile are run, too, whatever they hold.
+    Rows are padded to a whole tile with arbitrary values.
     """
     width = values.shape[1]
     panels, last_panels = width // WIDTH, (CODE_SIZE + WIDTH - 1) // WIDTH
@@ -299,7 +299,7 @@ def _run_layers(layers, corners, values, other, codes):  # type: ignore[no-untyp
 
 @device
 def _multiply_rows(values, rows, panels, bias, least, result):  # type: ignore[no-untyped-def]
-    """Multiply rows from, to of the values; the last row again where a tile is not full."""
+    """Multiply rows `first` to `last` of the values; incomplete tiles repeat the last row."""
     bits = values.view(np.int32)
     first, last = rows
     tiles = (last - first + ROWS - 1) // ROWS

@@ -25,10 +25,10 @@ _CHUNK = 16384
 def exact_prediction(octree: Octree, hits: Hits, lookahead: int = DEFAULT_LOOKAHEAD) -> Steps[Prediction]:
     """Coverage and luminance of every pixel by 64x64 rays through its patch (methods 7.16, 7.17).
 
-    lookahead: levels between a voxel and its patch's cells, 1 to 3: those of the weights that the oracle is the limit
-    of. Raises SettingError for others.
+    lookahead: levels between a voxel and its patch's cells, 1 to 3: those of the compared weights. Raises SettingError
+    for others.
 
-    Pixels without look-ahead keep what they show, as in `predict`, so that their priority is 0 (methods 4.1b).
+    Pixels without look-ahead keep their preview, as in `predict`, so that their priority is 0 (methods 4.1b).
     """
     LOOKAHEAD.check(lookahead)
     ahead = octree.look_ahead(lookahead)
@@ -46,7 +46,7 @@ def exact_prediction(octree: Octree, hits: Hits, lookahead: int = DEFAULT_LOOKAH
 
 
 def _patch_rays(hits: Hits, pixels: np.ndarray) -> PatchRays:
-    """Viewports of pixels (M,) that are sorted by node."""
+    """Viewports of pixels (M,) sorted by node."""
     first = np.flatnonzero(np.diff(hits.node[pixels], prepend=-1))
     return PatchRays(
         level=hits.level[pixels[first]],

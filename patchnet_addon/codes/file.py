@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Codes file, which stands beside the octree's and names the octree and the weights it belongs to."""
+"""Codes file beside the octree's; it names its octree and weights."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..runtime.files import read_arrays, write_arrays
 from .coded_octree import CodedOctree
 
 KIND = "codes"
-_VERSION = 3  # of the order of codes, of what finds them and of what they see; files of version 1 do not say it
+_VERSION = 3  # of order, index and inputs of codes; files of version 1 do not state it
 
 
 def save_codes(coded: CodedOctree, path: str | Path) -> None:
@@ -35,8 +35,8 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
 
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
-    """Read codes that were made for `octree` with `weights`; raises CodesFileError if they were not, or on damage."""
-    from .coded_nodes import coded_nodes  # numba comes with them, and the cache folder is listed without it
+    """Read codes of `octree` and `weights`; raises CodesFileError for codes of others, and for a damaged file."""
+    from .coded_nodes import coded_nodes  # imports numba, which listing the cache folder must not load
     from .corner_rows import COLUMNS, last_row
 
     arrays, metadata = read_arrays(path, KIND, CodesFileError)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fine cells of a pixel: the grandchildren of its voxel, with luminances and boxes, as a tile of pixels needs them.
+"""Fine cells of a pixel: the grandchildren of its voxel, with luminances and boxes, for tiles of pixels.
 
-They are listed first: pixels that see the same voxel have the same list, and only its order differs between ray frames.
+They are listed first: pixels of one voxel share the list; only its order differs between ray frames.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .ray_frame import CELLS
 
 
 class FineList(NamedTuple):
-    """List of the grandchildren of one voxel that are there, (64,) each; a leaf stands for all of its children.
+    """List of a voxel's existing grandchildren, (64,) each; a leaf represents all of its children.
 
-    number: int64, 8 octant of the child + octant in that. light: float32 luminances. shares: (3 * 64,) float32, of
-    their faces across each octree axis the part that is covered, where boxed (1,) bool says that any has a box.
+    number: int64, 8 octant of the child + octant in that. light: float32 luminances. shares: (3 * 64,) float32, covered
+    part of their faces across each octree axis, valid if boxed (1,) bool: any has a box.
     """
 
     number: np.ndarray
@@ -36,14 +36,14 @@ class FineList(NamedTuple):
 
 @device
 def empty_fine_list():
-    """List to write a voxel's grandchildren into."""
+    """Allocate a list of a voxel's grandchildren."""
     numbers, lights = np.zeros(CELLS, np.int64), np.zeros(CELLS, np.float32)
     return FineList(numbers, lights, np.zeros(3 * CELLS, np.float32), np.zeros(1, np.bool_))
 
 
 @lean_device
 def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
-    """List the grandchildren of a node of `BoxedNodes`, as bright as along a direction; returns how many there are."""
+    """List the grandchildren of a node of `BoxedNodes`, with luminances along a direction; returns their number."""
     numbers, lights = listed.number, listed.light
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
@@ -70,7 +70,7 @@ def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped
 
 @lean_device
 def _list_box(boxes, row, listed, index):  # type: ignore[no-untyped-def]
-    """Write what a box covers of the faces of the cell at an index of the list."""
+    """Write the shares of the faces of the cell at an index of the list that its box covers."""
     shares, boxed = listed.shares, listed.boxed
     if not boxed[0]:
         shares[:] = 1

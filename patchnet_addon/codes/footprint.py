@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Footprint of a pixel on the children of a voxel: how much of it each covers, were it alone (methods 11.2).
+"""Footprint of a pixel on the children of a voxel: the share of the pixel that each alone covers (methods 11.2).
 
-Cells are drawn onto the picture plane as boxes along its axes, of the area and the proportions of their outline there;
-a pixel is a square. The eight children of the voxel are seen by the faces of their own children, of which those
-show that no other stands before. Of a leaf with a box only that part of a face counts that the box covers, and the rest
-shows what stands behind. Of the cells around the voxel `outer_cells.py` measures those that are there.
+Cells are projected onto the picture plane as axis-aligned boxes with the area and the proportions of their outline; a
+pixel is a square. The eight children of the voxel are represented by the unoccluded faces of their own children. A leaf
+with a box covers only the box's part of a face; the rest shows the cell behind. `outer_cells.py` measures the existing
+cells around the voxel.
 
-Everything is in the ray frame (`ray_frame.py`). A tile has pixels as columns, and in rows what kernels read of them.
+All values are in the ray frame (`ray_frame.py`). A tile has pixels as columns and their values as rows.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat,
 from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE
 
-ABSENT = np.float32(-1)  # the luminance of a cell that is empty
+ABSENT = np.float32(-1)  # luminance of an empty cell
 
-_RIGHT, _UP, _START, _WIDE, _HIGH, _HALF = 0, 3, 6, 8, 11, 14  # rows of what a frame holds
+_RIGHT, _UP, _START, _WIDE, _HIGH, _HALF = 0, 3, 6, 8, 11, 14  # rows of a frame
 FRAME_ROWS = 15
-_COLUMNS = 12  # of two grandchildren in a child, four along each axis
+_COLUMNS = 12  # pairs of grandchildren in a child, four along each axis
 _EVERY_LANE = (1 << LANES) - 1
 
 
 def _columns() -> tuple[np.ndarray, np.ndarray]:
-    """Columns of all children, along x first: places (8 * 12 * 3,) int64, the axis and where in a tile the rows of the
-    first and of the second begin; and middles (8 * 12 * 6,) float32 of the two faces that a ray meets."""
+    """Columns of all children, along x first: places (8 * 12 * 3,) int64, the axis and the offsets in a tile of the
+    first and the second one's rows; and middles (8 * 12 * 6,) float32 of the two faces that a ray hits.
+    """
     places, middles = [], []
     for child, axis, column in itertools.product(range(CHILDREN), range(3), range(4)):
         near = 2 * (child >> np.arange(3) & 1)
@@ -49,12 +50,12 @@ _PLACES, _MIDDLES = _columns()
 
 
 class FootprintTile(NamedTuple):
-    """What a tile of pixels is measured with, rows of TILE float32.
+    """Inputs to measure a tile of pixels, rows of TILE float32.
 
     frame: 15 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren, ABSENT for empty ones.
-    shares: of each of them three rows, of their faces across each axis the part that is covered, where has_boxes (1,)
-    bool says that any of them has a box. Of `fine` and `shares` the rows of LANES pixels stand together, see
-    `fine_place`: with rows of TILE what is written of a pixel falls into few sets of the processor's cache.
+    shares: three rows for each of them, covered part of their faces across each axis, valid if has_boxes (1,) bool: any
+    has a box. In `fine` and `shares` the rows of LANES pixels are adjacent, see `fine_place`: with rows of TILE, writes
+    of a pixel would map to few cache sets.
     """
 
     frame: np.ndarray
@@ -65,15 +66,15 @@ class FootprintTile(NamedTuple):
 
 @device
 def empty_footprint_tile():
-    """Tile to measure in, after `clear_tile`."""
+    """Allocate a tile; call `clear_tile` before use."""
     frame = empty_values(FRAME_ROWS)
-    frame[:] = 1  # no pixel of which a column is never written is of size 0
+    frame[:] = 1  # columns never written must not have pixels of size 0
     return FootprintTile(frame, empty_values(CELLS), empty_values(3 * CELLS), np.empty(1, np.bool_))
 
 
 @lean_device
 def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
-    """Empty all cells of a tile, before those of its pixels are written; covered, shown: see `measure_tile`."""
+    """Mark all cells of a tile as empty; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
     tile.has_boxes[0] = False
     covered[CHILDREN * TILE : CELLS * TILE] = 0
@@ -82,9 +83,9 @@ def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
 @lean_device
 def fine_place(place):  # type: ignore[no-untyped-def]
-    """Index in `fine` of a pixel's first grandchild; the next one stands LANES behind it.
+    """Index in `fine` of a pixel's first grandchild; the next one follows after LANES.
 
-    Its three rows of `shares` begin there, too, but for the pixel's lane three times as far.
+    Its three rows of `shares` start at three times that index, without the pixel's lane.
     """
     lane = place % LANES
     return (place - lane) * CELLS, lane
@@ -92,12 +93,13 @@ def fine_place(place):  # type: ignore[no-untyped-def]
 
 @lean_device
 def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: ignore[no-untyped-def]
-    """Write how a pixel sees cells into column `place` of a tile's `frame`, and its view in the ray frame into `view`.
+    """Write the projection of a pixel into column `place` of a tile's `frame`, and its view in the ray frame into
+    `view`.
 
     axes: three, of the ray frame. entry, direction, up: (3,) as in `PatchRays`, ratio a number. view: (9 * TILE,)
-    direction, entry point from -1 to 1, up. Rows of `frame`: pixels to the right and up per voxel side, where the
-    voxel's lowest corner lies, half widths and half heights of a grandchild's faces across each axis, and the pixel's
-    half side.
+    direction, entry point from -1 to 1, up. Rows of `frame`: pixels to the right and up per voxel side, position of the
+    voxel's lowest corner, half widths and half heights of a grandchild's faces across each axis, and the pixel's half
+    side.
     """
     right = (
         direction[1] * up[2] - direction[2] * up[1],
@@ -132,7 +134,7 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
 def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Write the share of each pixel that the 8 children cover, and their luminances.
 
-    covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which stay as they are.
+    covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which are unchanged.
     """
     frame, boxed = tile.frame, tile.has_boxes[0]
     for pixel in range(0, TILE, LANES):
@@ -147,7 +149,7 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
-    """Vectors of how pixels from `pixel` on see cells: to the right, up, where the voxel starts, and half sides."""
+    """Vectors of the projection of pixels from `pixel` on: right, up, start of the voxel, and half sides."""
     at = _UP * TILE + pixel
     right = load(frame, pixel), load(frame, pixel + TILE), load(frame, pixel + 2 * TILE)
     up = load(frame, at), load(frame, at + TILE), load(frame, at + 2 * TILE)
@@ -157,7 +159,7 @@ def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _child_of_faces(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
-    """Sums, over the columns of a child's own children, of the area that the first one there covers, and its light."""
+    """Sums, over the columns of a child's own children, of the area covered by the first one, and its light."""
     frame, fine, none = tile.frame, tile.fine, splat(np.float32(0))
     covered, shown = none, none
     for column in range(_COLUMNS * child, _COLUMNS * (child + 1)):
@@ -173,7 +175,7 @@ def _child_of_faces(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
-    """Sums as of `_child_of_faces`: of the second one in a column what the box of the first leaves free."""
+    """Sums as of `_child_of_faces`, with the part of the second one that the box of the first leaves free."""
     frame, fine, shares = tile.frame, tile.fine, tile.shares
     none, whole = splat(np.float32(0)), splat(np.float32(1))
     covered, shown = none, none
@@ -191,7 +193,7 @@ def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _columns_of(column, pixel):  # type: ignore[no-untyped-def]
-    """Axis of a column, and where the rows of its two grandchildren have a pixel."""
+    """Axis of a column, and places of a pixel in the rows of its two grandchildren."""
     return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel * CELLS, _PLACES[3 * column + 2] + pixel * CELLS
 
 
@@ -205,7 +207,7 @@ def _middle(column, behind):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
-    """Area of pixels, in sides of the voxel squared, that a face across an axis covers."""
+    """Area of pixels, in squared sides of the voxel, covered by a face across an axis."""
     (right_x, right_y, right_z), (up_x, up_y, up_z), (start_right, start_up), half = seen
     x, y, z = middle
     none = splat(np.float32(0))
@@ -219,7 +221,7 @@ def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _store_child(seen, sums, covered, shown, at):  # type: ignore[no-untyped-def]
-    """Store what a child covers of each pixel, and its luminance, from an index on."""
+    """Store the share of each pixel that a child covers, and its luminance, from an index on."""
     half, none = seen[3], splat(np.float32(0))
     area, light = sums
     store(shown, at, select(less(none, area), light / area, none))

@@ -20,12 +20,12 @@ from .outer_cells import list_cells, mask_geometry, measure_cells, unpack_cells
 from .patches import OCTANTS
 from .ray_frame import SIDE, cell_order, ray_frame
 
-# Cell (8, 8) of a 4x4x4 block by octant of the whole and octant in that, or by corner and cell around the corner.
+# Cell (8, 8) of a 4x4x4 block by octant and octant within it, or by corner and cell around the corner.
 _CELL_OF = (2 * OCTANTS[:, None] + OCTANTS) @ np.array([1, SIDE, SIDE**2])
 
 
 class NearbyCells(NamedTuple):
-    """Cells that are mixed, and what finds them.
+    """Cells of a mixture, and their index.
 
     cells: (8 C,) uint32, the eight words around each corner. rows: of corners, see `corner_rows.py`. geometry: of child
     masks, see `mask_geometry`. order: of cells in each ray frame, see `nearby_order`.
@@ -49,20 +49,19 @@ class NearbyCells(NamedTuple):
 
 @cache
 def nearby_order() -> np.ndarray:
-    """Number (48, 64) uint8 in each ray frame of the 4x4x4 cells by octant: 8 octant of the whole + octant in that.
+    """Number (48, 64) uint8 in each ray frame of the 4x4x4 cells, which are indexed by 8 octant + octant within it.
 
-    That is as children and their children stand in an octree, and cells around the corners of a voxel.
+    This is the order of grandchildren in an octree, and of cells around the corners of a voxel.
     """
     return np.ascontiguousarray(cell_order()[:, _CELL_OF.ravel()], np.uint8)
 
 
 @lean_device
 def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
-    """Write what a pixel shows of a voxel and around it into column `place` of a tile, but for its children.
+    """Write a pixel's view of a voxel and its surroundings into column `place` of a tile, except its children.
 
     voxel: its node, and the row of its corners. ray: entry, direction, up (3,) and ratio. work: a `FootprintTile`,
-    whose columns `measure_tile` needs, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see
-    `measure_tile`.
+    input of `measure_tile`, a `FineList` and an `OuterList`. view: see `set_frame`. covered, shown: see `measure_tile`.
     """
     node, row = voxel
     tile, fine, listed = work
@@ -70,7 +69,7 @@ def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type:
     order = nearby.order, frame
     count = list_fine(nearby.nodes, nearby.light, node, ray[1], fine)
     place_fine(fine, count, (nearby.order, frame, axes), tile, place)
-    cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access counts holders
+    cells, rows, geometry = nearby.cells, nearby.rows, nearby.geometry  # once: each access changes a reference count
     count = 0
     for corner in range(CORNERS):
         count = list_cells(cells, CORNERS * corner_row(rows, row, corner), corner, geometry, listed, count)

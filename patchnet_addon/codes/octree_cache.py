@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cache of finished octrees and codes on disk: what was voxelized, lit and encoded is there in the next session.
+"""Disk cache of finished octrees and codes, so that the next session need not voxelize, bake and encode again.
 
-ROOT / KEY / notes.json, octree.safetensors, codes.safetensors, layout.safetensors. The key says what the octree was
-made of. An entry appears whole or not at all; those that were used longest ago go first when all take too much.
+ROOT / KEY / notes.json, octree.safetensors, codes.safetensors, layout.safetensors. The key identifies the octree's
+inputs. Entries are written atomically; the least recently used are removed first when the cache exceeds its limit.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LOG = logging.getLogger("patchnet")
 
 @dataclass(frozen=True, eq=False)
 class CachedOctree:
-    """Octree, its codes and the levels of its leaves where there are any, and plain JSON values about it."""
+    """Octree, its codes and leaf levels if there are any, and notes as plain JSON values."""
 
     octree: Octree
     coded: CodedOctree | None = None
@@ -46,7 +46,7 @@ class CachedOctree:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its files, about."""
+        """Approximate size of its files in bytes."""
         coded = self.coded.nbytes if self.coded else 0
         return self.octree.nbytes + coded + (self.layout.levels.nbytes if self.layout else 0)
 
@@ -62,10 +62,9 @@ class OctreeCache:
         return {path.name: notes for path in self._entries() if (notes := _read_notes(path)) is not None}
 
     def load(self, key: str, weights: Weights | None) -> CachedOctree | None:
-        """Load the entry of a key, its arrays mapped into memory, or None if it is not there or damaged.
+        """Load the entry of a key, its arrays mapped into memory, or None if it is missing or damaged.
 
-        Codes are those of `weights`; without them, or where others made the codes or they cannot be read, there are
-        none.
+        Codes are loaded only if `weights` made them and they are readable; else they are None.
         """
         folder = self._root / key
         notes = _read_notes(folder)
@@ -77,21 +76,21 @@ class OctreeCache:
             if (folder / LAYOUT).exists():
                 layout = LeafLevels(read_arrays(folder / LAYOUT, _KIND)[0]["levels"])
         except (FileFormatError, KeyError) as error:
-            _LOG.warning("A kept octree cannot be used: %s", error)
+            _LOG.warning("A cached octree cannot be used: %s", error)
             self.remove(key)
             return None
         coded = None
         if weights is not None and (folder / CODES).exists() and notes.get("weights") == weights.hash:
             try:
                 coded = load_codes(folder / CODES, octree, weights)
-            except CodesFileError as error:  # codes are made in seconds, and the light of the octree is not
-                _LOG.warning("Kept codes cannot be used: %s", error)
+            except CodesFileError as error:  # codes take seconds, unlike the octree's light
+                _LOG.warning("Cached codes cannot be used: %s", error)
         with contextlib.suppress(OSError):
             os.utime(folder / NOTES)  # used now
         return CachedOctree(octree, coded, layout, notes)
 
     def save(self, key: str, entry: CachedOctree) -> bool:
-        """Keep an entry in the place of what was there for its key; whether there was room for it."""
+        """Store an entry, replacing the one of its key; returns whether there was room for it."""
         if entry.nbytes > self._max_bytes:
             return False
         try:
@@ -103,7 +102,7 @@ class OctreeCache:
                 self.remove(key)
                 os.replace(files, self._root / key)
         except (OSError, PatchNetError) as cause:
-            _LOG.warning("The octree will not be there in the next session: %s", cause)
+            _LOG.warning("The octree cannot be cached for the next session: %s", cause)
             return False
         return True
 
@@ -112,7 +111,7 @@ class OctreeCache:
         shutil.rmtree(self._root / key, ignore_errors=True)
 
     def _make_room(self, nbytes: int, key: str) -> None:
-        """Delete entries, the one used longest ago first, until so many bytes more are allowed."""
+        """Delete entries, the least recently used first, until there is room for so many more bytes."""
         others = [path for path in self._entries() if path.name != key]
         others.sort(key=lambda path: _used(path))
         sizes = {path: folder_bytes(path) for path in others}

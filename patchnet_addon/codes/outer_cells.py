@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Outer cells of a pixel: how much of it the cells around its voxel cover, each alone, and their luminances.
+"""Outer cells of a pixel: the share of the pixel that each cell around its voxel alone covers, and their luminances.
 
-A cell is seen as the box around its children, drawn onto the picture plane as `footprint.py` says, as full as the
-columns of its children are along the ray, and with the luminance of the faces that the ray meets (methods 11.2).
-Occupied cells around a voxel are listed and unpacked first, once for all pixels that see it, and all of them are
-measured by the same instructions at once.
+A cell is represented by the box around its children, projected as in `footprint.py`, filled as the columns of its
+children along the ray, with the luminance of the faces that the ray hits (methods 11.2). Occupied cells around a voxel
+are listed and unpacked once for all its pixels, and measured in vector lanes.
 """
 
 from __future__ import annotations
@@ -24,18 +23,18 @@ from .ray_frame import CELLS, SIDE
 
 _INNER = [n for n in range(CELLS) if all(1 <= n // SIDE**axis % SIDE <= 2 for axis in range(3))]
 OUTER_CELLS = np.setdiff1d(np.arange(CELLS), _INNER)  # (56,) cells of the 4x4x4 that are not in the voxel
-OUTER_PLACE = np.zeros(CELLS, np.uint64)  # their rows in a tile; those of the others mean nothing
+OUTER_PLACE = np.zeros(CELLS, np.uint64)  # their rows in a tile; other rows are undefined
 OUTER_PLACE[OUTER_CELLS] = np.arange(OUTER)
 assert len(OUTER_CELLS) == OUTER
 
-_LISTED = TILE  # as many as a row of a tile has room for: cells are measured so many at once as a vector has lanes
+_LISTED = TILE  # capacity of a tile's row: cells are measured in vectors of LANES
 assert OUTER <= _LISTED and _LISTED % LANES == 0
-# Rows of what the numbers of a cell are: the middle of the box around its children, in sides of the voxel, which begins
-# at 0, half its sides, and of columns how many hold a child, along each axis; and luminances of the faces across them.
+# Rows of a cell's numbers: the middle of the box around its children, in sides of the voxel, which starts at 0, its
+# half sides, and the share of columns with a child, along each axis; and luminances of the faces across them.
 _MIDDLE, _HALF, _SEEN, _LIGHT, _ROWS = 0, 3, 6, 9, 15
-SMALL = 1e-9  # keeps a box that is a line from dividing by 0
-# Fields of a mask's geometry: whether there are children on the lower and on the upper half of each axis, and how many
-# columns along it hold a child.
+SMALL = 1e-9  # prevents division by 0 for a box that is a line
+# Fields of a mask's geometry: whether the lower and the upper half of each axis hold children, and the number of
+# columns along it with a child.
 _LOWER, _UPPER, _COLUMNS, _COUNT_BITS = 0, 3, 6, 3
 
 
@@ -43,7 +42,7 @@ class OuterList(NamedTuple):
     """List of the occupied outer cells around one voxel, (64,) each.
 
     word: uint32, see `corner_cells.py`. geometry: uint32 of its mask. number: int32, 8 corner + octant. values: 15 rows
-    of float32, what these say: see `unpack_cells`. covered, shown: float32, what is found.
+    of float32, unpacked from these, see `unpack_cells`. covered, shown: float32, results.
     """
 
     word: np.ndarray
@@ -56,7 +55,7 @@ class OuterList(NamedTuple):
 
 @cache
 def mask_geometry() -> np.ndarray:
-    """Halves that are occupied, and columns, of each child mask, (256,) uint32."""
+    """Occupied halves and columns of each child mask, (256,) uint32."""
     masks = np.arange(256)
     found = np.zeros(256, np.int64)
     for axis in range(3):
@@ -71,7 +70,7 @@ def mask_geometry() -> np.ndarray:
 
 @device
 def empty_outer_list():
-    """List to write the cells around a voxel into."""
+    """Allocate a list of the cells around a voxel."""
     values = empty_values(_ROWS + 2)
     return OuterList(
         np.zeros(_LISTED, np.uint32),
@@ -85,9 +84,9 @@ def empty_outer_list():
 
 @lean_device
 def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[no-untyped-def]
-    """Append the occupied cells around a corner, whose words stand from `start` on; returns how many there are now.
+    """Append the occupied cells around a corner, whose words begin at `start`; returns the new length.
 
-    geometry: `mask_geometry`. The cell that lies in the voxel itself is left out.
+    geometry: `mask_geometry`. The cell in the voxel itself is skipped.
     """
     word_list, geometry_list, numbers = listed.word, listed.geometry, listed.number
     left = words_set(words, start) & ~(np.int64(1) << (CORNERS - 1 - corner))
@@ -104,7 +103,7 @@ def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[n
 
 @lean_device
 def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
-    """Write the numbers of the first `count` cells of a list; those behind them come to anything."""
+    """Write the numbers of the first `count` cells of a list; later ones are undefined."""
     words, geometries, numbers, values = listed.word, listed.geometry, listed.number, listed.values
     for axis in range(3):
         for index in range(-(-count // LANES) * LANES):
@@ -119,10 +118,10 @@ def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
 
 @lean_device
 def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ignore[no-untyped-def]
-    """Write what listed cells cover of a pixel, and their luminances, into column `place` of rows of outer cells.
+    """Write the shares of a pixel that listed cells cover, and their luminances, into column `place` of outer cells.
 
-    They are unpacked. ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children, then of
-    outer cells. order: `nearby_order`, and the number of the ray's frame.
+    The cells must be unpacked. ray: entry, direction, up (3,) and ratio. covered, shown: (64 * TILE,) rows of children,
+    then of outer cells. order: `nearby_order`, and the number of the ray's frame.
     """
     _measure(listed, count, ray)
     numbers, areas, lights = listed.number, listed.covered, listed.shown
@@ -135,7 +134,7 @@ def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ig
 
 @lean_device
 def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
-    """Write areas and luminances of the first `count` cells of a list; those behind them come to anything."""
+    """Write areas and luminances of the first `count` cells of a list; later ones are undefined."""
     entry, direction, up, ratio = ray
     values, areas, lights = listed.values, listed.covered, listed.shown
     right_x = direction[1] * up[2] - direction[2] * up[1]
@@ -171,7 +170,7 @@ def _three(values, row, first):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
-    """Vectors of where the boxes around cells have their middles along an axis of the picture, and their half sides."""
+    """Vectors of the middles of the boxes around cells along an axis of the picture, and of their half sides."""
     x, y, z = _three(values, _MIDDLE, first)
     middle = splat(start) + x * splat(plane[0]) + y * splat(plane[1]) + z * splat(plane[2])
     x, y, z = _three(values, _HALF, first)
@@ -180,21 +179,21 @@ def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _inside(middle, reach, half):  # type: ignore[no-untyped-def]
-    """Vector of how much of what reaches to both sides of a middle lies in a pixel."""
+    """Vector of the part within a pixel of intervals around a middle."""
     inside = smaller(middle + reach, splat(half)) - larger(middle - reach, splat(-half))
     return larger(inside, splat(np.float32(0)))
 
 
 @lean_device
 def _met_light(values, direction, axis, first):  # type: ignore[no-untyped-def]
-    """Vector of the luminances of the faces that a ray meets along an axis."""
+    """Vector of the luminances of the faces that a ray hits along an axis."""
     row = _LIGHT + 2 * axis + (1 if direction[axis] < 0 else 0)
     return load(values, row * _LISTED + first)
 
 
 @lean_device
 def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
-    """Middle, in sides of the voxel, which begins at 0, of the box around a cell's children."""
+    """Middle of the box around a cell's children, in sides of the voxel, which starts at 0."""
     cell = np.float32((number >> np.int32(3 + axis)) & np.int32(1)) - np.float32(0.25)
     cell += np.float32(0.5) * np.float32((number >> np.int32(axis)) & np.int32(1))
     upper, lower = (geometry >> np.int32(_UPPER + axis)) & np.int32(1), (geometry >> np.int32(axis)) & np.int32(1)

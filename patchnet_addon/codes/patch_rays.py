@@ -2,9 +2,9 @@
 """Ray-traced patches: coverage and luminance of a patch by 64x64 parallel rays (methods 7.16, 7.17).
 
 All rays of a viewport are parallel, so every fine cube has the same hexagonal outline. Cubes are drawn front to back
-into 64 rows of 64 bits: a cube's outline meets a row of pixel centres in one interval, and what of it is still free is
-what sees this cube first. The result is that of 4096 rays that each stop at their first cube, about ten times faster
-than following them cell by cell. A finest leaf is its box, which has an outline of its own (methods 4.1d).
+into 64 rows of 64 bits: a cube's outline covers one interval of a row of pixel centres, and its free bits see this cube
+first. The result equals 4096 rays that each stop at their first cube, about ten times faster than tracing them cell by
+cell. A finest leaf is drawn as its box, with the box's outline (methods 4.1d).
 """
 
 from __future__ import annotations
@@ -47,8 +47,7 @@ def render_patches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Coverage (N,) and mean luminance over the rays that hit (N,), both float32; luminance 0 where none hits.
 
-    lookahead: levels between the voxels and the cubes that are drawn. Raises SettingError for an octree of more than
-    2^31 nodes.
+    lookahead: levels between the voxels and the drawn cubes. Raises SettingError for an octree of more than 2^31 nodes.
     """
     check_nodes(octree.node_count)
     count = len(rays.ratio)
@@ -76,7 +75,7 @@ class PatchRay(NamedTuple):
 
 
 class Viewport(NamedTuple):
-    """Scratch to render patches in.
+    """Scratch to render patches.
 
     projection: (9, 3) float64, see `_set_view`. taken: (64,) uint64, a bit for each pixel that shows a cell.
     """
@@ -87,11 +86,11 @@ class Viewport(NamedTuple):
 
 @device
 def _set_view(ray, lookahead, view):
-    """Fill `view` (9, 3) float64: how the brick's cells project onto the pixels of the viewport.
+    """Fill `view` (9, 3) float64: the projection of the brick's cells onto the pixels of the viewport.
 
     Rows 0 and 1: pixels to the right and up per cell along x, y, z. Row 2: pixel of the brick's lowest corner, and
     the outline's half height. Rows 3 and 4: slope and half width of the three slabs whose intersection the outline is.
-    Row 5: half width of the outline. Rows 6 to 8: what each side of a cell adds to the half width of each slab.
+    Row 5: half width of the outline. Rows 6 to 8: share of each side of a cell in the half width of each slab.
     """
     direction, up = ray.direction, ray.up
     side = float(1 << lookahead)
@@ -112,7 +111,7 @@ def _set_view(ray, lookahead, view):
     view[5, 0] = 0.5 * (abs(view[0, 0]) + abs(view[0, 1]) + abs(view[0, 2]))
     for axis in range(3):
         a_u, a_v = view[0, axis], view[1, axis]
-        if abs(a_v) < 1e-9:  # this slab bounds rows only, as the outline's height already does
+        if abs(a_v) < 1e-9:  # this slab bounds only rows, like the outline's height
             view[3, axis], view[4, axis] = 0.0, 1e9
             view[6 + axis, :] = 1e9
             continue
@@ -140,7 +139,8 @@ def _draw_box(view, boxes, row, centre_u, centre_v, rows):
 
 @device
 def _draw(view, outline, centre_u, centre_v, rows):
-    """Draw an outline centred on a pixel position into the free bits of `rows` (64,) uint64; how many it took.
+    """Draw an outline centred on a pixel position into the free bits of `rows` (64,) uint64; returns the number of bits
+    taken.
 
     outline: half height, and half widths of the three slabs.
     """
@@ -169,10 +169,10 @@ def _draw(view, outline, centre_u, centre_v, rows):
 def render_patch(nodes, light, brick, ray, lookahead, viewport):
     """Coverage and mean luminance (65535 = 1) of a `Brick` around a `PatchRay`; light: `NodeLight` of the nodes.
 
-    viewport: `Viewport` to draw in, whatever it held.
+    viewport: `Viewport` to draw in; previous contents are discarded.
 
-    Along parallel rays, a cell can only hide cells that lie further along each axis in the direction's sign: running
-    through blocks and cells in that order is front to back.
+    Along parallel rays, a cell can only hide cells further along each axis in the direction's sign: this order of
+    blocks and cells is front to back.
     """
     cells, counts, direction = brick.nodes, brick.counts, ray.direction
     view, rows = viewport.projection, viewport.taken

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Patches of fine voxels (methods 7.7, 7.9): what PatchNet sees of the octree some levels ahead.
+"""Patches of fine voxels (methods 7.7, 7.9): PatchNet's input, the octree some levels ahead.
 
 With a look-ahead of n levels, a voxel of level l holds a block of s^3 cells of level l + n, s = 2^n. A corner (i, j, k)
-of level l sees the (2 s)^3 cells s (i, j, k) + [-s, s)^3, which are the blocks of the eight voxels around it; for two
+of level l has the (2 s)^3 cells s (i, j, k) + [-s, s)^3, which are the blocks of the eight voxels around it; for two
 levels, blocks are 4x4x4 and patches 8x8x8. Blocks are ordered z, y, x, channel; the channels are occupancy, luminance
-and the three components of the mean normal, all zero where there is nothing. Occupancy is 1, or what the box of a leaf
-fills of it (methods 4.1d).
+and the three components of the mean normal, all zero in empty cells. Occupancy is 1, or the share that the box of a
+leaf fills (methods 4.1d).
 
 The kernels here run on one core: they alternate with matrix products, whose threads keep spinning for milliseconds
-after each product, and waiting for a core costs ten times what a second core would save.
+after each product. Waiting for a core costs ten times what a second core saves.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
 
 
 def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
-    """Node (N,) int64 at each cell (N, 3) of a level, or the coarser leaf that covers it; -1 where it is empty."""
+    """Node (N,) int64 at each cell (N, 3) of a level, or the coarser leaf that covers it; -1 for an empty cell."""
     cells = np.ascontiguousarray(cells, np.int32)
     nodes = np.empty(len(cells), np.int64)
     _find_covering(octree.nodes, level, cells, nodes)
@@ -51,7 +51,7 @@ def covering_nodes(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
 def corner_neighbours(octree: Octree, level: int, corners: np.ndarray) -> np.ndarray:
     """Nodes (C, 8) int64 of the eight voxels around each corner (C, 3) of a level, in the order of `OCTANTS`.
 
-    A coarser leaf where it covers the voxel, -1 where the voxel is empty or outside the cube.
+    A coarser leaf if it covers the voxel, -1 for a voxel that is empty or outside the cube.
     """
     cells = np.asarray(corners)[:, None, :] - 1 + OCTANTS  # (C, 8, 3)
     return covering_nodes(octree, level, cells.reshape(-1, 3)).reshape(-1, 8)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tiles of pixels for the decoder: codes and rays of hits, a feature a row (`network/compiled_layers.py`)."""
+"""Tiles of pixels for the decoder: codes and rays of hits, one feature per row (`network/compiled_layers.py`)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .corner_rows import corner_row
 if TYPE_CHECKING:
     from ..tracing.render import Hits
 
-MEAN_SIZE = 16  # of a mean that `write_mean_code` writes: two vectors of eight numbers, which overlap in the code
+MEAN_SIZE = 16  # of a mean written by `write_mean_code`: two vectors of eight numbers, which overlap in the code
 assert 8 <= CODE_SIZE <= 16
 
 _SCALE = np.float32(HALF_SCALE)
 
 
 class CornerCodes(NamedTuple):
-    """Codes and what finds them.
+    """Codes and their index.
 
-    halves: (C * 10,) int16, the bits of the half floats. nodes: of `CodedOctree`. rows: (K, 3) uint32, as
-    `corner_rows.py` says.
+    halves: (C * 10,) int16, the bits of the half floats. nodes: of `CodedOctree`. rows: (K, 3) uint32, see
+    `corner_rows.py`.
     """
 
     halves: np.ndarray
@@ -43,7 +43,7 @@ class CornerCodes(NamedTuple):
 
 
 class PixelRays(NamedTuple):
-    """Rays of pixels, as the network is given them; see `Hits`."""
+    """Rays of pixels, inputs of the network; see `Hits`."""
 
     node: np.ndarray
     entry: np.ndarray
@@ -53,7 +53,7 @@ class PixelRays(NamedTuple):
 
     @classmethod
     def of(cls, hits: Hits) -> PixelRays:
-        """Rays of all pixels of a view, as kernels take them."""
+        """Rays of all pixels of a view, for kernels."""
         floats = (hits.entry_voxel, hits.direction, hits.up, hits.ratio)
         return cls(
             np.ascontiguousarray(hits.node, np.int64), *(np.ascontiguousarray(array, np.float32) for array in floats)
@@ -66,10 +66,9 @@ class PixelRays(NamedTuple):
 
 @device
 def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead):  # type: ignore[no-untyped-def]
-    """Gather pixels from `pixel` on whose nodes have codes, as many as a tile has room for, and their rows.
+    """Gather pixels from `pixel` on whose nodes have codes, as many as fit a tile, and their rows.
 
-    pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns how many there are, and the pixel
-    to go on with.
+    pixels, rows: (TILE,) int64, written. look_ahead: (P,) bool, set for them. Returns their number, and the next pixel.
     """
     coded = corner_codes.nodes
     count = 0
@@ -105,7 +104,7 @@ def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped
 
 @device
 def fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
-    """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the nodes they hit."""
+    """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
     mean = np.empty(MEAN_SIZE, np.float32)
     for place in range(len(rows)):
@@ -118,7 +117,7 @@ def fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-un
 
 @device
 def fill_rays(rays, pixels, inputs):  # type: ignore[no-untyped-def]
-    """Write what the network is given of the rays of pixels into a tile."""
+    """Write the network's ray inputs of pixels into a tile."""
     direction, up, ratio = rays.direction, rays.up, rays.ratio
     for place in range(len(pixels)):
         pixel = pixels[place]

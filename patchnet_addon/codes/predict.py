@@ -35,9 +35,9 @@ _SCALE = np.float32(HALF_SCALE)
 class Prediction:
     """Prediction for each of P pixels.
 
-    coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 where nothing is known.
-    luminance: (P,) float32, L_N, mean luminance of that share; that of the preview where nothing is known.
-    look_ahead: (P,) bool, the hit voxel has descendants as deep as the patch looks (methods 4.1b); false for misses.
+    coverage: (P,) float32, sigma, share of the pixel that the patch covers; 1 without look-ahead.
+    luminance: (P,) float32, L_N, mean luminance of that share; that of the preview without look-ahead. look_ahead: (P,)
+    bool, the hit voxel has descendants at the patch's depth (methods 4.1b); false for misses.
     """
 
     coverage: np.ndarray
@@ -45,11 +45,11 @@ class Prediction:
     look_ahead: np.ndarray
 
     def __getitem__(self, pixels: np.ndarray) -> Prediction:
-        """Prediction for some of the pixels, given by their indices (N,)."""
+        """Prediction for pixels by index (N,)."""
         return Prediction(self.coverage[pixels], self.luminance[pixels], self.look_ahead[pixels])
 
     def __setitem__(self, pixels: np.ndarray, found: Prediction) -> None:
-        """Put in the prediction for some of the pixels, given by their indices (N,)."""
+        """Replace the prediction of pixels by index (N,)."""
         self.coverage[pixels], self.luminance[pixels] = found.coverage, found.luminance
         self.look_ahead[pixels] = found.look_ahead
 
@@ -57,8 +57,8 @@ class Prediction:
 def predict(coded: CodedOctree, hits: Hits) -> Prediction:
     """Decode coverage and luminance of all pixels, on all cores of the CPU.
 
-    Those without look-ahead keep what they show, so that their priority is 0 (methods 4.1b). A GPU is no faster: what
-    lies around each pixel's voxel is found on the CPU, and would have to be copied (docs/gpu.md).
+    Pixels without look-ahead keep their preview, so that their priority is 0 (methods 4.1b). A GPU is no faster: the
+    cells around each pixel's voxel are found on the CPU and would have to be copied (docs/gpu.md).
     """
     rays = PixelRays.of(hits)
     pixels = len(rays.node)
@@ -74,11 +74,11 @@ def predict(coded: CodedOctree, hits: Hits) -> Prediction:
 
 @kernel
 def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type: ignore[no-untyped-def]
-    """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and which these are.
+    """Write coverage and luminance of the pixels with look-ahead in runs of TILE pixels, and the mask of these pixels.
 
-    They are gathered, and decoded when they fill a tile. rays: `PixelRays`. corner_codes: `CornerCodes`. nearby:
-    `NearbyCells` of a luminance mixture, None for the paper's network: it is compiled for each of both. results:
-    coverage, luminance, and whether there is look-ahead.
+    They are gathered, and decoded when a tile is full. rays: `PixelRays`. corner_codes: `CornerCodes`. nearby:
+    `NearbyCells` of a luminance mixture, None for the paper's network; each case is compiled. results: coverage,
+    luminance, and the mask of look-ahead.
     """
     coverage, luminance, look_ahead = results
     tile = empty_tile()
@@ -105,7 +105,7 @@ def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type:
 
 @device
 def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
-    """Write the first numbers of the eight corner codes of pixels side by side; rows: of the nodes they hit."""
+    """Write the first numbers of the eight corner codes of pixels side by side; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
     code = np.empty(16, np.float32)
     for place in range(len(rows)):
@@ -119,7 +119,7 @@ def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: ignore[no-untyped-def]
-    """Write how pixels look at their voxels, what cells cover of them, and the luminances that are mixed."""
+    """Write the viewing rays of pixels, the shares that cells cover, and the luminances to mix."""
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     covered = inputs[COVERED * TILE :]
     clear_tile(work[0], covered, luminances)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ray frame: axes of the octree, mirrored and swapped so that a ray travels up all three, most along the first.
 
-All 48 symmetries of the cube come to the same frame, and of cells in it the ones with lower numbers hide the others. So
-what a network is told in this frame it need not learn for every orientation (methods 11.2).
+All 48 symmetries of the cube map to this frame, in which cells of lower numbers hide those of higher ones. So a network
+need not learn each orientation separately (methods 11.2).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..runtime.kernels import lean_device
 
 FRAMES = 48
-SIDE = 4  # cells along a side of the blocks that are renumbered
+SIDE = 4  # cells along a side of the renumbered blocks
 CELLS = SIDE**3
 
 _PERMUTATIONS = np.array(list(itertools.permutations(range(3))))  # number 2 a + (b > c) is (a, b, c)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree on a torch device: the blocks of voxels there, by gathers; what `patches.py` does on the CPU.
+"""Octree on a torch device: blocks of voxels by gathers, the counterpart of `patches.py`.
 
-Encoding on a GPU is so fast that one core cannot gather blocks for it.
+Encoding on a GPU is too fast for one core to gather its blocks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..octree.leaf_boxes import FILLED_STEPS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 from .patches import OCTANTS
 
-NODE_BYTES = 12  # of child mask, first child, luminance, normal, what is filled
+NODE_BYTES = 12  # of child mask, first child, luminance, normal, filled share
 
 
 def tree_fits(octree: Octree, device: torch.device) -> bool:
@@ -39,7 +39,7 @@ class TorchTree:
         masks, octants = np.arange(256)[:, None], np.arange(8)
         place = POPCOUNT[masks & ((1 << octants) - 1)].astype(np.int64)  # among the children that exist
         self._place = to_device(np.where(masks >> octants & 1, place, -1), device)  # (256, 8), -1 for no child
-        # There, since a GPU multiplies by the reciprocal of a number of the host: another last digit.
+        # As tensors, since a GPU multiplies by the reciprocal of a host number, which changes the last digit.
         scales = (LUMINANCE_SCALE, NORMAL_SCALE, FILLED_STEPS)
         self._scales = tuple(torch.tensor(float(scale), device=device) for scale in scales)
 
@@ -56,7 +56,7 @@ class TorchTree:
         return node
 
     def fine_cells(self, nodes: Tensor, lookahead: int) -> Tensor:
-        """Nodes (M, 8^n) of the cells n = `lookahead` levels below `nodes` (M,), order z, y, x, -1 where empty.
+        """Nodes (M, 8^n) of the cells n = `lookahead` levels below `nodes` (M,), order z, y, x, -1 for empty ones.
 
         A coarser leaf fills its part of the block, see `fill_block`.
         """
@@ -68,7 +68,7 @@ class TorchTree:
         return cells[:, torch.from_numpy(paths(lookahead)).to(self.device)]
 
     def values(self, cells: Tensor) -> Tensor:
-        """Occupancy, luminance and normal (..., 5) float32 of cells (...,); zeros where they are empty."""
+        """Occupancy, luminance and normal (..., 5) float32 of cells (...,); zeros for empty ones."""
         there, safe = cells >= 0, cells.clamp(min=0)
         white, unit, full = self._scales
         filled = self._filled[safe].float() / full
@@ -78,7 +78,7 @@ class TorchTree:
         return values.masked_fill_(~there[..., None], 0.0)
 
     def _children(self, nodes: Tensor) -> tuple[Tensor, Tensor]:
-        """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); those of node -1 mean nothing."""
+        """Child masks (...,) and children (..., 8), -1 for none, of nodes (...,); undefined for node -1."""
         safe = nodes.clamp(min=0)
         mask = self._child_mask[safe].int()
         place = self._place[mask]
@@ -87,7 +87,7 @@ class TorchTree:
 
 
 class TorchCorners:
-    """Encoder of the corners of an octree that lies on the encoder's device, and the blocks with it."""
+    """Encoder of the corners of an octree whose nodes and blocks are on the encoder's device."""
 
     def __init__(self, encoder: TorchEncoder, octree: Octree, lookahead: int) -> None:
         self._encoder, self._lookahead = encoder, lookahead
@@ -95,7 +95,7 @@ class TorchCorners:
 
     @torch.inference_mode()
     def __call__(self, level: int, corners: np.ndarray) -> np.ndarray:
-        """Codes (C, 10) float32 of corners (C, 3) of a level; every voxel around them is read once."""
+        """Codes (C, 10) float32 of corners (C, 3) of a level; each voxel around them is read once."""
         device = self._encoder.device
         cells = torch.from_numpy(corners.astype(np.int64)).to(device)[:, None] - 1
         cells = (cells + torch.from_numpy(OCTANTS.astype(np.int64)).to(device)).view(-1, 3)
@@ -108,7 +108,7 @@ class TorchCorners:
 
 
 def paths(lookahead: int) -> np.ndarray:
-    """Place (8^n,) int64 of each cell of a block, order z, y, x, when n = `lookahead` octants are read one by one."""
+    """Place (8^n,) int64 of each cell of a block, order z, y, x, if n = `lookahead` octants are read one by one."""
     side = 1 << lookahead
     z, y, x = np.unravel_index(np.arange(side**3), (side,) * 3)
     place = np.zeros(side**3, np.int64)
@@ -118,7 +118,7 @@ def paths(lookahead: int) -> np.ndarray:
 
 
 _PART_BYTES = 1 << 26
-_SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch does little with unsigned ones
+_SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch has few operations for unsigned types
 
 
 def to_device(array: np.ndarray, device: torch.device) -> Tensor:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Export of one level's voxels as files of other programs: one format a file, and their list in `formats`."""
+"""Export of one level's voxels to files for other programs: one module per format, registered in `formats`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Formats that voxels are exported to, by the ending of the file."""
+"""Export formats of voxels, by file extension."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .vdb import write_vdb
 
 @dataclass(frozen=True)
 class Format:
-    """Format: the kind of its files, and what writes the voxels of a level and returns how many they are."""
+    """Format: the kind of its files, and the function that writes a level's voxels and returns their number."""
 
     kind: FileKind
     write: Callable[[Octree, int, Path], Steps[int]]
@@ -35,7 +35,7 @@ FORMATS: dict[str, Format] = {
 
 
 def format_of(path: Path) -> Format:
-    """Format that the ending of `path` names; raises SettingError if it names none."""
+    """Format by the ending of `path`; raises SettingError for an unknown one."""
     found = FORMATS.get(path.suffix.lower())
     if found is None:
         raise SettingError(f"{path} has no ending that names a format: choose one of {', '.join(FORMATS)}")
@@ -43,9 +43,9 @@ def format_of(path: Path) -> Format:
 
 
 def export_octree(octree: Octree, path: str | Path, level: int | None = None) -> Steps[int]:
-    """Write the voxels of `level` (None: the finest) in the format that the ending of `path` names; their number.
+    """Write the voxels of `level` (None: the finest) in the format of the ending of `path`; returns their number.
 
-    The file appears complete or not at all. Raises SettingError for an unknown ending or level, before any work, and
+    The file is replaced atomically. Raises SettingError for an unknown ending or level, before any work, and
     OutputError if the file cannot be written.
     """
     path = Path(path)

@@ -30,7 +30,7 @@ from ..runtime.file_kinds import NPZ
 from ..runtime.progress import Progress, Steps
 from ..runtime.replace import replaced_file
 
-# Type and width of each column, and how a run of voxels gives it. A width of 0 makes a flat array.
+# Type and width of each column, and its function of a run of voxels. A width of 0 makes a flat array.
 _COLUMNS: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
     "cells": ("<i4", 3, lambda run: run.cells),
     "level": ("|u1", 0, lambda run: np.full(len(run), run.level)),
@@ -48,7 +48,7 @@ _COLOR_COLUMN: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
 def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
     """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written.
 
-    The columns stand one after the other in the file, so the octree is walked once for each of them.
+    The file stores column after column, so the octree is walked once for each of them.
     """
     count = int(voxel_counts(octree)[level])
     columns = _COLUMNS if octree.chroma is None else _COLUMNS | _COLOR_COLUMN

@@ -4,9 +4,8 @@
 x, y, z          centre in world units
 nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is curved or has two sides
 red, green, blue colour for the eye, or luminance where the octree has none: sRGB, 0 to 255
-scalar_luminance linear, 0 to 1; the prefix is how CloudCompare marks values that belong to points
-scalar_side      side of the voxel in world units
-scalar_area      surface in the voxel in square world units
+scalar_luminance linear, 0 to 1; CloudCompare uses this prefix for values of points scalar_side side of the voxel in
+world units scalar_area surface in the voxel in square world units
 """
 
 from __future__ import annotations

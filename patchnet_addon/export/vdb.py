@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""OpenVDB export: voxels as grids, through the `openvdb` module that Blender's own Python has.
+"""OpenVDB export: voxels as grids, through the `openvdb` module of Blender's Python.
 
 luminance  linear, 0 to 1
 density    surface / (2 * volume) of the voxel, in 1 / world unit: the extinction of a medium that hides, averaged over
@@ -29,19 +29,19 @@ from ..runtime.file_kinds import VDB
 from ..runtime.progress import Progress, Steps
 from ..runtime.replace import replaced_path
 
-_MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the one before
+_MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the older one
 NO_VDB = (
     "This Python has no openvdb module, which .vdb needs: use Blender as blender.org ships it, or choose .ply or .npz"
 )
 _BLOCK_LEVELS = 5  # cells are handed over in dense blocks of 2^5 along an axis
 _CHANNELS = {"luminance": 1, "density": 1, "color": 3}  # of each grid
-# Cells with exactly the background's value do not exist; black surfaces do.
+# OpenVDB drops cells with exactly the background's value; black surfaces must stay.
 _BLACK = np.float32(np.finfo(np.float32).tiny)
 
 
 @functools.cache
 def vdb_module_name() -> str:
-    """Name of the module that writes .vdb files, "" where there is none; looked for once, without importing it."""
+    """Name of the module that writes .vdb files, "" if missing; searched once, without importing it."""
     return next((name for name in _MODULES if importlib.util.find_spec(name)), "")
 
 

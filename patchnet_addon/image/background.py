@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Background behind a picture's light: a colour, the world as each pixel sees it, or none (transparent film).
+"""Background behind a picture's light: a colour, the world in each pixel's direction, or none (transparent film).
 
-Light of surfaces is over black and weighed by alpha, the share of a pixel in which rays met something. Strategies and
-errors look at that light alone (methods 5).
+Light of surfaces is over black and premultiplied by alpha, the share of a pixel's rays that hit. Strategies and errors
+use only that light (methods 5).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ BLACK = np.zeros(3, np.float32)
 
 
 def over(light: np.ndarray, alpha: np.ndarray, background: np.ndarray, exposure: float) -> np.ndarray:
-    """Light (P,) or (P, 3) float32, exposed and weighed by alpha (P,), over an unexposed background (3,) or (P, 3)."""
+    """Light (P,) or (P, 3) float32, exposed, premultiplied by alpha (P,), over an unexposed background (3,), (P, 3)."""
     behind = np.float32(exposure) * np.broadcast_to(np.asarray(background, np.float32), (len(alpha), 3))
     if light.ndim == 1:
         return (light + (1.0 - alpha) * luminance(behind)).astype(np.float32)
@@ -35,5 +35,5 @@ def encoded(light: np.ndarray, alpha: np.ndarray, background: np.ndarray | None,
 
 
 def opaque(picture: np.ndarray) -> np.ndarray:
-    """Picture (h, w, 3) of encoded colours, black where one with alpha (h, w, 4) shows nothing."""
+    """Picture (h, w, 3) of encoded colours; one with alpha (h, w, 4) is put over black."""
     return picture if picture.shape[-1] == 3 else picture[..., :3] * picture[..., 3:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colour maps for heatmaps: viridis by default, turbo by choice."""
+"""Colour maps for heatmaps: viridis by default, turbo as an option."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ COLORMAPS: tuple[str, ...] = tuple(_KNOTS)
 
 
 def colormap(values: np.ndarray, name: str = "viridis") -> np.ndarray:
-    """sRGB colours (..., 3) float32 in [0, 1] of `values` (...); clamped to [0, 1], NaN shows as the lowest.
+    """sRGB colours (..., 3) float32 in [0, 1] of `values` (...); clamped to [0, 1], NaN counts as 0.
 
     Raises SettingError for an unknown map.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image metrics: how far one picture's luminance is from another's, by kind of region.
+"""Image metrics: differences in luminance between two pictures, by kind of region.
 
 All pictures are (H, W) float32 of linear luminance in one exposure; the metrics clamp it to [0, 1] (methods 7.1).
 """
@@ -20,7 +20,7 @@ from .tone import gray
 MAX_PSNR_DB = 120.0  # of equal pictures
 SILHOUETTES, CREASES, SHADOWS, TEXTURES, SMOOTH = REGIONS = ("silhouettes", "creases", "shadows", "textures", "smooth")
 _COVERAGE_STEP = 0.02
-_DEPTH_STEP = 0.03  # of the depth itself, beyond what a plane does
+_DEPTH_STEP = 0.03  # of the depth itself, deviation from a plane
 _NORMAL_STEP = 0.5
 _LIGHT_STEP = 0.25  # of the light around
 _COLOR_STEP = 0.10  # of the albedo around
@@ -31,7 +31,7 @@ _CREASE_REACH_PX = 2
 class Guides:
     """Guide layers of the reference beside luminance, each (H, W) float32, `normal` (H, W, 3).
 
-    coverage: of the reference. other_coverage: of the picture that is judged. depth: inf or huge where nothing is.
+    coverage: of the reference. other_coverage: of the compared picture. depth: inf or huge for a miss.
     albedo: luminance of the diffuse colour.
     """
 
@@ -43,7 +43,7 @@ class Guides:
 
     @property
     def both(self) -> np.ndarray:
-        """(H, W) bool: pixels that both pictures cover altogether."""
+        """(H, W) bool: pixels fully covered in both pictures."""
         return np.minimum(self.coverage, self.other_coverage) > 1.0 - 1e-3
 
 
@@ -67,7 +67,7 @@ def mean_ratio(picture: np.ndarray, reference: np.ndarray, chosen: np.ndarray | 
 
 
 def flip(picture: np.ndarray, reference: np.ndarray) -> float | None:
-    """Mean FLIP of the sRGB pictures at 67 pixels per degree; None where the package flip-evaluator is not there.
+    """Mean FLIP of the sRGB pictures at 67 pixels per degree; None without the package flip-evaluator.
 
     Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
     """
@@ -104,7 +104,7 @@ def regions(reference: np.ndarray, guides: Guides) -> dict[str, np.ndarray]:
 
 
 def depth_edges(depth: np.ndarray) -> np.ndarray:
-    """(H, W) bool: depth bends more than a plane does; 1/depth of a plane is linear over the picture."""
+    """(H, W) bool: depth deviates from a plane, whose 1/depth is linear over the picture."""
     near = 1.0 / np.maximum(np.where(np.isfinite(depth), depth, 1e30), 1e-30)
     edge = np.zeros(depth.shape, bool)
     for axis in range(2):
@@ -123,7 +123,7 @@ def _windows(values: np.ndarray, reach: int = 1) -> np.ndarray:
 
 
 def spread(values: np.ndarray) -> np.ndarray:
-    """Greatest less least value (H, W) of each 3x3 window."""
+    """Range of values (H, W) in each 3x3 window."""
     windows = _windows(values)
     return windows.max(axis=(2, 3)) - windows.min(axis=(2, 3))
 
@@ -172,7 +172,7 @@ def difference_picture(difference: np.ndarray, maximum: float, title: str, quant
 def side_by_side(
     reference: np.ndarray, picture: np.ndarray, maximum: float, titles: tuple[str, str, str]
 ) -> np.ndarray:
-    """Reference, the picture, and how much brighter the picture is, with the legend of the difference."""
+    """Reference, picture, and their difference (picture minus reference), with its legend."""
     views = [magnify(gray(reference)), magnify(gray(picture)), _signed(picture - reference, maximum)]
     return with_legend(views, list(titles), _ramp, _ticks(maximum), "luminance, octree less Cycles")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of several cameras in rows, under the names of what they show."""
+"""Pictures of several cameras in rows, under titles."""
 
 from __future__ import annotations
 

@@ -60,9 +60,9 @@ def face_camera(face: int, side_px: int) -> Camera:
 
 
 def view_corners(camera: Camera) -> np.ndarray:
-    """Directions (4, 3) float64 that a camera sees at its picture's corners: lower left, right, upper right, left.
+    """Viewing directions (4, 3) float64 at the corners of a camera's picture: lower left, right, upper right, left.
 
-    Between them they are linear in the picture. An orthographic camera looks in one direction everywhere.
+    Directions between are interpolated linearly. An orthographic camera has a single direction.
     """
     forward = np.asarray(camera.forward, np.float64)
     if camera.kind == ORTHOGRAPHIC:
@@ -73,7 +73,7 @@ def view_corners(camera: Camera) -> np.ndarray:
 
 
 def pixel_directions(camera: Camera) -> np.ndarray:
-    """Directions (P, 3) float64 of the centres of a camera's pixels, of no particular length."""
+    """Directions (P, 3) float64 of the centres of a camera's pixels, not normalized."""
     lower_left, lower_right, _, upper_left = view_corners(camera)
     x = (np.arange(camera.width_px) + 0.5) / camera.width_px
     y = (np.arange(camera.height_px) + 0.5) / camera.height_px

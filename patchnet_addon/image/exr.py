@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Read uncompressed OpenEXR files of many layers, which Blender writes but does not let scripts read.
+"""Read uncompressed multilayer OpenEXR files, which Blender writes but its Python API cannot read.
 
 Format: openexr.com, "OpenEXR File Layout". Blender 4.5 writes all passes in one part, 5.x each in a part of its own.
 """
@@ -52,7 +52,7 @@ class _Reader:
 def read_exr(path: Path) -> dict[str, np.ndarray]:
     """Channels (H, W) float32 by full name, such as `ViewLayer.Depth.Z`; row 0 is the bottom.
 
-    Raises FileFormatError for files that are no uncompressed scan-line EXR.
+    Raises FileFormatError for other files than uncompressed scan-line EXR.
     """
     try:
         return _read(_Reader(path.read_bytes()))
@@ -80,7 +80,7 @@ def _headers(reader: _Reader, many: bool) -> list[_Part]:
     while True:
         part = _Part()
         name = reader.text()
-        if not name:  # an empty header ends those of many parts
+        if not name:  # an empty header ends the headers of a multi-part file
             return parts
         while name:
             kind = reader.text()
@@ -108,7 +108,7 @@ def _attribute(part: _Part, name: str, kind: str, value: _Reader) -> None:
 
 
 def _pixels(data: bytes, part: _Part, table: tuple[int, ...], skip: int) -> dict[str, np.ndarray]:
-    """All channels of a part; each row is a chunk: part (if there are many), row, bytes, channel after channel."""
+    """All channels of a part; each row is a chunk: part (in multi-part files), row, bytes, channel after channel."""
     images = {name: np.zeros((part.height, part.width), np.float32) for name in part.channels}
     for offset in table:
         (row,) = struct.unpack_from("<i", data, offset + skip)

@@ -17,14 +17,14 @@ from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
 from .tone import gray
 
 VIEW_HEIGHT_PX = 540  # small pictures are magnified by a whole factor to about this height
-_PAPER = 0.11  # sRGB value of the legend's ground
+_PAPER = 0.11  # sRGB value of the legend's background
 _INK = 0.9
 _GAP_PX = 8
 _DIMMED = 0.35
 
 
 def magnify(picture: np.ndarray) -> np.ndarray:
-    """Magnify `picture`, every pixel a whole number of times, to about 540 rows; larger ones stay."""
+    """Magnify `picture` by a whole factor to about 540 rows; larger ones are unchanged."""
     factor = _magnification(picture.shape[0])
     return picture.repeat(factor, axis=0).repeat(factor, axis=1)
 
@@ -38,7 +38,7 @@ def heatmap(
 ) -> np.ndarray:
     """Priority (H, W) in colours, magnified, with a legend from 0 to `maximum` below.
 
-    `maximum` is configured, not the picture's own, so that pictures can be compared; larger values show as it.
+    `maximum` is configured, not the picture's own, so that pictures can be compared; larger values are clamped to it.
     """
     if not (np.isfinite(maximum) and maximum > 0):
         raise SettingError(f"The heatmap's maximum {maximum} must be a positive number")
@@ -48,7 +48,7 @@ def heatmap(
 
 
 def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: str, *, title: str = "") -> np.ndarray:
-    """Picture (H, W) with the pixels that a budget refines in red, redder is refined first (methods 3).
+    """Picture (H, W) with the pixels of a budget in red; redder ones are refined first (methods 3).
 
     `urgency`: (H, W), 1 for the first pixel, falling to 0 at the budget's end and beyond. `budget`: in words.
     """
@@ -58,7 +58,7 @@ def overlay(luminance: np.ndarray, urgency: np.ndarray, budget: str, *, title: s
 
 
 def tint(luminance: np.ndarray, urgency: np.ndarray) -> np.ndarray:
-    """Overlay alone, (H, W, 3), one pixel a pixel."""
+    """Overlay alone, (H, W, 3), not magnified."""
     weight = np.where(urgency > 0, 0.35 + 0.6 * urgency, 0.0).astype(np.float32)[..., None]
     return gray(luminance) * (1 - weight) + red_ramp(urgency) * weight
 
@@ -108,7 +108,7 @@ def places_on_page(
 ) -> tuple[tuple[float, float, float, float], ...]:
     """Rectangles of `count` pictures of size_px (width, height) on a page of `with_legend`.
 
-    In shares of the page's sides: left, bottom, right, top. Nothing if the page is not one of theirs.
+    In shares of the page's sides: left, bottom, right, top. Empty if the page has another size.
     """
     factor = _magnification(size_px[1])
     width, height = size_px[0] * factor, size_px[1] * factor

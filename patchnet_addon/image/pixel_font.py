@@ -25,7 +25,7 @@ def text_width(text: str) -> int:
 
 
 def text_mask(text: str, scale: int = 1) -> np.ndarray:
-    """(5 scale, width scale) bool, row 0 at the bottom: where the letters are; unknown characters show as a box."""
+    """(5 scale, width scale) bool, row 0 at the bottom: pixels of the letters; unknown characters are boxes."""
     mask = np.zeros((GLYPH_HEIGHT, text_width(text)), bool)
     for index, character in enumerate(text.upper()):
         for row, digit in enumerate(_GLYPHS.get(character, "75557")):
@@ -35,7 +35,7 @@ def text_mask(text: str, scale: int = 1) -> np.ndarray:
 
 
 def draw_text(picture: np.ndarray, text: str, x: int, y: int, scale: int = 1, color: float = 0.9) -> None:
-    """Write `text` into `picture` (H, W, 3) with its lower left corner at column x, row y; cut at the borders."""
+    """Write `text` into `picture` (H, W, 3) with its lower left corner at column x, row y; clipped at the borders."""
     mask = text_mask(text, scale)
     height, width = picture.shape[:2]
     left, bottom = max(x, 0), max(y, 0)

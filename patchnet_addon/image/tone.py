@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tone mapping: linear light to sRGB, as a screen shows it."""
+"""Tone mapping: linear light to sRGB for display."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shading with an atlas of baked light: its texels, with texture finer than them put back (methods 7.2b to 7.2d)."""
+"""Shading with an atlas of baked light, with texture detail finer than its texels restored (methods 7.2b to 7.2d)."""
 
 from __future__ import annotations
 
@@ -21,25 +21,24 @@ from .chart_lookup import lookup, triangle_means
 from .charts import Charts
 from .texel_bases import base_of_texels
 
-_MAX = 4.0  # what texture can do to light, either way: beyond it the two base colours are not of one texel
-_LEAST_HUE = 1.0 / 16.0  # of a channel: what it loses is no brightness, and no noise grows
+_MAX = 4.0  # largest factor of texture on light, and its inverse: beyond it the two base colours are not of one texel
+_LEAST_HUE = 1.0 / 16.0  # of a channel: limits noise without loss of brightness
 _MIN_ALBEDO = 1e-3
 _LEAST_LIGHT = np.float32(1e-30)
-_SOLID = 0.999  # opacity; with gaps in them, texels hold light of their own kind
+_SOLID = 0.999  # opacity; texels with gaps are not comparable
 _MANTISSA_BITS = 24  # of float32
 _LOWEST_EXPONENT = -149
 _EXPONENTS = 128 - _LOWEST_EXPONENT + 1
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
-    """ShadingFn that reads baked luminance at the centroid of each fragment; opacity is the material's own.
+    """ShadingFn that reads baked luminance at the centroid of each fragment; opacity is the material's.
 
-    Texture that is finer than the texels of the bake is put back (`texture_detail`). With colour in the atlas it is a
-    shade of colour, with light of backs one of both sides.
+    Texture detail finer than the texels of the bake is restored (`texture_detail`). With colour in the atlas it shades
+    in colour, with light of backs it shades both sides.
 
-    Where the bake met only gaps of a cut-out, the triangle's other texels count, and where it has none, the base colour
-    under the light that falls on its material elsewhere.
-    Raises SettingError if the atlas was laid out for another surface.
+    Where the bake hit only gaps of a cut-out, the triangle's other texels are used; if there are none, the base colour
+    under the mean light on its material. Raises SettingError if the atlas was laid out for another surface.
     """
     if len(atlas.charts.page) != source.triangle_count:
         raise SettingError(
@@ -69,7 +68,7 @@ def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
 
 
 def _mean(lights: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Light (F, C) of both sides (F, 2, C), of which `share` (F, 1) is that of the back."""
+    """Light (F, C) of both sides (F, 2, C), blended with the share (F, 1) of the back."""
     luminance, hue = lights[..., :1], lights[..., 1:]
     scale = luminance / np.maximum(hue @ REC709[:, None], _LEAST_LIGHT) if hue.shape[-1] else luminance[..., :0]
     light = np.concatenate([luminance, hue * scale], axis=-1)
@@ -120,13 +119,13 @@ def _with_bases(atlas: Atlas, source: MeshSource) -> np.ndarray:
 
 
 def _rgb(luminance: np.ndarray, red: np.ndarray, blue: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) of a luminance (n,), red and blue; green is what is left."""
+    """Colours (n, 3) of a luminance (n,), red and blue; green follows from these."""
     green = np.maximum((luminance - np.float32(RED) * red - np.float32(BLUE) * blue) / np.float32(GREEN), 0.0)
     return np.stack([red, green, blue], axis=-1)
 
 
 def _triangle_values(charts: Charts, texels: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Means (n, C) over all texels of triangles (n,): at the edge of a cut-out, a texel may have met the gap only."""
+    """Means (n, C) over all texels of triangles (n,): at the edge of a cut-out, a texel may have hit only the gap."""
     distinct, inverse = np.unique(triangles, return_inverse=True)
     return triangle_means(charts, texels, distinct)[inverse.reshape(-1)].astype(np.float32)
 
@@ -151,17 +150,17 @@ def texture_detail(albedo: np.ndarray, held: np.ndarray) -> np.ndarray:
 
 
 def hue_detail(base: np.ndarray, held: np.ndarray) -> np.ndarray:
-    """Hue detail of baked light: factors (n, 3) on red, green and blue; brightness does not count.
+    """Hue detail of baked light: factors (n, 3) on red, green and blue; brightness is ignored.
 
     base: (n, 3) base colours of luminance 1. held: (n, 3), of any luminance.
     """
-    luminance = REC709[0] * held[:, 0] + REC709[1] * held[:, 1] + REC709[2] * held[:, 2]  # the same bits in any order
+    luminance = REC709[0] * held[:, 0] + REC709[1] * held[:, 1] + REC709[2] * held[:, 2]  # bit-identical in any order
     held = np.where(luminance[:, None] > _MIN_ALBEDO, held / np.maximum(luminance, _MIN_ALBEDO)[:, None], base)
     return np.clip(np.maximum(base, _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO), _LEAST_HUE, _MAX)
 
 
 class ExactSums:
-    """Sums of float32 values per group, exact, and so the same in any order."""
+    """Sums of float32 values per group, exact, and so independent of order."""
 
     def __init__(self, groups: int) -> None:
         self._parts = np.zeros((groups, _EXPONENTS), np.int64)  # mantissas by exponent; 2^39 values fit
@@ -185,9 +184,9 @@ class ExactSums:
 def irradiance_of_materials(
     charts: Charts, texels: np.ndarray, table: TextureTable, source: MeshSource, min_opacity: float
 ) -> np.ndarray:
-    """Baked luminance per luminance of base colour (M,) float64: means over all triangles that the bake saw.
+    """Baked luminance per luminance of base colour (M,) float64: means over all baked triangles.
 
-    texels: (N, 2) float32, luminance weighed by opacity, and opacity. Triangles count by area, but for those with at
+    texels: (N, 2) float32, luminance weighed by opacity, and opacity. Triangles count by area, except those with at
     most `min_opacity`.
     """
     light, color = ExactSums(len(source.materials)), ExactSums(len(source.materials))
@@ -195,7 +194,7 @@ def irradiance_of_materials(
         means = triangle_means(charts, texels, np.arange(len(batch)) + batch.first_triangle)  # (T, 2)
         areas, _ = triangle_areas_and_normals(batch.corners_world)
         albedo, opacity = surface_of_fragments(table, batch, _whole(batch, areas))
-        seen = (means[:, 1] > min_opacity) & (opacity > 0.0)  # with no opacity, there is no colour to compare with
+        seen = (means[:, 1] > min_opacity) & (opacity > 0.0)  # without opacity there is no colour to compare
         groups = batch.materials[seen]
         light.add(groups, areas[seen] * np.maximum(means[seen, 0], 0.0))
         color.add(groups, areas[seen] * means[seen, 1] * albedo[seen])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chart lookup kernels: owners of texels, and values between texels that never mix two triangles."""
+"""Chart lookup kernels: owners of texels, and interpolation that never mixes two triangles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .packing import FIRST, SECOND, SINGLE
 
 
 class _Rectangles(NamedTuple):
-    """Rectangles of all charts and the triangles' halves of them, as kernels read them; shapes as in `Charts`."""
+    """Rectangles of all charts and the triangles' halves of them, for kernels; shapes as in `Charts`."""
 
     x: np.ndarray
     y: np.ndarray
@@ -146,7 +146,7 @@ def _lookup(first, last, places, pages, rectangles, corners, texels, out):  # ty
             value_01 = texels[at_01, channel] if own_01 and fy > 0.0 else value_00
             if own_11 and fx > 0.0 and fy > 0.0:
                 value_11 = texels[at_11, channel]
-            else:  # beyond the hypotenuse: the plane through the other three
+            else:  # beyond the hypotenuse: extrapolate from the plane of the other three
                 value_11 = max(value_10 + value_01 - value_00, 0.0)
             near = value_00 + fx * (value_10 - value_00)
             far = value_01 + fx * (value_11 - value_01)
@@ -205,7 +205,7 @@ def triangle_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, pa
 
 
 def group_means(charts: Charts, texels: np.ndarray, triangles: np.ndarray, page: int | None = None) -> np.ndarray:
-    """Average as `triangle_means`, but triangles that share paths (`crowding`) get the mean of those of them given."""
+    """Average as `triangle_means`, but triangles that share paths (`crowding`) get the mean over their group."""
     means = triangle_means(charts, texels, triangles, page)
     if charts.group is None or not len(triangles):
         return means
@@ -234,7 +234,7 @@ def _owners(first, last, triangle, rectangles, out):  # type: ignore[no-untyped-
 
 
 def texel_owners(charts: Charts, page: int) -> np.ndarray:
-    """Triangle (side * side,) int32 to which each texel of a page belongs, -1 for none."""
+    """Triangle (side * side,) int32 that owns each texel of a page, -1 for none."""
     out = np.full(charts.page_side**2, -1, np.int32)
     here = np.flatnonzero(charts.page == page)
     run_parts(_owners, len(here), here, _Rectangles.of_charts(charts), out)

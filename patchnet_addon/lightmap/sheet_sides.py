@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sides of sheets: which ones get light, and where that is measured (methods 7.2f).
+"""Sides of sheets that get light, and the points that measure it (methods 7.2f).
 
-The light that falls on both sides is measured at points spread over the sheet by area.
+Light on both sides is measured at points spread over the sheet by area.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-_ENCLOSED = 0.02  # of the other side's light, and of what is usual: nobody is meant to look at that side
-_DARK = 1e-3  # of the brightest side: nothing to be seen on either
+_ENCLOSED = 0.02  # of the other side's light, and of the median: that side is not meant to be seen
+_DARK = 1e-3  # of the brightest side: both sides are black
 _BLACK = 1e-6  # of it: no light at all
 MOST_SHEETS = 512
 _POINTS, _FEWEST, _MOST = 2048, 4, 32  # of all sheets, of one at least and at most
@@ -27,16 +27,16 @@ class SheetPoints(NamedTuple):
 
 
 def asked_sheets(areas: np.ndarray) -> np.ndarray:
-    """Sheets (N,) int64 of S whose light is worth measuring: the largest ones, at most MOST_SHEETS.
+    """Sheets (N,) int64 of S to be measured: the largest ones, at most MOST_SHEETS.
 
-    areas: (S,), 0 for those that are not measured.
+    areas: (S,), 0 excludes a sheet.
     """
     order = np.argsort(-areas, kind="stable")[:MOST_SHEETS]
     return order[areas[order] > 0.0]
 
 
 def points_on_sheets(asked: np.ndarray, sheet: np.ndarray, areas: np.ndarray) -> SheetPoints:
-    """Spread points over sheets (N,) by area, the same number on each, without chance.
+    """Spread points over sheets (N,) by area, the same number on each, deterministically.
 
     sheet: (T,) of each triangle, -1 for none. areas: (T,) of triangles, 0 for those that get no point.
     """
@@ -63,8 +63,8 @@ def lit_sides(light: np.ndarray, areas: np.ndarray) -> np.ndarray:
     """(N,) int8, sides of sheets that get light: 1 the front, -1 the back, 0 both.
 
     light: (N, 2) on front and back, means over the sheet. areas: (N,).
-    A side gets none with next to nothing beside the other; a front that gets none has next to nothing beside what other
-    fronts get, too: a lampshade's does not count as dark for the lamp that it hides.
+    A side is dark if it gets next to nothing compared with the other; a front must also get next to nothing compared
+    with other fronts: a lampshade's front is not dark because of the lamp inside.
     """
     front, back = light[:, 0], light[:, 1]
     brightest = float(light.max(initial=0.0))
@@ -74,7 +74,7 @@ def lit_sides(light: np.ndarray, areas: np.ndarray) -> np.ndarray:
 
 
 def _usual(front: np.ndarray, areas: np.ndarray, black: float) -> float:
-    """Median by area of the fronts that get light, the upper one of two; 0 where none does."""
+    """Median by area of the lit fronts, the upper one of two; 0 if there is none."""
     shining = np.flatnonzero(front > black)
     if not len(shining):
         return 0.0

@@ -16,7 +16,7 @@ MAX_DEGREE = 4
 def harmonic_terms(x: Any, y: Any, z: Any, degree: int = MAX_DEGREE) -> list[Any]:
     """Harmonics at unit vectors (x, y, z), (degree + 1)^2 of them, one array each, in the type of the arguments.
 
-    Only arithmetic is used, so arrays of NumPy and of torch both work.
+    Only arithmetic is used, so both NumPy and torch arrays work.
     """
     if not 0 <= degree <= MAX_DEGREE:
         raise ValueError(f"Degree {degree} is outside 0 to {MAX_DEGREE}")

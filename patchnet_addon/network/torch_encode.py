@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from .weights import Weights
 
 _CHUNKS = (4096, 65536)  # corners at once: the fewest, and the most, which fill a GPU
-_MEMORY_SHARE = 4  # one of so many parts of a GPU's free memory is for what a chunk needs
+_MEMORY_SHARE = 4  # divisor of a GPU's free memory for the data of a chunk
 
 
 class TorchEncoder:
-    """`Encoder` on a torch device, for example "cpu", "cuda" or "cuda:1", in float32 whatever torch is set to.
+    """`Encoder` on a torch device, for example "cpu", "cuda" or "cuda:1", in float32 regardless of torch's settings.
 
-    device: where it computes, for callers whose blocks are there already (`encode_tensors`).
+    device: its device, for callers with blocks on it (`encode_tensors`).
     """
 
     def __init__(self, weights: Weights, device: str = "cpu") -> None:
-        """Copy the encoder's layers to `device`; raises RuntimeError or AssertionError where torch has no such one."""
+        """Copy the encoder's layers to `device`; raises RuntimeError or AssertionError if torch has no such device."""
         self.device = torch.device(device)
         matrix, bias = weights.encoder[0]
         self.chunk = _chunk(self.device, matrix.shape[1] // 8, len(bias))
@@ -58,11 +58,11 @@ class TorchEncoder:
 
 
 def _chunk(device: torch.device, block_values: int, width: int) -> int:
-    """Corners at once, a power of two, whose blocks, cells and products a GPU's free memory holds well."""
+    """Number of corners at once, a power of two, whose blocks, cells and products fit a GPU's free memory."""
     least, most = _CHUNKS
     if device.type != "cuda":
         return least
     free, _ = torch.cuda.mem_get_info(device)
-    needed = 4 * block_values + 4 * 8 * width + 16 * block_values + 8192  # bytes a corner, with about a block for each
+    needed = 4 * block_values + 4 * 8 * width + 16 * block_values + 8192  # bytes per corner, with about one block each
     fitting = max(int(free) // _MEMORY_SHARE // needed, 1)
     return min(max(1 << (fitting.bit_length() - 1), least), most)

@@ -3,8 +3,8 @@
 
 A triangle is peeled into slabs along x, each slab into columns along y, each column into cells along z. Pieces share
 their cut vertices and the cut coordinate is set to the plane exactly, so the pieces partition the triangle and the work
-is linear in their number. A triangle that reaches over several bricks of cells is first peeled into bricks in the same
-way, always at the same planes, so that unwanted bricks cost next to nothing and the others come out the same.
+is linear in their number. A triangle that spans several bricks of cells is first peeled into bricks in the same way,
+always at the same planes, so that unwanted bricks cost next to nothing and do not affect the others.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from .leaf_boxes import packed_axis
 BRICK_LEVELS = 5  # a brick has 32 cells along each axis
 _BRICK = 1 << BRICK_LEVELS
 _INITIAL_CAPACITY = 4096
-# The first row of each polygon, the triangle's first; "rest" is what peeling has left so far. The frame is the
-# triangle's first corner and the two edges from there, since peeling writes over the triangle.
+# The first row of each polygon, the triangle's first; "rest" is the remainder of peeling. The frame is the triangle's
+# first corner and the two edges from there, since peeling overwrites the triangle.
 (
     _TRIANGLE, _BRICKS_REST_X, _BRICKS_SLAB, _BRICKS_REST_Y, _BRICKS_COLUMN, _BRICKS_REST_Z, _PIECE,
     _REST_X, _SLAB, _REST_Y, _COLUMN, _REST_Z, _CELL, _FRAME, _ROWS,
@@ -41,7 +41,7 @@ class _Brick(NamedTuple):
 
 
 class _Wanted(NamedTuple):
-    """Fragments that are asked for: of a triangle, in cells x_first..x_end-1 along x.
+    """Requested fragments: of a triangle, in cells x_first..x_end-1 along x.
 
     last: the grid's last cell along an axis. near, block: see `clip_triangles`.
     """
@@ -56,7 +56,7 @@ class _Wanted(NamedTuple):
 
 @device
 def _put(sink, count, key, triangle, box, moments):  # type: ignore[no-untyped-def]
-    """Write one fragment where there is room for it; it counts in any case."""
+    """Write one fragment if there is room for it, and count it."""
     cells, measures = sink
     if count < len(cells):
         cells[count, 0] = key
@@ -78,7 +78,7 @@ def _set_frame(rows):  # type: ignore[no-untyped-def]
 
 @device
 def _box(rows, piece, n_piece, cell):  # type: ignore[no-untyped-def]
-    """Packed box around a piece of the triangle in its cell, from the weights of its vertices: its x and y are gone."""
+    """Packed box around a piece of the triangle in its cell, from the vertices' weights: peeling drops x and y."""
     box = np.uint64(0)
     for axis in range(3):
         low, high = np.inf, -np.inf
@@ -90,8 +90,8 @@ def _box(rows, piece, n_piece, cell):  # type: ignore[no-untyped-def]
     return box
 
 
-# The peels stay in `brick`, and the block of `wanted` says which cells are wanted, by their key. They append to `sink`
-# and return the number of fragments.
+# Peels within `brick`; the block of `wanted` marks the wanted cells, by their key. They append to `sink` and return the
+# number of fragments.
 
 
 @device
@@ -155,12 +155,12 @@ def _clip_piece(rows, piece, n_piece, brick, wanted, sink, count):  # type: igno
     return count
 
 
-# The same peels, brick by brick; `near` of `wanted` says in which bricks any cell is wanted, by the brick's key.
+# The same peels, brick by brick; `near` of `wanted` marks bricks with any wanted cell, by the brick's key.
 
 
 @device
 def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):  # type: ignore[no-untyped-def]
-    """Append what lies in one column of bricks."""
+    """Append the fragments in one column of bricks."""
     bricks, shift = wanted.near
     rest, free, n_rest = column, _BRICKS_REST_Z, n_column
     z, last = cell_range(rows, column, n_column, 2, 0, wanted.last)
@@ -181,7 +181,7 @@ def _bricks_of_column(rows, column, n_column, x, y, wanted, sink, count):  # typ
 
 @device
 def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):  # type: ignore[no-untyped-def]
-    """Append what lies in one slab of bricks, column by column."""
+    """Append the fragments in one slab of bricks, column by column."""
     rest, free, n_rest = slab, _BRICKS_REST_Y, n_slab
     y, last = cell_range(rows, slab, n_slab, 1, 0, wanted.last)
     y, last = y >> BRICK_LEVELS, last >> BRICK_LEVELS
@@ -200,7 +200,7 @@ def _bricks_of_slab(rows, slab, n_slab, x, wanted, sink, count):  # type: ignore
 
 @device
 def _clip_bricks(rows, x, last, wanted, sink, count):  # type: ignore[no-untyped-def]
-    """Append the fragments of the triangle in `rows`, which reaches over the bricks x..last along x and others."""
+    """Append the fragments of the triangle in `rows`, which spans the bricks x..last along x."""
     rest, free, n_rest = _TRIANGLE, _BRICKS_REST_X, 3
     while x <= last and n_rest >= 3:
         if x == last:
@@ -248,9 +248,9 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
     near, block: (wanted, shift) each, wanted (n,) bool by the key of a brick or cell >> shift (uint64): only fragments
     in wanted bricks and cells are made.
     Returns the fields of `Fragments`: keys (F,) uint64, triangle (F,) int32, barycentric (F, 2) float32,
-    area_world (F,) float64, what they were cut from: the keys again and `corners_voxel`, and their packed boxes (F,)
-    uint32. A fragment depends on its triangle and cell alone, not on what else is asked for.
-    Runs on one core without the interpreter lock, so several may run in threads.
+    area_world (F,) float64, their origin: the keys again and `corners_voxel`, and their packed boxes (F,) uint32. A
+    fragment depends only on its triangle and cell, not on other requested ones. Runs on one core without the
+    interpreter lock, so several may run in threads.
     """
     cells = np.empty((_INITIAL_CAPACITY, 3), np.uint64)  # key, triangle, box
     measures = np.empty((_INITIAL_CAPACITY, 3), np.float64)  # area in (u, v), u, v
@@ -264,10 +264,10 @@ def clip_triangles(corners_voxel, areas_world, first, last, slabs, resolution, n
             _set_frame(rows)
             wanted = _Wanted(triangle, slabs[0], slabs[1], resolution - 1, near, block)
             total = _clip_triangle(rows, wanted, (cells, measures), count)
-        if total > len(cells):  # too many for the room there was: this triangle once more
+        if total > len(cells):  # too many for the buffer: this triangle again
             more_cells = np.empty((2 * total, 3), np.uint64)
             more_measures = np.empty((2 * total, 3), np.float64)
-            for row in range(count):  # as one assignment, its check of shapes takes five seconds to compile
+            for row in range(count):  # one assignment would add five seconds of compilation for its shape check
                 for column in range(3):
                     more_cells[row, column] = cells[row, column]
                     more_measures[row, column] = measures[row, column]

@@ -27,7 +27,7 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
-# Files without colour, light above white, boxes or sides do not have these, and older readers pass over them.
+# Files without colour, light above white, boxes or sides lack these arrays; older readers ignore them.
 _OPTIONAL_DTYPES = {
     "chroma": np.uint8,
     "bright_nodes": np.uint32,
@@ -41,13 +41,13 @@ _OPTIONAL_DTYPES = {
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
-    """Arrays that a file holds."""
+    """Arrays of a file."""
     arrays = {name: getattr(octree, name) for name in (*_DTYPES, *_OPTIONAL_DTYPES)}
     return {name: array for name, array in arrays.items() if array is not None}
 
 
 def octree_hash(octree: Octree) -> str:
-    """Identity of the octree's contents; codes state it, so that they are never used with another octree."""
+    """Hash of the octree's contents; codes store it, so that they are never used with another octree."""
     return content_hash(octree_arrays(octree))
 
 
@@ -93,10 +93,9 @@ def load_octree(path: str | Path) -> Octree:
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
-    """Find what contradicts the structure of an octree; an empty text if nothing does.
+    """Return the first inconsistency in the structure of an octree, or an empty text.
 
-    Children must stand behind their parents, in order and without gaps, so that no walk can leave the arrays or turn
-    in a circle.
+    Children must follow their parents, in order and without gaps, so that no walk can leave the arrays or loop.
     """
     count = arrays["child_mask"].size
     shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
@@ -111,7 +110,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
     start = arrays["level_start"]
     if start[0] != 0 or start[1] != 1 or start[-1] != count or (start[1:] < start[:-1]).any():
         return "its levels do not add up to its nodes"
-    # Positive numbers are in order of their bits, and infinity, NaN and negative numbers follow.
+    # Positive numbers sort like their bits; infinity, NaN and negative numbers follow.
     if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
         return "an area is not a positive number"
     if problem := _bright_problem(arrays, count) or _box_problem(arrays) or _side_problem(arrays, count):
@@ -120,7 +119,7 @@ def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
 
 
 def _bright_problem(arrays: dict[str, Any], count: int) -> str:
-    """Find what contradicts that light above white belongs to nodes, each once and in order; else an empty text."""
+    """Return an inconsistency of light above white, or an empty text: nodes must be distinct and in order."""
     nodes, colors = arrays.get("bright_nodes"), arrays.get("bright_colors")
     if nodes is None and colors is None:
         return ""
@@ -132,7 +131,7 @@ def _bright_problem(arrays: dict[str, Any], count: int) -> str:
 
 
 def _side_problem(arrays: dict[str, Any], count: int) -> str:
-    """Find what contradicts that sides belong to nodes, each once and in order; else an empty text."""
+    """Return an inconsistency of sides, or an empty text: nodes must be distinct and in order."""
     nodes, light, share = (arrays.get(name) for name in ("side_nodes", "side_light", "side_share"))
     if nodes is None or light is None or share is None:
         return "" if nodes is light is share is arrays.get("side_chroma") is None else "its sides are incomplete"
@@ -147,7 +146,7 @@ def _side_problem(arrays: dict[str, Any], count: int) -> str:
 
 
 def _box_problem(arrays: dict[str, Any]) -> str:
-    """Find what contradicts that each leaf of the finest level has a box that is not empty; else an empty text."""
+    """Return an inconsistency of boxes, or an empty text: each leaf of the finest level needs one that is not empty."""
     boxes, start = arrays.get("leaf_box"), arrays["level_start"]
     if boxes is None:
         return ""
@@ -163,9 +162,9 @@ def _box_problem(arrays: dict[str, Any]) -> str:
 
 
 def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:
-    """Find what contradicts that the children of all nodes follow each other, level by level; else an empty text.
+    """Return an inconsistency of children, or an empty text: they must be consecutive, level by level.
 
-    In pieces that fit the cores' caches, because opening a large file should not wait for this.
+    Runs in pieces that fit the cores' caches, to open large files quickly.
     """
     count, child = len(mask), 1
     for level in range(len(start) - 1):

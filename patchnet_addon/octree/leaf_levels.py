@@ -15,7 +15,7 @@ from ..runtime.bounds import MAX_DEPTH
 class LeafLevels:
     """Level of the leaves in each block; a block is a cell of level `block_level`.
 
-    levels: (8^block_level,) uint8 over the Morton keys of blocks, at least `block_level`; 0: no leaves are made there.
+    levels: (8^block_level,) uint8 over the Morton keys of blocks, at least `block_level`; 0: no leaves there.
     """
 
     levels: np.ndarray
@@ -42,6 +42,6 @@ class LeafLevels:
         return max(self.used, default=0)
 
     def divided(self, block_level: int) -> LeafLevels:
-        """Divide the blocks to those of a finer level, as far as the leaves are not coarser than these."""
+        """Divide the blocks into those of a finer level, up to the level of their leaves."""
         more = min(block_level, *self.used) - self.block_level if self.used else 0
         return self if more <= 0 else LeafLevels(np.repeat(self.levels, 8**more))

@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Nodes(NamedTuple):
-    """Arrays that lead from a node of an octree to its children; kernels that walk down take them.
+    """Arrays from nodes of an octree to their children, for kernels that descend.
 
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
     first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
@@ -20,10 +20,10 @@ class Nodes(NamedTuple):
 
 
 class BoxedNodes(NamedTuple):
-    """Nodes of an octree and boxes of its finest leaves; kernels that trace rays take them.
+    """Nodes of an octree and boxes of its finest leaves, for kernels that trace rays.
 
-    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; those after it have one.
-    boxes: (b, 3) uint8 as `Octree.leaf_box`; with none of them `first_boxed` is above all nodes.
+    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; all later ones have one.
+    boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
     """
 
     child_mask: np.ndarray

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sparse voxel octree: 14 bytes a node, 16 in colour, level by level, children of a node side by side.
+"""Sparse voxel octree: 14 bytes per node, 16 with colour, level by level, children of a node adjacent.
 
 Its finest leaves may have boxes, three bytes each.
 """
@@ -38,12 +38,12 @@ class Octree:
     chroma: (n, 2) uint8, shares of red and of blue in the mean colour over that surface, 255 = 1 (methods 7.2d); None
     without colour.
     bright_nodes, bright_colors: (b,) uint32, ascending, and (b, 3) float32: nodes with light above white, and the
-    linear colour that the clamp has taken from them (methods 7.1b); None where nothing is above white.
+    linear colour removed by the clamp (methods 7.1b); None if nothing is above white.
     leaf_box: (f, 3) uint8, boxes around the surface in the leaves of the finest level (`leaf_boxes.py`, methods 4.1d);
-    None where leaves are whole voxels.
+    None if leaves are whole voxels.
     side_nodes, side_light, side_share, side_chroma: (s,) uint32, ascending, (s, 6) and (s, 6) uint8, and in colour
-    (s, 6, 2) uint8: nodes with a luminance by direction (`sides.py`); None where each has one.
-    exposure: factor that luminance was multiplied with before it was clamped to [0, 1].
+    (s, 6, 2) uint8: nodes with a luminance by direction (`sides.py`); None if all have one luminance.
+    exposure: factor on luminance before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
 
@@ -73,7 +73,7 @@ class Octree:
 
     @property
     def nodes(self) -> Nodes:
-        """Arrays that lead from a node to its children, for kernels."""
+        """Arrays from nodes to their children, for kernels."""
         return Nodes(self.child_mask, self.first_child)
 
     @property
@@ -85,8 +85,8 @@ class Octree:
 
     @property
     def filled(self) -> np.ndarray:
-        """What each node fills of its voxel, (n,) uint16 in steps of 1 / FILLED_STEPS (`leaf_boxes.py`)."""
-        from .leaf_boxes import FILLED_STEPS, filled_steps  # numba comes with it
+        """Share of its voxel that each node fills, (n,) uint16 in steps of 1 / FILLED_STEPS (`leaf_boxes.py`)."""
+        from .leaf_boxes import FILLED_STEPS, filled_steps  # imports numba
 
         found = np.full(self.node_count, FILLED_STEPS, np.uint16)
         if self.leaf_box is not None:
@@ -127,11 +127,11 @@ class Octree:
         return NodeLight(self.luminance, sides)
 
     def without_sides(self) -> Octree:
-        """Return the octree with one luminance a node, as in the paper."""
+        """Return the octree with one luminance per node, as in the paper."""
         return replace(self, side_nodes=None, side_light=None, side_share=None, side_chroma=None)
 
     def free_keys(self) -> None:
-        """Forget the cells that `keys` has computed; it computes them again."""
+        """Free the cached cells of `keys`, which computes them again when needed."""
         self._keys.clear()
 
     def level(self, level: int) -> slice:
@@ -143,7 +143,7 @@ class Octree:
         return (np.searchsorted(self.level_start, nodes, side="right") - 1).astype(np.int32)
 
     def keys(self, level: int) -> np.ndarray:
-        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down and kept."""
+        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down and cached."""
         if level not in self._keys:
             if level == 0:
                 keys = np.zeros(1, np.uint64)
@@ -160,7 +160,7 @@ class Octree:
         return morton_decode(self.keys(level))
 
     def find(self, level: int, cells: np.ndarray) -> np.ndarray:
-        """Node index (N,) int64 of each cell (N, 3) of a level, -1 where there is none or it lies outside."""
+        """Node index (N,) int64 of each cell (N, 3) of a level, -1 for an empty or outside cell."""
         cells = np.asarray(cells)
         inside = ((cells >= 0) & (cells < (1 << level))).all(axis=-1)
         wanted = morton_encode(np.where(inside[..., None], cells, 0))
@@ -172,7 +172,7 @@ class Octree:
         return np.where(found, position + self.level_start[level], -1)
 
     def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
-        """(n,) bool: the node has real descendants `lookahead` levels further down (methods 4.1b)."""
+        """(n,) bool: the node has descendants `lookahead` levels further down (methods 4.1b)."""
         has = np.ones(self.node_count, bool)
         for _ in range(lookahead):
             deeper = np.zeros(self.node_count, bool)
@@ -197,7 +197,7 @@ class Octree:
         return decoded_colors(luminance, self.chroma[nodes])
 
     def color_above_white(self, nodes: np.ndarray) -> np.ndarray:
-        """Linear colours (N, 3) float32 that the clamp took from nodes (N,); 0 for misses (-1)."""
+        """Linear colours (N, 3) float32 removed from nodes (N,) by the clamp; 0 for misses (-1)."""
         return colors_at(self.hdr_highlights, nodes)
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:

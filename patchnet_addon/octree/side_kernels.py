@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels that see a node along a direction; `sides.py` says what sides are."""
+"""Kernels for light of a node along a direction; `sides.py` defines sides."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ..surface.chroma_kernels import decode_color
 from .octree import LUMINANCE_SCALE
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
-_LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it shows where next to nothing faces the ray
+_LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it dominates where hardly any surface faces the ray
 _OF_BLACK = np.float32(0.125)  # of black backs
-_LEAST_SHARE = 7  # of 255: what shows less of a face says nothing about it
+_LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
 
 
 @lean_device
@@ -29,14 +29,14 @@ def sides_row(sides, node):  # type: ignore[no-untyped-def]
 
 @lean_device
 def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
-    """Luminance, 65535 = 1, float32, that a node shows along a direction."""
+    """Luminance, 65535 = 1, float32, of a node along a direction."""
     row = sides_row(light.sides, node)
     return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
 
 
 @lean_device
 def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
-    """Luminance, 65535 = 1, float32, that the sides in a row show of a node along a direction."""
+    """Luminance, 65535 = 1, float32, of a node's sides in a row along a direction."""
     sides = light.sides
     backs = _backs_are_seen(sides, row, x, y, z)
     a, a_weight = _face_along(sides, row, np.int64(0), x, backs)
@@ -49,9 +49,9 @@ def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-de
 
 @lean_device
 def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
-    """Whether more of what faces a direction is back than front: of a sheet, a ray sees the one or the other.
+    """Whether the surface facing a direction is mostly backs: a ray sees one side of a sheet.
 
-    Black backs count an eighth: they get no light because a front lies before them, as inside an open box.
+    Black backs count an eighth: they are dark because a front covers them, as inside an open box.
     """
     front, back = np.float32(0), np.float32(0)
     for axis in range(3):
@@ -68,9 +68,9 @@ def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
-    """Weight of the mean beside what is `seen` of faces along a direction: of what a node leaves open, and a little.
+    """Weight of the mean beside the `seen` part of faces along a direction: the node's open part, and a little.
 
-    The mean is that of fronts, of which next to none is seen where `backs` are.
+    The mean is that of fronts, which are hardly seen where `backs` are.
     """
     through = np.float32(abs(x) + abs(y) + abs(z)) * np.float32(255) - seen
     return _LEAST + (through if sides.inner[row] and not backs else np.float32(0))
@@ -78,9 +78,9 @@ def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
 
 @lean_device
 def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def]
-    """Luminance times weight, and weight, of the one of an axis's two faces that a direction runs against.
+    """Luminance times weight, and weight, of the face across an axis that a direction runs against.
 
-    backs: faces of backs are seen, else those of fronts; others weigh nothing.
+    backs: only faces of backs count, else only those of fronts.
     """
     face = first + (1 if along > 0 else 0)
     share = sides.share[row, face]
@@ -91,13 +91,13 @@ def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def
 
 @lean_device
 def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
-    """Root of the luminance of a face, float32; where next to nothing faces it, the root of the `mean`."""
+    """Root of the luminance of a face, float32; the root of the `mean` where hardly any surface faces it."""
     return np.float32(sides.light[row, face]) / np.float32(255) if sides.share[row, face] > _LEAST_SHARE else mean
 
 
 @lean_device
 def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
-    """Linear colour that sides show along a direction; mean: the node's colour."""
+    """Linear colour of sides along a direction; mean: the node's colour."""
     red, green, blue, seen = 0.0, 0.0, 0.0, np.float32(0)
     backs = _backs_are_seen(sides, row, x, y, z)
     for axis in range(3):
@@ -113,7 +113,7 @@ def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[no-untyped-def]
-    """Write luminances (P,) float32 of nodes (P,) int64 along directions (P, 3), 0 where there is none (-1)."""
+    """Write luminances (P,) float32 of nodes (P,) int64 along directions (P, 3), 0 for -1 (no node)."""
     for i in range(first, last):
         way = directions[i]
         found = luminance_along(light, nodes[i], way[0], way[1], way[2]) if nodes[i] >= 0 else np.float32(0)
@@ -122,7 +122,7 @@ def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[
 
 @kernel
 def see_colors(first, last, sides, nodes, directions, seen):  # type: ignore[no-untyped-def]
-    """Bring colours (P, 3) float32 of nodes (P,) int64 to what their sides show along directions (P, 3)."""
+    """Replace colours (P, 3) float32 of nodes (P,) int64 by those of their sides along directions (P, 3)."""
     for i in range(first, last):
         row = sides_row(sides, nodes[i]) if nodes[i] >= 0 else np.int64(-1)
         if row >= 0:

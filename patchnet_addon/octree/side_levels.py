@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sides of all levels, bottom-up: what each of a node's faces shows of its children (methods 7.2i).
+"""Sides of all levels, bottom-up: the visible light of a node's children on each of its faces (methods 7.2i).
 
-Along an axis a node has four columns of two children, of which the one in front covers the other. A face shows what of
-both is seen.
+Along an axis a node has four columns of two children, of which the front one occludes the other. A face combines the
+visible parts of both.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from .sides import FACES
 
 _UNITS = 65535.0  # of a share
 _BYTE = 255.0
-_SEEN = 1.0 / 32.0  # of the face that shows most: what shows less does not make a node one with sides
-# Of a face to the node's mean, in luminance: less is not worth its bytes. Bytes a node: those that differ most have
-# sides, so that an octree grows no more than this; in small octrees as many as do.
+_SEEN = 1.0 / 32.0  # of the largest visible share: smaller ones do not give a node sides
+# Luminance difference of a face from the node's mean that is worth its bytes. Bytes per node: nodes that differ most
+# have sides, so that an octree grows by no more than this; in small octrees, all that differ have.
 _DIFFERS, _MOST_BYTES, _FREE = 0.004, 2.9, 1 << 16
-_TURNED = 0.01  # of the area that faces either way: more than rounding
-_PIECE = 1 << 18  # nodes whose children's faces are kept at a time
+_TURNED = 0.01  # of the area that faces both ways: above rounding
+_PIECE = 1 << 18  # nodes whose children's faces are held at a time
 
 
 class LeafSides(NamedTuple):
-    """Sides of those of a level's leaves whose sides differ; all others show their mean on each.
+    """Sides of a level's leaves with differing sides; all others have their mean on each.
 
-    leaf: (k,) int64, which of the leaves, ascending. light: (k, 6) float32, luminance of what faces each side, before
-    exposure. share: (k, 6) uint16, area that faces it, as seen along its axis, 65535 = a voxel's face; odd where that
-    is mostly backs of triangles. chroma: (k, 6, 2) uint8, or (k, 6, 0) without colour.
+    leaf: (k,) int64, indices of the leaves, ascending. light: (k, 6) float32, luminance of the surface facing each
+    side, before exposure. share: (k, 6) uint16, projected area facing it, 65535 = a voxel's face; odd where that is
+    mostly backs of triangles. chroma: (k, 6, 2) uint8, or (k, 6, 0) without colour.
     """
 
     leaf: np.ndarray
@@ -58,10 +58,10 @@ class LevelNodes(NamedTuple):
 
 
 class _Faces(NamedTuple):
-    """Faces of n nodes: luminance, 65535 = 1, share that is seen, and share that is covered along each axis.
+    """Faces of n nodes: luminance, 65535 = 1, visible share, and covered share along each axis.
 
-    light, share: (n, 6) uint16, shares odd where mostly backs are seen. cover: (n, 3) uint16. chroma: (n, 6, 2) uint8,
-    or (n, 6, 0) without colour.
+    light, share: (n, 6) uint16, shares odd where mostly backs are visible. cover: (n, 3) uint16. chroma: (n, 6, 2)
+    uint8, or (n, 6, 0) without colour.
     """
 
     light: np.ndarray
@@ -71,7 +71,7 @@ class _Faces(NamedTuple):
 
 
 class SidesOfNodes(NamedTuple):
-    """Sides of the nodes that have them, as `Octree` holds them: nodes (s,) uint32, ascending, light, share, chroma."""
+    """Sides of nodes as `Octree` holds them: nodes (s,) uint32, ascending, light, share, chroma."""
 
     nodes: np.ndarray
     light: np.ndarray
@@ -80,10 +80,11 @@ class SidesOfNodes(NamedTuple):
 
 
 def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float) -> LeafSides:
-    """Sides of leaves that stand in rows (l,) of `faces`, and have `sums` (l, 5 or 7), as `LeafSums` holds them.
+    """Sides of leaves with rows (l,) of `faces` and `sums` (l, 5 or 7), as `LeafSums` holds them.
 
-    faces: (R, 2, 6, 2 or 4) float32, of each side (+x, -x, +y ...) the area of fronts, and of backs, that face it as
-    seen along its axis, over a voxel's face, and luminance, in colour red and blue, times that. face_world: that face.
+    faces: (R, 2, 6, 2 or 4) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
+    face it, over a voxel's face, and that area times luminance, with colour also red and blue. face_world: area of a
+    voxel's face.
     """
     is_back = _hide_backs(faces)
     faces = faces[:, 0]
@@ -101,7 +102,7 @@ def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world:
 
 
 def no_sides(*, colored: bool) -> LeafSides:
-    """Sides of leaves of which none is known to have some."""
+    """Empty sides, for leaves without any."""
     chroma = np.empty((0, FACES, 2 if colored else 0), np.uint8)
     return LeafSides(np.empty(0, np.int64), np.empty((0, FACES), np.float32), np.empty((0, FACES), np.uint16), chroma)
 
@@ -116,7 +117,7 @@ def joined_sides(parts: Sequence[LeafSides], counts: Sequence[int]) -> LeafSides
 def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNodes:
     """Sides of the nodes whose faces differ most, of all levels, coarse first.
 
-    Faces of the finest level, of which there are most, are made a piece at a time, together with their parents'.
+    Faces of the finest level, the largest, are computed in pieces, together with their parents'.
     """
     first = np.cumsum([0, *(len(level.mask) for level in levels)])
     found: list[list[tuple[np.ndarray, ...]]] = [[] for _ in levels]
@@ -143,7 +144,7 @@ def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNod
 
 
 def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float) -> _Faces:
-    """Faces of nodes of a level, whose children have those of `below`; None where all are leaves."""
+    """Faces of nodes of a level, whose children have those of `below`; None if all are leaves."""
     count, hues = here.stop - here.start, level.chroma.shape[1]
     faces = _Faces(
         np.empty((count, FACES), np.uint16),
@@ -165,16 +166,17 @@ def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float
 
 
 def _differing(level: LevelNodes, here: slice, faces: _Faces, first: int) -> tuple[np.ndarray, ...]:
-    """How far the faces that are seen differ from the mean, (s,) uint16, of nodes where that is enough; their sides.
+    """Differences (s,) uint16 of visible faces from the mean, of nodes where they are large enough; and the sides of
+    these.
 
-    first: node that the level begins at.
+    first: first node of the level.
     """
     difference = np.empty(len(faces.share), np.uint16)
     run_parts(_write_difference, len(difference), faces, level.luminance[here], difference)
     row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
     light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
     share, is_back = faces.share[row].astype(np.float32), faces.share[row] & 1
-    is_leaf = (level.mask[here][row] == 0)[:, None]  # a ray meets what is in it, by its box
+    is_leaf = (level.mask[here][row] == 0)[:, None]  # a ray hits its surface, by its box
     share /= np.where(is_leaf, np.maximum(share.max(axis=1, keepdims=True, initial=0.0), 1.0), _UNITS)
     nodes = (row + here.start + first).astype(np.uint32)
     share_bytes = np.rint(_BYTE * share).astype(np.uint8) & 254 | is_back.astype(np.uint8)
@@ -191,9 +193,9 @@ def _most_different(difference: np.ndarray, *sides: np.ndarray, most: int) -> Si
 
 @kernel
 def _hide_backs(faces):  # type: ignore[no-untyped-def]
-    """Add to the fronts that face a side what they leave free of the backs that do; (R, 6) uint16, 1 if most are backs.
+    """Add the unoccluded backs facing a side to the fronts facing it; (R, 6) uint16, 1 if most are backs.
 
-    Of a thin solid that is open somewhere, as much back as front faces each side, and lies behind it.
+    On each side of a thin solid with an opening, as much back as front faces the side, and lies behind it.
     """
     is_back = np.zeros((len(faces), FACES), np.uint16)
     for leaf in range(len(faces)):
@@ -209,9 +211,9 @@ def _hide_backs(faces):  # type: ignore[no-untyped-def]
 
 @kernel
 def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyped-def]
-    """Find leaves of which a side differs from the mean by more than a share of it: others never do, when exposed.
+    """Find leaves with a side that differs from the mean by more than a share of it; exposure does not change this.
 
-    And those whose light is that of their backs, so that the mean normal does not say what faces where.
+    Also those whose light is that of their backs, whose mean normal has the opposite direction.
     """
     for leaf in range(len(row)):
         luminance, at = sums[leaf, 1] / sums[leaf, 0], row[leaf]
@@ -236,21 +238,21 @@ def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
 
 @kernel
 def _write_difference(first, last, faces, luminance, difference):  # type: ignore[no-untyped-def]
-    """Write how far the faces of nodes that are seen differ from their luminance (n,) at most."""
+    """Write the largest difference of visible faces of nodes from their luminance (n,)."""
     for node in range(first, last):
         least = _SEEN * faces.share[node].max()
         difference[node] = 0
         for face in range(FACES):
             apart = abs(np.int64(faces.light[node, face]) - np.int64(luminance[node]))
             if faces.light[node, face] == 0 and faces.share[node, face] & 1:
-                apart >>= 3  # a black back is hardly ever seen
+                apart >>= 3  # a black back is rarely visible
             if faces.share[node, face] > least and apart > difference[node]:
                 difference[node] = apart
 
 
 @kernel
 def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
-    """Write the faces of nodes: of leaves as if all in them were flat, of others what they show of their children."""
+    """Write the faces of nodes: of leaves as of flat surfaces, of others from the visible parts of their children."""
     masks, area, normal, luminance, chroma = nodes
     children = np.empty(8, np.int64)
     child = 0
@@ -279,7 +281,7 @@ def _write_faces(nodes, per_face, below, faces):  # type: ignore[no-untyped-def]
 
 @device
 def _cover_axis(children, below, faces, node, axis):  # type: ignore[no-untyped-def]
-    """Write the share of a node that its children cover along an axis."""
+    """Write the share of a node covered by its children along an axis."""
     free = 0.0
     for octant in range(8):
         if octant >> axis & 1 == 0:
@@ -291,7 +293,7 @@ def _cover_axis(children, below, faces, node, axis):  # type: ignore[no-untyped-
 
 @device
 def _show_face(children, below, faces, node, axis, lower):  # type: ignore[no-untyped-def]
-    """Write what a face of a node shows of the four columns of its children; lower: it is the lower one of its axis."""
+    """Write a face of a node from the four columns of its children; lower: it is the lower one of its axis."""
     face = 2 * axis + lower
     total, backs, light, red, green, blue = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     colored = below.chroma.shape[2] > 0
@@ -311,7 +313,7 @@ def _show_face(children, below, faces, node, axis, lower):  # type: ignore[no-un
                 hue = below.chroma[child, face]
                 r, g, b = decode_color(below.light[child, face] / LUMINANCE_SCALE, hue[0], hue[1])
                 red, green, blue = red + weight * r, green + weight * g, blue + weight * b
-    # What is seen at all is kept, however little: only shares to each other count in the end.
+    # Small visible shares are kept: only their ratios count in the end.
     faces.share[node, face] = np.uint16(min(2.0 * np.ceil(total / 8.0), _UNITS - 1.0)) | np.uint16(2.0 * backs > total)
     faces.light[node, face] = np.rint(light / total) if total > 0.0 else 0
     if colored:

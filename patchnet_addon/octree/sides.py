@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Luminance of a voxel by the direction that it is seen along, for the nodes whose sides differ (methods 7.2i).
+"""Luminance of a voxel by viewing direction, for nodes whose sides differ (methods 7.2i).
 
 A plate thinner than a voxel has a lit and a dark side, a crease two walls, and a voxel of several layers shows the
-outermost. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of what faces it, and
-how much of that is seen there. Along a direction d a node shows the mean of the three faces that d runs against,
-weighed by that and by |d| on their axis. Some faces show fronts of triangles, others backs; a ray sees one side of a
-sheet, so that only the kind counts that weighs more. What of an inner node's faces shows nothing is open: what stands
-behind it is least wrong as the mean of the node. A leaf is met where its box is, and has no such rest. All other nodes
-show their mean.
+outermost one. So such a node has, for each of its six faces (+x, -x, +y, -y, +z, -z), the luminance of the surface
+facing it, and its visible share. Along a direction d its luminance is the mean of the three faces that d runs against,
+weighted by their shares and by |d| on their axis. Some faces show fronts of triangles, others backs; a ray sees one
+side of a sheet, so only the kind of larger weight counts. The rest of an inner node's faces is open; the mean of the
+node approximates the surface behind it. A leaf has no such rest, since rays hit it at its box. All other nodes use
+their mean.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _NONE, _GRAY = np.empty((0, FACES), np.uint8), np.empty((0, FACES, 2), np.uint8)
 class Sides(NamedTuple):
     """Sides of s of an octree's n nodes.
 
-    bits: (ceil(n / 64),) uint64, which nodes have them. ranks: (ceil(n / 64),) uint32, how many have them before those
-    of a word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, what is seen of each, of leaves
-    over the largest, 255 = 1; odd where that is mostly backs of triangles. inner: (s,) bool, nodes with children.
+    bits: (ceil(n / 64),) uint64, nodes that have them. ranks: (ceil(n / 64),) uint32, number of such nodes before each
+    word. light: (s, 6) uint8, roots of luminances, 255 = 1. share: (s, 6) uint8, visible share of each, of leaves over
+    the largest, 255 = 1; odd where that is mostly backs of triangles. inner: (s,) bool, nodes with children.
     chroma: (s, 6, 2) uint8 as that of nodes, (0, 6, 2) without colour.
     """
 
@@ -42,7 +42,7 @@ NO_SIDES = Sides(np.empty(0, np.uint64), np.empty(0, np.uint32), _NONE, _NONE, n
 
 
 class NodeLight(NamedTuple):
-    """Luminance (n,) uint16 of nodes, 65535 = 1, and their sides: what kernels see of an octree's light."""
+    """Luminance (n,) uint16 of nodes, 65535 = 1, and their sides: an octree's light for kernels."""
 
     luminance: np.ndarray
     sides: Sides
@@ -51,7 +51,7 @@ class NodeLight(NamedTuple):
 def sides_of(
     nodes: np.ndarray, child_mask: np.ndarray, light: np.ndarray, share: np.ndarray, chroma: np.ndarray | None
 ) -> Sides:
-    """Sides of ascending nodes (s,) of an octree with child masks (n,), as kernels read them."""
+    """Sides of ascending nodes (s,) of an octree with child masks (n,), for kernels."""
     if not len(nodes):
         return NO_SIDES
     bits = np.zeros(-(-len(child_mask) // _WORD) * 8, np.uint8)

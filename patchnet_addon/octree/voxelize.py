@@ -27,7 +27,7 @@ from .side_levels import LeafSides
 Kept = TypeVar("Kept")
 Watch = Callable[[int, TriangleBatch, Fragments, np.ndarray], None]
 
-# Fragments whose leaves are added up at a time; a leaf takes 75 to 200 bytes while that lasts.
+# Fragments whose leaves are summed at a time; a leaf takes 75 to 200 bytes meanwhile.
 BLOCK_FRAGMENTS = 16_000_000
 _BATCHES_AHEAD = 2
 
@@ -37,9 +37,9 @@ class LeafSums:
     """Surface integrals over the leaf cells of one level, in ascending order of their key.
 
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
-    and weighed by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) where only keys
-    are asked for. boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
-    sides: of the leaves whose sides differ; None where sides are not kept apart.
+    and weighted by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) for keys only.
+    boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
+    sides: of the leaves whose sides differ; None without sides.
     """
 
     level: int
@@ -71,16 +71,16 @@ def voxelize(
     sides: bool = False,
     facing: np.ndarray | None = None,
 ) -> Steps[list[Kept]]:
-    """Clip every triangle of `source` against the leaf cells and integrate what `shade` says of the pieces.
+    """Clip every triangle of `source` against the leaf cells and integrate the shading of the pieces.
 
-    layout: the leaves' levels, at most the grid's depth; None puts all on that.
-    About `block_fragments` fragments are added up at a time; where there are more, the triangles are read again for
-    each pass over blocks of space, in Morton order. Each core has its own blocks of a pass. `keep` gets the leaves of
-    these, level by level, coarse first, and the level of the blocks, and says what is kept of them; it and `shade` are
-    called in threads, as is `watch`, which hears of all fragments: their level, batch and luminance. The leaves do not
-    depend on this division, nor on the order of triangles, as far as `shade` does not.
-    only_keys: add nothing up; the leaves' sums are (n, 0), and `block_fragments` counts for less memory.
-    sides: keep the leaves' sides apart, too. facing: see `build_octree`.
+    layout: the leaves' levels, at most the grid's depth; None: all on that level. About `block_fragments` fragments are
+    summed at a time; for more, the triangles are read again for each pass over blocks of space, in Morton order. Each
+    core has its own blocks of a pass. `keep` receives the leaves of these, level by level, coarse first, and the level
+    of the blocks, and returns the part to keep. `watch` receives level, batch and luminance of all fragments. Both and
+    `shade` are called in threads. The leaves do not depend on this division, nor on the order of triangles, unless
+    `shade` does.
+    only_keys: skip sums, which are (n, 0) then; `block_fragments` then takes less memory.
+    sides: compute the leaves' sides, too. facing: see `build_octree`.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept = []
@@ -95,7 +95,7 @@ def voxelize(
 
 
 class _Share:
-    """Share of a pass that one core computes: the leaves of some blocks."""
+    """Part of a pass for one core: the leaves of some blocks."""
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class _Share:
         }
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
-        """Clip, shade and add up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
+        """Clip, shade and sum up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
         facing = None if self._facing is None else self._facing[here]
         for level, wanted in self._cells.items():
@@ -133,7 +133,7 @@ class _Share:
                 self._leaves[level].add(fragments, luminance, opacity, normals, *more, facing=facing)
 
     def take(self) -> list[LeafSums]:
-        """Take the leaves, level by level; they are let go here."""
+        """Take the leaves, level by level, and release them here."""
         return [_sums_of(level, self._leaves.pop(level)) for level in self._cells if len(self._leaves[level])]
 
 
@@ -145,9 +145,9 @@ def _sums_of(level: int, leaves: LeafAccumulator | OccupiedCells) -> LeafSums:
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
-    """Give all triangles to all shares, each in a thread of its own; yields how many triangles were handed out.
+    """Pass all triangles to all shares, each in its own thread; yields the number of triangles passed.
 
-    Kernels run without the interpreter lock. A few batches may wait for a slow share, so that the others need not.
+    Kernels run without the interpreter lock. A queue of batches keeps a slow share from blocking the others.
     """
     pools = [ThreadPoolExecutor(1) for _ in shares]
     waiting: deque[list[Future[None]]] = deque()
@@ -175,7 +175,7 @@ def _finish(tasks: Sequence[Future[None]]) -> None:
 
 
 def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
-    """Take what is kept of each share, in order, made on all cores; the shares are let go."""
+    """Take the kept part of each share, in order, computed on all cores; the shares are released."""
     with ThreadPoolExecutor(len(shares)) as pool:
         return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
-EVEN_FOOTPRINT = 16  # footprints per pixel side. Coarser ones thicken
-# edges, finer ones cost more than they improve (docs/worth-it.md).
+EVEN_FOOTPRINT = 16  # footprints per pixel side; coarser ones thicken edges, finer ones cost more than they
+# improve (docs/worth-it.md)
 Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 

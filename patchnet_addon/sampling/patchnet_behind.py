@@ -23,7 +23,7 @@ def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
 
     The predicted picture, if shown, replaces L_V.
     """
-    assert buffers.behind is not None  # `needs` says so
+    assert buffers.behind is not None  # guaranteed by `needs`
     seen = expected_luminance(patch, buffers.behind)
     return np.where(buffers.hit, np.abs(buffers.shown - seen), np.float32(0.0))
 
@@ -31,7 +31,7 @@ def expected_error(buffers: PixelBuffers, patch: Prediction) -> np.ndarray:
 def _score(buffers: PixelBuffers) -> np.ndarray:
     if buffers.shows_predicted:  # a pixel has no difference to itself
         return remaining_error(buffers)
-    assert buffers.prediction is not None  # `needs` says so
+    assert buffers.prediction is not None  # guaranteed by `needs`
     return expected_error(buffers, buffers.prediction)
 
 

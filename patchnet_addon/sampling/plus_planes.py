@@ -57,7 +57,7 @@ def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, 
 
 
 def _at(values: np.ndarray, pixels: Pixels) -> np.ndarray:
-    """Values of pixels; indices are known to be in range, so they are not checked again."""
+    """Values of pixels; indices are in range and not checked again."""
     return values[pixels] if isinstance(pixels, slice) else values.take(pixels, axis=0, mode="clip")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sheets of a mesh whose vertices are welded by their place (methods 7.2f)."""
+"""Sheets of a mesh whose vertices are welded by position (methods 7.2f)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..runtime.kernels import kernel
 
 @kernel
 def connected(rows, count):  # type: ignore[no-untyped-def]
-    """Smallest member of the connected component of each of `count` things, where those in a row (N, K) are connected.
+    """Smallest member of the connected component of each of `count` items; items in a row (N, K) are connected.
 
     Union by index, paths halved.
     """
@@ -38,12 +38,12 @@ def connected(rows, count):  # type: ignore[no-untyped-def]
 
 
 def sheets_of(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) int32, number of the sheet of each triangle, and (S,) bool, whether that is open: it has a boundary.
+    """(T,) int32, number of each triangle's sheet, and (S,) bool, whether the sheet is open: it has a boundary.
 
-    vertices: (V, 3), those at the same place count as one: seams of UV maps divide no sheet. triangles: (T, 3) int32.
-    Two triangles are of one sheet if an edge is theirs alone and they run along it in opposite directions; an edge of
-    three, or one that two run along the same way, is a boundary. So normals of a sheet are flipped together or not at
-    all. Triangles of zero area are of none, -1.
+    vertices: (V, 3), equal positions count as one, so that seams of UV maps divide no sheet. triangles: (T, 3) int32.
+    Two triangles belong to one sheet if they alone share an edge, with opposite directions along it; an edge of three
+    triangles, or of two with equal directions, is a boundary. So normals of a sheet are flipped together or not at all.
+    Triangles of zero area belong to none, -1.
     """
     _, place = np.unique(np.ascontiguousarray(vertices).view([("", vertices.dtype)] * 3).ravel(), return_inverse=True)
     corners = place.reshape(-1)[triangles].astype(np.int64)  # (T, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shading without a bake: base colours, the paper's two lights (methods 7.3), opacity alone, or a part of it all."""
+"""Shading without a bake: base colours, the paper's two lights (methods 7.3), opacity only, or another shading cut."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .texture_color import color_of_fragments
 from .texture_lookup import surface_of_fragments
 from .textures import TextureTable
 
-# A unit vector along no axis, so that the faces of a box differ.
+# A unit vector not parallel to an axis, so that the faces of a box differ.
 DIRECTION = (0.36, -0.48, 0.8)
 AXES = ("x", "y", "z")
 
 
 def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:
-    """ShadingFn whose luminance is that of base colour plus emission, and whose opacity is the material's."""
+    """ShadingFn with luminance of base colour plus emission, and the material's opacity."""
     table = TextureTable.from_materials(source.materials, color=color)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
@@ -68,20 +68,20 @@ def two_lights_shade(
 
 
 def _cosines(batch: TriangleBatch, fragments: Fragments, towards: np.ndarray) -> np.ndarray:
-    """|n . d| (F,) float32; fragments name triangles in ascending order, so only those between are computed."""
+    """|n . d| (F,) float32; fragments have triangles in ascending order, so only those in their range are computed."""
     if not len(fragments):
         return np.empty(0, np.float32)
     first, last = int(fragments.triangle.min()), int(fragments.triangle.max()) + 1
     corners = batch.corners_world[first:last]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
-    # Column by column: a product of matrices rounds differently with its size, and so with the order of triangles.
+    # Column by column: rounding of a matrix product depends on its size, and so on the order of triangles.
     cosine = np.abs(sum(normals[:, axis] * towards[axis] for axis in range(3))) / length
     return cosine.astype(np.float32)[fragments.triangle - first]
 
 
 def opacity_shade(source: MeshSource) -> ShadingFn:
-    """Shading without luminance, by the very opacity of the lit surface; only cut-outs are looked up (methods 7.2a)."""
+    """Shading without luminance, with the lit surface's opacity; only cut-outs are looked up (methods 7.2a)."""
     table = TextureTable.from_materials(source.materials)
     cut_out = ~np.append(table.chains.solid.astype(bool), True)[table.materials.chain]  # the last: no texture
 
@@ -98,10 +98,11 @@ def opacity_shade(source: MeshSource) -> ShadingFn:
 
 
 def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share: float) -> ShadingFn:
-    """ShadingFn like `shade` that has no opacity where centroids of fragments lie beyond a plane: they leave no voxel.
+    """ShadingFn like `shade` without opacity for fragments whose centroids lie beyond a plane, so that they make no
+    voxels.
 
-    bounds_world: (2, 3) box of the surface. axis: 0, 1 or 2. share: where the plane lies between the box's lowest and
-    highest corner, 0 to 1. The cut is as even as the leaves are small, whatever the size of triangles.
+    bounds_world: (2, 3) box of the surface. axis: 0, 1 or 2. share: position of the plane between the box's lowest and
+    highest corner, 0 to 1. The cut is as even as leaves are small, for triangles of any size.
     """
     low, high = bounds_world[:, axis]
     plane_world = low + share * (high - low)

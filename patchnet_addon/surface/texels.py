@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texel lookup in a mip chain at points and squares; functions that kernels call."""
+"""Texel lookup in a mip chain at points and squares; device functions for kernels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .textures import BLACK, EXTEND, MIRROR, REPEAT
 
 _FAR = 2.0**24
 
-# Numbers only: the compiler counts references to each array of a tuple at each use, which costs more than a lookup.
+# Numbers only: each use of a tuple counts references of its arrays, which costs more than a lookup.
 
 
 class MipChain(NamedTuple):
@@ -33,9 +33,9 @@ class MipLevel(NamedTuple):
 
 @device
 def on_texture(m, s, r):  # type: ignore[no-untyped-def]
-    """Transform UV coordinates (s, r) onto a texture with m (2, 3), as far as its texels can be counted.
+    """Transform UV coordinates (s, r) onto a texture with m (2, 3), clamped to `_FAR`.
 
-    Coordinates farther away are whole numbers in single precision, which all wrap modes take as they take `_FAR`.
+    Larger coordinates are whole numbers in single precision, which all wrap modes treat like `_FAR`.
     """
     return _countable(m[0, 0] * s + m[0, 1] * r + m[0, 2]), _countable(m[1, 0] * s + m[1, 1] * r + m[1, 2])
 

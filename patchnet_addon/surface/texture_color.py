@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colour of fragments, beside the luminance that `texture_lookup` finds (methods 7.2d).
+"""Base colour of fragments, beside the luminance of `texture_lookup` (methods 7.2d).
 
-Only the hue is looked up here, at the centroid and averaged over the fragment's size, farther where that meets nothing
-but a gap; it is then brought to the luminance, so that opacity and luminance have one source, with and without colour.
+Only the hue is looked up here, at the centroid and averaged over the fragment's size, or a larger area if that is only
+a gap. It is then scaled to the luminance, so that opacity and luminance have one source, with and without colour.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from .textures import TextureTable
 def color_of_fragments(
     table: TextureTable, batch: TriangleBatch, fragments: Fragments, luminance: np.ndarray
 ) -> np.ndarray:
-    """Linear base colour (F, 3) float32 of fragments with the given luminance (F,); gray where the material is black.
+    """Linear base colour (F, 3) float32 of fragments with the given luminance (F,); gray if the material is black.
 
-    The table must have been made with colour.
+    The table must have colour.
     """
     out = np.empty((len(fragments), 3), np.float32)
     given = np.asarray(luminance, np.float32)

@@ -23,7 +23,7 @@ def surface_of_fragments(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Luminance of the base colour (F,) and opacity (F,), both float32, means over each fragment.
 
-    Where fragments know their outline, opacity is integrated over it; otherwise over a square of their size.
+    Opacity is integrated over a fragment's outline if available, otherwise over a square of its size.
     """
     luminance = np.empty(len(fragments), np.float32)
     opacity = np.empty(len(fragments), np.float32)
@@ -64,7 +64,7 @@ def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-unty
     footprint = 0.5 * abs(du * ev - dv * eu) * scale * (area / whole if whole > 0.0 else 1.0)
     level = 0.5 * math.log2(max(footprint, 1e-12)) - _LEVEL_BIAS
     coarsest = float(chain.level_count - 1)
-    return max(level, 0.0) if level < coarsest else coarsest  # which it is, too, of UVs whose area overflows
+    return max(level, 0.0) if level < coarsest else coarsest  # also of UVs whose area overflows
 
 
 @device
@@ -132,7 +132,7 @@ def _surface(begin, end, triangles, fragments, chains, materials, luminance_out,
         else:
             luminance = premultiplied / opacity if opacity > 1e-6 else 0.0
         k = color_chain_of[material]
-        if k >= 0:  # the colour is laid out in its own way
+        if k >= 0:  # the colour has its own layout
             m = transform[k]
             u, v = on_texture(m, s, r)
             chain = MipChain(first[k], level_count[k], wrap[k])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour and opacity of textured surfaces, averaged over the size of a fragment.
 
-Each textured material has a mip chain of box-filtered means. A fragment reads the level whose texels are about as large
-as the fragment is on the texture, so that coarse voxels get means instead of single texels. Opacity that a threshold
-cuts out is cut on the finest level, before it is averaged, so that coverage stays right; luminance is averaged with
-opacity as its weight, so that what is cut away does not colour what stays.
+Each textured material has a mip chain of box-filtered means. A fragment reads the level whose texels are about its size
+on the texture, so that coarse voxels get means instead of single texels. Thresholds on opacity apply to the finest
+level, before averaging, so that coverage stays right; luminance is averaged with opacity as weight, so that cut-out
+texels do not affect the rest.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .chroma import REC709
 from .mesh import Material, Texture
 
 REPEAT, EXTEND, MIRROR, CLIP, BLACK = range(5)
-# Outside of a clipped image there is nothing where it holds opacity, and black where it holds colour alone.
+# Outside of a clipped image, opacity is 0 if the image holds opacity; an image of colour only is black.
 WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP, "BLACK": BLACK}
-CUT_SAMPLES = 4  # along a texel that a threshold cuts
+CUT_SAMPLES = 4  # along a texel cut by a threshold
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
@@ -30,12 +30,12 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 
 
 class MipChains(NamedTuple):
-    """Mip chains of textures as kernels read them: K chains, V levels altogether, N texels one after the other.
+    """Mip chains of textures for kernels: K chains, V levels in total, N texels in sequence.
 
     texels: (N, 2) float32, opacity times luminance, and opacity. On level 0 opacity is not cut yet.
     colors: (N, 3) float32, opacity times red, green and blue, opacity not cut on level 0; only with colour.
     levels: (V, 3) int64, first texel, height and width of each level.
-    first: (K,) int64 first of a chain's levels, finest first. level_count: (K,) int64 how many they are.
+    first: (K,) int64 first of a chain's levels, finest first. level_count: (K,) int64 their number.
     wrap: (K,) int64 of `WRAP_MODES`. transform: (K, 2, 3) float64. solid: (K,) bool, opaque everywhere.
     """
 
@@ -50,10 +50,10 @@ class MipChains(NamedTuple):
 
 
 class MaterialTable(NamedTuple):
-    """Materials as kernels read them, M altogether.
+    """M materials for kernels.
 
     chain: (M,) int64 mip chain, -1 for no texture.
-    color_chain: (M,) int64, that of the base colour where it is laid out unlike the opacity, otherwise -1.
+    color_chain: (M,) int64, that of the base colour if its layout differs from the opacity's, otherwise -1.
     luminance: (M,) float32, without texture. base_color: (M, 3) float32, the colour of that luminance.
     opacity: (M,) float32, a factor on the texture's. threshold: (M,) float32, NaN for none.
     emission: (M,) float32. glow: (M, 3) float32, the colour of that luminance.
@@ -78,7 +78,7 @@ class TextureTable:
 
     @classmethod
     def from_materials(cls, materials: tuple[Material, ...], *, color: bool = False) -> TextureTable:
-        """Mip chains of all textured materials, in colour if wanted; equal ones are shared."""
+        """Mip chains of all textured materials, in colour if wanted; equal chains are shared."""
         numbers: dict[tuple[object, ...], int] = {}
         levels: list[list[np.ndarray]] = []
         styles: list[Texture] = []
@@ -114,7 +114,7 @@ class TextureTable:
 
 
 def _joined_chains(chains: list[list[np.ndarray]], styles: list[Texture], color: bool) -> MipChains:
-    """Mip chains with levels (h, w, 2 or 5), laid on surfaces like the textures `styles`."""
+    """Mip chains with levels (h, w, 2 or 5), mapped like the textures `styles`."""
     flat = [level for chain in chains for level in chain]
     counts = np.array([len(chain) for chain in chains], np.int64)
     sizes = np.array([level.shape[:2] for level in flat], np.int64).reshape(-1, 2)
@@ -136,7 +136,7 @@ def _joined_chains(chains: list[list[np.ndarray]], styles: list[Texture], color:
 
 
 def _joined(levels: list[np.ndarray], channels: slice) -> np.ndarray:
-    """Concatenate some channels of all levels (h, w, C), one texel after the other; black where there are none."""
+    """Concatenate channels of all levels (h, w, C), texel by texel; black for missing ones."""
     parts = [level[..., channels].reshape(-1, channels.stop - channels.start) for level in levels]
     return np.concatenate(parts) if parts else np.zeros((1, channels.stop - channels.start), np.float32)
 
@@ -146,7 +146,7 @@ def _style(texture: Texture) -> tuple[object, ...]:
 
 
 def _parts(material: Material) -> tuple[Material, Material | None]:
-    """Split a material into its opacity, and its base colour if that texture lies otherwise on the surface."""
+    """Split a material into its opacity, and its base colour if that texture is mapped differently."""
     base, alpha = material.base_texture, material.alpha_texture
     if base is None or alpha is None or _style(base) == _style(alpha):
         return material, None
@@ -198,7 +198,7 @@ def _finest_color(material: Material, shape: tuple[int, ...]) -> tuple[np.ndarra
 
 
 def _premultiplied(luminance: np.ndarray, opacity: np.ndarray, hue: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Channels (h, w, 2 or 5) of a level: luminance and colour times opacity, and opacity in the second."""
+    """Channels (h, w, 2 or 5) of a level: luminance and colour times opacity; opacity is the second channel."""
     return np.stack([luminance * opacity, opacity, *(channel * opacity for channel in hue)], axis=-1)
 
 

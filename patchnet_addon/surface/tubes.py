@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Closed tubes along strands, and spheres at points, of flat triangles.
 
-They are as wide as round ones look, seen from all around: the mean shadow of a convex body is a quarter of its surface,
-so that a tube has the girth of the round one, and a solid the surface of the sphere.
+Their mean width over all directions is that of the round shape: the mean shadow of a convex body is a quarter of its
+surface, so a tube has the perimeter of the round one, and a solid the surface area of the sphere.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # that each tube is turned by against the one before
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # by which each tube is turned against the previous one
 
 
 class Solids(NamedTuple):
-    """vertices: (V, 3) float32. triangles: (T, 3) int32, wound to face outwards. points: (V,) the point that each
-    vertex is of. normals: (T, 3, 3) of spheres; None: flat."""
+    """vertices: (V, 3) float32. triangles: (T, 3) int32, wound to face outwards. points: (V,) point of each vertex.
+    normals: (T, 3, 3) of spheres; None: flat.
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -28,7 +29,7 @@ def tubes(points: np.ndarray, radii: np.ndarray, first: np.ndarray, sides: int) 
     """Tubes with flat ends along strands of two points or more.
 
     points: (P, 3). radii: (P,). first: (S + 1,) int64, strand s has the points first[s] to first[s + 1].
-    sides: best an odd number, whose mean light depends least on where they face.
+    sides: preferably odd, so that mean light depends least on their orientation.
     """
     count = len(points)
     strand = np.repeat(np.arange(len(first) - 1), np.diff(first))
@@ -47,17 +48,17 @@ def tubes(points: np.ndarray, radii: np.ndarray, first: np.ndarray, sides: int) 
 
 
 def tube_triangles(points: int, strands: int, sides: int) -> int:
-    """Count of triangles of `tubes`."""
+    """Number of triangles of `tubes`."""
     return 2 * sides * (points - strands) + 2 * (sides - 2) * strands
 
 
 def segments(first: np.ndarray) -> np.ndarray:
-    """Index of the point that each segment of the strands begins at."""
+    """Index of the first point of each segment of the strands."""
     return np.delete(np.arange(first[-1]), first[1:] - 1)
 
 
 def curve_middles(points: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Middles of all segments of Catmull-Rom curves through strands of points (P, C), whose ends count twice."""
+    """Middles of all segments of Catmull-Rom curves through strands of points (P, C), with repeated end points."""
     starts, lengths = segments(first), np.diff(first) - 1
     before = np.maximum(starts - 1, np.repeat(first[:-1], lengths))
     after = np.minimum(starts + 2, np.repeat(first[1:] - 1, lengths))
@@ -83,13 +84,13 @@ def _frames(points: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Of length 1; along z where there is no length."""
+    """Normalized vectors; z for zero length."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), [0.0, 0.0, 1.0])
 
 
 def spheres(points: np.ndarray, radii: np.ndarray, divisions: int) -> Solids:
-    """Spheres at points (P, 3) of radii (P,): octahedra, whose faces are divided into four so many times."""
+    """Spheres at points (P, 3) of radii (P,): octahedra whose faces are subdivided into four repeatedly."""
     solid, faces = _octahedron(divisions)
     corners = solid[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
@@ -101,7 +102,7 @@ def spheres(points: np.ndarray, radii: np.ndarray, divisions: int) -> Solids:
 
 
 def sphere_triangles(points: int, divisions: int) -> int:
-    """Count of triangles of `spheres`."""
+    """Number of triangles of `spheres`."""
     return points * 8 * 4**divisions
 
 

@@ -34,7 +34,7 @@ _MIN_QUALITY = 0.25  # of the best view's
 _SEES_OUT = 0.02  # of the places; smaller shares may see through cracks
 _ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
-_ENCLOSED = 0.8  # of all directions in which the front of a surface is met: a room with windows
+_ENCLOSED = 0.8  # of all directions in which a front face is hit: a room with windows
 _INSIDE = 0.5  # of the free places: a room has 0.9, a hall without a roof 0.7, objects, courtyards, gardens below 0.1
 
 
