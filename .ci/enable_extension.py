@@ -8,6 +8,7 @@ but not the pip-installed numba, safetensors, torch and patchnet: the zip must c
 line per step, and `N passed, N failed` at the end.
 """
 
+import importlib
 import os
 import statistics
 import subprocess
@@ -67,20 +68,23 @@ def install(archive: str) -> None:
 
     bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
     expect_enabled()
-    heavy = {"numba", "torch"} & set(sys.modules)
+    heavy = {"numba", "torch", "safetensors"} & set(sys.modules)
     expect(not heavy, f"enabling imports nothing heavy, but {heavy}")
     bpy.ops.wm.save_userpref()
 
 
 def start_again(archive: str) -> None:
-    """Check that a new Blender has it enabled, and that the bundled modules come from the extension."""
+    """Check that a new Blender has it enabled, that bundled modules are the extension's, and so are cached kernels."""
     import bpy
 
     bpy.ops.wm.read_userpref()
     expect_enabled()
+    importlib.import_module(f"{MODULE}.operators.render_engine.render_frame")  # as a render without a window does
     import numba
 
     expect(bpy.utils.user_resource("EXTENSIONS") in str(numba.__file__), f"{numba.__file__} is the bundled one")
+    folder, own = numba.config.CACHE_DIR, bpy.utils.extension_path_user(MODULE, path="cache")
+    expect(folder.startswith(own), f"kernels are cached in {folder}, not in {own}")
     print(f"numba {numba.__version__}")
 
 
@@ -165,7 +169,8 @@ def main() -> int:
         environment = {**os.environ, "PYTHONPATH": str(modules), "BLENDER_USER_RESOURCES": str(resources)}
         # Blender stores compiled modules beside the sources; without them, each start compiles them again and dominates
         # the cost of enabling.
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        for name in ("PYTHONDONTWRITEBYTECODE", "PATCHNET_CACHE"):
+            environment.pop(name, None)
         passed = 0
         for step in STEPS:
             good, said = (run_cost if step is cost else partial(run_step, step))(archive, environment)

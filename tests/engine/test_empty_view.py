@@ -15,22 +15,16 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.empty_view import BLACK_SURFACE, why_unseen
 from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.tests.engine.mesh_samples import box, even
 
 SIZE = (24, 16)
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
 
-def box(tone: float = 0.5, **provenance: object) -> Octree:
+def cube(tone: float = 0.5, **provenance: object) -> Octree:
     """A cube of side 2 around the origin, of one luminance."""
-    quads = CORNERS[FACES]
-    mesh = TriangleMesh.from_arrays(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
-
-    def shade(_batch, fragments):
-        return np.full(len(fragments), tone, np.float32), np.ones(len(fragments), np.float32)
-
+    mesh = TriangleMesh.from_arrays(box((-1, -1, -1), (1, 1, 1)))
     grid = Grid.around(mesh.bounds_world, 5)
-    return drain(build_octree(mesh, grid, shade, exposure=1.0, provenance=dict(provenance)))
+    return drain(build_octree(mesh, grid, even(tone), exposure=1.0, provenance=dict(provenance)))
 
 
 def look(position=(0.0, -6.0, 0.0), target=(0.0, 0.0, 0.0), **others) -> Camera:
@@ -44,8 +38,8 @@ def why(octree: Octree, camera: Camera) -> str | None:
 
 
 def test_a_picture_that_shows_something_needs_no_words() -> None:
-    assert why(box(), look()) is None
-    assert why(box(), look(kind=ORTHOGRAPHIC, half_x=2.0, half_y=2.0)) is None
+    assert why(cube(), look()) is None
+    assert why(cube(), look(kind=ORTHOGRAPHIC, half_x=2.0, half_y=2.0)) is None
 
 
 @pytest.mark.parametrize(
@@ -63,7 +57,7 @@ def test_a_picture_that_shows_something_needs_no_words() -> None:
     ids=["too far", "too near", "behind", "past", "tiny"],
 )
 def test_why_a_camera_sees_nothing(camera: Camera, said: str) -> None:
-    sentence = why(box(), camera)
+    sentence = why(cube(), camera)
     assert sentence is not None and sentence.startswith("Camera 'Eye' sees nothing: ")
     assert re.search(said, sentence), sentence
 
@@ -78,12 +72,12 @@ def test_why_a_camera_sees_nothing(camera: Camera, said: str) -> None:
     ],
 )
 def test_why_a_picture_is_black(provenance: dict, said: str) -> None:
-    sentence = why(box(0.0, **provenance), look())
+    sentence = why(cube(0.0, **provenance), look())
     assert sentence is not None and sentence.startswith(f"Camera 'Eye' sees only black: {said}")
 
 
 def test_black_around_a_camera_and_black_in_its_view() -> None:
-    octree = box(0.0)
+    octree = cube(0.0)
     octree.luminance[octree.level(5)][-1] = 65535  # somewhere it is bright
     inside = why(octree, look((0.0, 0.0, 0.1), (-1.0, -0.5, 0.0)))
     assert inside == (
@@ -95,7 +89,7 @@ def test_black_around_a_camera_and_black_in_its_view() -> None:
 
 
 def test_a_camera_within_a_voxel_and_one_that_is_far_away() -> None:
-    sentence = why(box(), look((-0.99, 0.5, 0.5), (-1.5, 0.5, 0.5), clip_start=1e-4))
+    sentence = why(cube(), look((-0.99, 0.5, 0.5), (-1.5, 0.5, 0.5), clip_start=1e-4))
     assert sentence is not None and "nothing but the voxel of side 0.0625 in which it stands" in sentence
-    sentence = why(box(), look((0.0, -30.0, 0.0)).with_size(25, 17))
+    sentence = why(cube(), look((0.0, -30.0, 0.0)).with_size(25, 17))
     assert sentence is not None and "it is too far away, or its picture has too few pixels" in sentence

@@ -17,11 +17,8 @@ from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.references.first_hits import needed_levels_reference
 
+from .mesh_samples import even
 from .octree_samples import random_octree
-
-
-def shade(batch, fragments):
-    return np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32)
 
 
 def quad(origin, a, b):
@@ -45,12 +42,12 @@ def camera():
 
 @pytest.fixture(scope="module")
 def fitted(mesh, camera):
-    return drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade))
+    return drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], even()))
 
 
 @pytest.fixture(scope="module")
 def octree(mesh, fitted):
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
 
 
 def share_of(octree, camera):
@@ -95,31 +92,31 @@ def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera, fitted, 
     assert share_of(octree, camera) > 0.99 and fitted.lookahead_share == 1.0
     assert octree.depth == fitted.layout.deepest == fitted.wanted
     assert octree.leaf_count == pytest.approx(fitted.leaves, rel=0.05)
-    uniform = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), shade))
+    uniform = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 10), even()))
     assert share_of(uniform, camera) < 0.9 and octree.leaf_count < uniform.leaf_count
 
 
 def test_fewer_leaves_where_memory_is_short(mesh, camera, fitted):
     grid = Grid.around(mesh.bounds_world, 9)
-    less = drain(fit_leaf_levels(mesh, grid, [camera], shade, max_leaves=0.6 * fitted.leaves))
+    less = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.6 * fitted.leaves))
     assert less.leaves < 0.7 * fitted.leaves
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=less.layout))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=less.layout))
     assert 0.3 < share_of(octree, camera) < 0.99
     assert less.lookahead_share == pytest.approx(share_of(octree, camera)) and octree.leaf_count == less.leaves
-    bounded = drain(fit_leaf_levels(mesh, grid, [camera], shade, deepest=9))
+    bounded = drain(fit_leaf_levels(mesh, grid, [camera], even(), deepest=9))
     assert bounded.layout.deepest == 9 < bounded.wanted and bounded.lookahead_share < 0.9
 
 
 def test_a_track_serves_all_its_cameras(mesh, camera):
     other = Camera.look_at(np.array([-0.8, 0.5, 0.5]), np.array([0.8, 0.8, 0.0]), size_px=(96, 64))
-    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera, other], shade))
-    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), shade, layout=fitted.layout))
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera, other], even()))
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
     assert min(share_of(octree, view) for view in (camera, other)) > 0.99
 
 
 def test_a_camera_that_looks_away_asks_for_nothing(mesh):
     away = Camera.look_at(np.array([0.0, -3.0, 0.5]), np.array([0.0, -9.0, 0.5]), size_px=(16, 16))
-    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [away], shade))
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [away], even()))
     assert fitted.layout.used == (fit.BLOCK_LEVEL,)
 
 

@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.tests.engine.mesh_samples import even
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference, voxel_blocks_reference
 from patchnet.tests.references.first_hits import needed_levels_reference
@@ -123,10 +124,6 @@ def test_contract(octree, camera, lookahead):
     )
 
 
-def shade(batch, fragments):
-    return np.full(len(fragments), 0.5, np.float32), np.ones(len(fragments), np.float32)
-
-
 @pytest.mark.parametrize("lookahead", [1, 3])
 def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
     square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
@@ -135,13 +132,13 @@ def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
     camera = Camera.look_at(np.array([1.0, -1.8, 1.2]), np.zeros(3), size_px=(96, 64))
 
     def share(depth, layout=None):
-        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade, layout=layout))
+        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), even(), layout=layout))
         hits = first_hits(octree, camera)
         return octree.look_ahead(lookahead)[hits.node[hits.hit]].mean()
 
     depth = wanted_depth(drain(coarse_octree(mesh)), [camera], lookahead=lookahead)
     assert share(depth) >= 0.95 > share(depth - 1)
-    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], shade, lookahead=lookahead))
+    fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], even(), lookahead=lookahead))
     assert share(12, fitted.layout) > 0.99 and fitted.lookahead_share == 1.0
 
 

@@ -15,27 +15,12 @@ from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.viewpoints import encloses, free_positions, viewpoints
-
-FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-
-
-def box(low: tuple[float, float, float], high: tuple[float, float, float], inwards: bool = False) -> np.ndarray:
-    """Triangles (12, 3, 3) of a box whose faces look outwards, or inwards."""
-    corners = np.array(
-        [[(low, high)[k >> 2 & 1][0], (low, high)[k >> 1 & 1][1], (low, high)[k & 1][2]] for k in range(8)]
-    )
-    quads = [face[::-1] if inwards else face for face in FACES]
-    return np.array([corners[[face[0], *pair]] for face in quads for pair in (face[1:3], face[2:4])])
+from patchnet.tests.engine.mesh_samples import box, even
 
 
 def octree_of(triangles: np.ndarray, depth: int = 7, luminance: float = 0.5) -> Octree:
     mesh = TriangleMesh.from_arrays(triangles)
-
-    def shade(batch, fragments):
-        count = len(fragments)
-        return np.full(count, luminance, np.float32), np.ones(count, np.float32)
-
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade, exposure=1.0))
+    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), even(luminance), exposure=1.0))
 
 
 @pytest.fixture(autouse=True)

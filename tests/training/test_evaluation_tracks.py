@@ -15,6 +15,7 @@ from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.tests.engine.mesh_samples import box
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation.explorations import MAX_STEP, MAX_TURN
 from patchnet.training.evaluation.poses import Surroundings, step_of, turn_of
@@ -22,14 +23,6 @@ from patchnet.training.evaluation.tracks import FAR, camera_track
 
 FRAMES = 60
 CLEARANCE = 4  # finest voxels
-
-
-def box(low: tuple[float, ...], high: tuple[float, ...]) -> np.ndarray:
-    """Triangles (12, 3, 3) of a closed box."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [[quad[0], quad[index], quad[index + 1]] for quad in quads for index in (1, 2)]
-    return np.asarray(low) + corners[triangles] * (np.asarray(high) - low)
 
 
 def yard() -> Octree:
