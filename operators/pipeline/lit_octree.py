@@ -172,12 +172,13 @@ def light_octree(
 
     overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
+    notes: dict[str, Any] = {}
     facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
             graph, cameras = overrides.depsgraph, leaves.cameras
             baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
-            shade, facing, assumed = yield from baking
+            shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
                 light = settings.light
@@ -188,7 +189,7 @@ def light_octree(
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
-            provenance = _provenance(overrides, surface.state)
+            provenance = _provenance(overrides, surface.state) | notes
             if overrides.rotation:
                 turned = RotatedSource(source, random_rotation(overrides.rotation))
                 choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))

@@ -137,8 +137,8 @@ def baked(
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
     cameras: Sequence[Camera] = (),
-) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...]]]:
-    """Surface in baked light, side (T,) int8 that its light is seen on, and warnings.
+) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
+    """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and notes for the file.
 
     choice: the leaves, which decide texels. clock: records the stages "light" and "denoise". kept: cache of finished
     pages. depsgraph: of `source`; None takes the context's. cameras: see `bake_luminance`.
@@ -167,7 +167,7 @@ def baked(
             atlas = yield from computed(lambda: denoised_atlas(atlas, source), Progress(0, 1, "Denoising light"))
         shade = yield from computed(lambda: atlas_shade(atlas, source), _TEXTURES)
     warnings = *coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())
-    return shade, atlas.facing, warnings
+    return shade, atlas.facing, warnings, atlas.notes
 
 
 def build(

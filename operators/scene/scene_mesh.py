@@ -160,6 +160,21 @@ class SceneMesh:
             used.update(np.unique(part.materials[turned]).tolist())
         return frozenset(self.material_names[index] for index in used)
 
+    def objects_of(self, triangles: np.ndarray) -> np.ndarray:
+        """(N,) names of the objects of triangles (N,)."""
+        return np.array(self._names, object)[self.object_numbers(triangles)]
+
+    def object_numbers(self, triangles: np.ndarray) -> np.ndarray:
+        """(N,) int64, the same for all places of objects of one name, of triangles (N,)."""
+        names = [name for part in self.parts for name in part.objects]
+        ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in self.parts]))
+        number = {name: index for index, name in enumerate(self._names)}
+        return np.array([number[name] for name in names])[np.searchsorted(ends, triangles, side="right")]
+
+    @property
+    def _names(self) -> list[str]:
+        return list(dict.fromkeys(name for part in self.parts for name in part.objects))
+
     def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""
         corners, materials = np.empty((len(triangles), 3, 3)), np.empty(len(triangles), np.int32)

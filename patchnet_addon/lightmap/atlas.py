@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class Atlas:
     back_share: (T,) float32, of the back in a triangle's one luminance; None: 0.
     base: (pages * side * side, 1) float32, luminance of the base colour that each texel was baked with; with colour
     (.., 3), red and blue, too; None where they have not been looked up yet (`texel_bases`).
+    notes: entries for the octree's file, as plain JSON values.
     """
 
     charts: Charts
@@ -41,3 +43,4 @@ class Atlas:
     facing: np.ndarray | None = None
     back_share: np.ndarray | None = None
     base: np.ndarray | None = None
+    notes: dict[str, Any] = field(default_factory=dict)

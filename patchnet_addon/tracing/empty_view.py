@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 _BLACK = 1.5e-4  # luminance that 8 bits of a picture round to black
 _FEW_PIXELS = 4
 _BOUNDS_LEVEL = 6
-BLACK_SURFACE = "black_surface"  # in an octree's provenance: the materials of its surface if all are black
+# In an octree's provenance: the materials of its surface if all are black, and why cameras, by name, see only black.
+BLACK_SURFACE, BLACK_VIEWS = "black_surface", "black_views"
 
 
 def why_unseen(octree: Octree, camera: Camera, hits: Hits, brightest: float) -> str | None:
@@ -76,6 +77,8 @@ def _stands_in_voxels(hits: Hits, camera: Camera) -> bool:
 
 
 def _why_black(octree: Octree, camera: Camera) -> str:
+    if (measured := octree.provenance.get(BLACK_VIEWS, {}).get(camera.name)) is not None:
+        return str(measured)
     if (names := octree.provenance.get(BLACK_SURFACE)) is not None:
         return f"all materials of the surface are black: {names}"
     if int(octree.luminance.max()) < _BLACK * LUMINANCE_SCALE:

@@ -67,6 +67,19 @@ class Sight:
         """
         run_parts(_draw, len(self._lenses.pose), self._lenses, corners_world, shown, first_triangle, self.seen)
 
+    def places(self, camera: int, pixels: np.ndarray) -> np.ndarray:
+        """Places (N, 3) float64 in the world that pixels (N,) of a camera see, by indices row * W + column."""
+        pose, shift = self._lenses.pose[camera], self._lenses.shift[camera]
+        height, width = self.seen.depth.shape[1:]
+        row, column = np.divmod(pixels, width)
+        x = (2.0 * column + 1.0) / width - 1.0 + shift[0]
+        y = (2.0 * row + 1.0) / height - 1.0 + shift[1]
+        depth = self.seen.depth[camera].ravel()[pixels]
+        right, up = pose[1] / (pose[1] @ pose[1]), pose[2] / (pose[2] @ pose[2])  # times half the extents
+        spread = depth if self._lenses.perspective[camera] else np.ones_like(depth)
+        places: np.ndarray = pose[0] + depth[:, None] * pose[3] + (x * spread)[:, None] * right
+        return places + (y * spread)[:, None] * up
+
 
 @kernel
 def _draw(first, last, lenses, corners_world, shown, first_triangle, seen):  # type: ignore[no-untyped-def]

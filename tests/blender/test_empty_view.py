@@ -16,11 +16,12 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
+from patchnet.patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, rendered
 from patchnet.tests.blender.job_scene import build, principled, render_by_cycles, saved
 from patchnet.tests.blender.objects import SQUARE, lamp, link, look_from, mesh
-from patchnet.tests.blender.shaders import grey, material, shader, shown
+from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
 
 BEHIND = "Camera 'Eye' sees nothing: the surface is behind it; turn or move it"
 
@@ -84,7 +85,7 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
         depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights, strategy="patchnet-behind"
     )
     (warning,) = drain(run_job(bpy.context, settings)).warnings
-    assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches the surface")
+    assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches 'Slab'")
 
 
 def plate(make: Callable[[], bpy.types.Material], below: bool) -> None:
@@ -112,11 +113,33 @@ def missing_attribute() -> bpy.types.Material:
     return paint
 
 
+BLACK = {
+    "black": (lambda: simple(name="Coal", Color=(0, 0, 0, 1)), False, "the material 'Coal' of 'Plate' is black; give"),
+    "no output": (no_output, False, "Coal' of 'Plate' is black: Material 'Coal' is black, as in Cycles: no Material"),
+    "metal": (
+        lambda: simple("BsdfGlossy", "Coal", Roughness=0.4), False,
+        "the material 'Coal' of 'Plate' is black without its gloss; choose Gloss",
+    ),
+    "attribute": (missing_attribute, False, "material 'Coal' of 'Plate' is black"),
+    "other side": (grey, True, "light falls on the other side of 'Plate' alone"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BLACK)
+def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
+    make, below, said = BLACK[case]
+    plate(make, below)
+    settings = JobSettings.of(depth=4, samples=1, size=(24, 16), cameras=("Eye",), gloss="off")
+    made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    assert said in made.octree.provenance[BLACK_VIEWS]["Eye"]
+
+
 def test_a_back_without_light_is_black_though_nothing_else_has_a_lit_back() -> None:
     plate(grey, below=True)
     bpy.data.objects["Plate"].data.flip_normals()
     settings = JobSettings.of(depth=4, samples=1, size=(24, 16), cameras=("Eye",), gloss="off")
     made = drain(build_lit_octree(bpy.context, settings, StageClock()))
+    assert "light falls on the other side of 'Plate' alone" in made.octree.provenance[BLACK_VIEWS]["Eye"]
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (24, 16), made.source.bounds_world)[0]
     hits = first_hits(made.octree, camera)
     assert hits.hit.any() and hits.luminance[hits.hit].max() < 0.02

@@ -27,6 +27,7 @@ from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
+from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
 from ...scene.fingerprint import SceneFingerprint, composed, surface_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
@@ -37,6 +38,7 @@ from ...state.digest import Digest
 from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
 from .gloss_passes import place_of_view
+from .side_probe import black_views
 from .two_sided_surfaces import plan_sides
 
 if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
@@ -107,6 +109,8 @@ def bake_luminance(
     facing = np.where((plan.pieces < 0) & light.has_sides, np.int8(0), baker.lit)
     if (facing <= 0).any():
         atlas = replace(atlas, back=back, lit=baker.lit, facing=facing, back_share=baker.back_share)
+    if black := (yield from black_views(context, source, atlas, plan.sight, light, lift)):
+        atlas.notes[BLACK_VIEWS] = black
     return atlas
 
 

@@ -9,7 +9,7 @@ back of sheets that cameras see only from behind.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
@@ -24,6 +24,9 @@ from ..daylight import emits
 from .one_sided import is_opaque, materials_that, one_sided_materials
 from .side_probe import light_of_sides
 
+if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
+    from ....patchnet_addon.tracing.seen_triangles import Sight
+
 _MOST_CAMERAS = 16
 _SEEN_BEHIND = 0.9  # of the pixels that a sheet is seen in: its normals point away from who looks
 
@@ -33,13 +36,14 @@ class SidePlan(NamedTuple):
 
     facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see only the back.
     is_measured: (T,) bool, by the light that was measured there. pieces: (T,) int32, number of the closed sheet, -1 for
-    none.
+    none. sight: what cameras see.
     """
 
     facing: np.ndarray
     is_behind: np.ndarray
     is_measured: np.ndarray
     pieces: np.ndarray
+    sight: Sight
 
 
 class _Survey(NamedTuple):
@@ -55,6 +59,7 @@ class _Survey(NamedTuple):
     areas: np.ndarray
     asked: np.ndarray
     points: SheetPoints
+    sight: Sight
 
 
 def plan_sides(
@@ -102,7 +107,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
     backs = np.bincount(seen[behind & (seen >= 0)], minlength=len(is_open))
     is_behind = (backs > 0) & (backs >= _SEEN_BEHIND * np.bincount(seen[seen >= 0], minlength=len(is_open)))
     asked = asked_sheets(np.where(is_open | (backs > 0), by_sheet, 0.0))
-    return _Survey(sheet, is_open, is_behind, by_sheet, asked, points_on_sheets(asked, sheet, areas))
+    return _Survey(sheet, is_open, is_behind, by_sheet, asked, points_on_sheets(asked, sheet, areas), sight)
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -149,4 +154,4 @@ def _planned(source: SceneMesh, survey: _Survey, measured: np.ndarray, light: Li
         chosen = has_one[batch.materials] & (has_one_lit[batch.materials] | closed[mine])
         facing[mine] = np.where(chosen, decided, facing[mine])
     is_measured = np.isin(survey.sheet, survey.asked)
-    return SidePlan(facing, is_behind, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32))
+    return SidePlan(facing, is_behind, is_measured, np.where(closed, survey.sheet, -1).astype(np.int32), survey.sight)
