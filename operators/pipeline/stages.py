@@ -138,7 +138,7 @@ def baked(
     depsgraph: bpy.types.Depsgraph | None = None,
     cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
-    """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and notes for the file.
+    """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and entries of the octree's file.
 
     choice: the leaves, which decide texels. clock: records the stages "light" and "denoise". kept: cache of finished
     pages. depsgraph: of `source`; None takes the context's. cameras: see `bake_luminance`.

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.empty_view import BLACK_SURFACE, why_unseen
+from patchnet.patchnet_addon.tracing.empty_view import BLACK_SURFACE, BLACK_VIEWS, why_unseen
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.engine.mesh_samples import box, even
 
@@ -66,6 +66,8 @@ def test_why_a_camera_sees_nothing(camera: Camera, said: str) -> None:
     ("provenance", "said"),
     [
         ({BLACK_SURFACE: "'Coal'"}, "all materials of the surface are black: 'Coal'"),
+        ({BLACK_VIEWS: {"Eye": "the material 'Coal' of 'Heap' is black"}}, "the material 'Coal' of 'Heap' is black"),
+        ({BLACK_VIEWS: {"Other": "it is dark"}, "light": "two-lights"}, "the surface itself is black"),
         ({"light": "cycles"}, "no light of the scene reaches the surface"),
         ({"light": "cycles", "exposure": "given"}, "nothing is brighter at an exposure of 1;"),
         ({"light": "two-lights"}, "the surface itself is black"),

@@ -38,6 +38,18 @@ def test_as_every_ray_against_every_triangle(seed: int) -> None:
     np.testing.assert_allclose(seen.depth[met], wanted.depth[met], rtol=1e-9)
 
 
+def test_places_lie_on_the_triangles_that_are_seen() -> None:
+    corners = np.random.default_rng(2).random((40, 3, 3))
+    sight = Sight(looking(2))
+    sight.add(corners, np.ones(40, bool), 0)
+    for camera in range(4):
+        pixels = np.flatnonzero(sight.seen.triangle[camera].ravel() >= 0)
+        start, one, two = (corners[sight.seen.triangle[camera].ravel()[pixels]][:, i] for i in range(3))
+        normals = np.cross(one - start, two - start)
+        off = ((sight.places(camera, pixels) - start) * normals).sum(axis=1) / np.linalg.norm(normals, axis=1)
+        assert len(pixels) > 20 and np.abs(off).max() < 1e-9
+
+
 def test_what_is_not_shown_hides_nothing() -> None:
     near = np.array([[[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [0.0, 0.0, 9.0]]])
     camera = Camera.look_at(np.array([0.0, -2.0, 0.0]), np.zeros(3), size_px=(4, 3))

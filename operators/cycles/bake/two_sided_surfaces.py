@@ -36,7 +36,7 @@ class SidePlan(NamedTuple):
 
     facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see only the back.
     is_measured: (T,) bool, by the light that was measured there. pieces: (T,) int32, number of the closed sheet, -1 for
-    none. sight: what cameras see.
+    none. sight: of the cameras.
     """
 
     facing: np.ndarray
