@@ -105,7 +105,7 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Delete, and say what is left."""
+        """Delete, and report what is left."""
         apply_preferences(context)
         root = user_cache_folder()
         freed = clear_cache(root)

@@ -97,6 +97,6 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         return f"{path.name}: {counted(count, 'voxel')} of level {level}"
 
     def _ending(self) -> str:
-        """Format that the file's ending names, or ""."""
+        """Format by the file's ending, or ""."""
         ending = Path(self.filepath).suffix.lower()
         return ending if ending in [name for name, *_ in _FORMATS] else ""

@@ -58,7 +58,7 @@ class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Load now, or start loading with progress once the file browser was answered."""
+        """Load now, or start loading with progress after the file browser."""
         if not self._asked or not self.filepath:
             return super().execute(context)
         bpy.ops.patchnet.load_octree("INVOKE_DEFAULT", filepath=self.filepath)
@@ -101,7 +101,7 @@ def _loaded(path: Path, weights: Weights) -> tuple[Octree, CodedOctree | None, s
 
 
 def _result(octree: Octree, coded: CodedOctree | None, state: SceneState, scene: bpy.types.Scene) -> SceneResult:
-    """Result of an octree's file. A file without a state of a scene counts as fitting."""
+    """Result of an octree's file; a file without the state of a scene counts as fitting."""
     from .schema.table import VISIBLE
 
     provenance = octree.provenance
@@ -132,5 +132,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take it out of the menu."""
+    """Remove the operator from the menu."""
     bpy.types.TOPBAR_MT_file_import.remove(_draw_in_menu)

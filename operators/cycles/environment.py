@@ -3,7 +3,7 @@
 
 Camera rays matter where a world shows cameras another picture than it lights with. Each baked texel is a pixel of the
 camera: the vertices of a quad are the directions of the picture's corners, and directions are linear between them. The
-baked scene is ours and holds nothing else.
+baked scene is a temporary one that holds nothing else.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from .scene_copy import looking_through
 
 SAMPLES = 16  # a pixel of a picture
 MAP_SIDE_PX, MAP_SAMPLES = 512, 2  # of a face of a cube map
-_PART_PX = 1 << 21  # pixels that are baked at once where no window waits
-# Paths that are baked at once in a window, which stands still meanwhile. Such a bake cannot run as a job of Blender's,
+_PART_PX = 1 << 21  # pixels that are baked at once without a window
+# Paths that are baked at once in a window, which freezes meanwhile. Such a bake cannot run as a job of Blender's,
 # as those of pages do: Blender frees the job's image at the next event if the window shows another scene.
 _PATHS_IN_WINDOW = 1 << 19
 _FEW_PX = 8  # side of the picture of an orthographic camera, which sees one colour

@@ -33,7 +33,7 @@ from .tell import tell, tell_start
 if TYPE_CHECKING:
     from bpy.types import Operator as _Operator
 else:
-    _Operator = object  # Blender wants its own class among the direct bases of each operator
+    _Operator = object  # Blender requires its own class among the direct bases of each operator
 
 SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02

@@ -60,7 +60,7 @@ def start_compiler(words: list[str], said: IO[bytes] | int, **variables: str) ->
     said: file for its output. variables: of its environment.
     """
     environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder())} | variables
-    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal comes up on Windows
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal opens on Windows
     return subprocess.Popen(
         words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
     )

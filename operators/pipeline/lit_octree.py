@@ -184,7 +184,7 @@ def light_octree(
                 light = settings.light
                 own = unlit(source, light) if overrides.unlit else two_lights(source, light, overrides.rotation)
                 shade = yield from own
-                facing = np.zeros(source.triangle_count, np.int8)  # these lights shine on both sides alike
+                facing = np.zeros(source.triangle_count, np.int8)  # these lights shine equally on both sides
         with clock.stage("voxelize"):
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
@@ -208,7 +208,7 @@ def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: Scene
     Raises SceneError.
     """
     view, bounds_world = settings.view, settings.surface.bounds_world(source)
-    if settings.surface.track and list(view.cameras) != [AUTO]:  # which stand still
+    if settings.surface.track and list(view.cameras) != [AUTO]:  # automatic cameras are fixed
         return track_cameras(context, view.cameras, view.size, bounds_world)
     if settings.surface.has_given_depth:
         return []

@@ -97,7 +97,7 @@ def run_job(
     wanted = settings.view
     files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
-    # Pages stay until the files are there.
+    # Pages stay until the files are written.
     with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
         plan = JobPlan(settings)

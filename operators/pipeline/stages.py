@@ -32,7 +32,7 @@ from ..settings.groups import NETWORK_DEVICE, ComputeSettings, LightSettings, Ne
 from ..settings.job_settings import JobSettings
 from .reports import versions
 
-if TYPE_CHECKING:  # nothing needs them before something is built
+if TYPE_CHECKING:  # needed only when an octree is built
     from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 

@@ -254,7 +254,7 @@ def _lit_pictures(made: View) -> dict[str, np.ndarray]:
     return {
         item: buffers.picture(encoded(gray if color is None else color, alpha, *ground))
         for item, (gray, color, alpha) in looks.items()
-        if gray is not None and alpha is not None  # both are known, or neither
+        if gray is not None and alpha is not None  # both exist, or neither
     }
 
 

@@ -61,7 +61,7 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
 
 def may_change(scene: bpy.types.Scene) -> bool:
-    """Return whether anything but a camera has keys or drivers, or moves without; else all frames share a surface."""
+    """Return whether anything but a camera moves, with or without keys; else all frames share a surface."""
     if has_films() or scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
         return True
     kinds = (value for name in dir(bpy.data) if _is_collection(value := getattr(bpy.data, name)))
@@ -210,7 +210,7 @@ def _is_gloss_of_one_view(result: SceneResult) -> bool:
 
 
 def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
-    """Result of a render's graph; with a warning, the one that is `there` if none can be made."""
+    """Result of a render's graph; if none can be made, `there` with a warning."""
     if not frame.can_bake:
         why = "there are no voxels yet" if there is None else "the scene changed since it was voxelized and lit"
         error: PatchNetError = SceneError(f"{_BUTTON}: {why}, and Cycles cannot bake while a window renders")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels of the properties editor with this engine: its own, and those of Blender's that fit it."""
+"""Panels of the Properties editor for this engine: its own, and compatible ones of Blender."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class _RenderPanel(PanelBase):
 
 
 class PATCHNET_PT_render_refinement(_RenderPanel, bpy.types.Panel):
-    """Sampling of the render engine: what is refined first, and how much."""
+    """Sampling of the render engine: order and amount of refinement."""
 
     bl_label = "Sampling"
 
@@ -115,7 +115,7 @@ def add_to_blenders() -> None:
 
 
 def remove_from_blenders() -> None:
-    """Hide them again."""
+    """Hide Blender's own panels again."""
     bpy.types.VIEW3D_HT_header.remove(_draw_live)
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)

@@ -19,15 +19,15 @@ from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.shaders import FLOATS
 
 _RAMP = 256
-_FIRST_ROWS, _FEWEST_ROWS = 32, 8  # of a band
-_QUICK_S, _SLOW_S = 0.02, 0.05  # between two drawings: bands grow below, shrink above
+_FIRST_ROWS, _FEWEST_ROWS = 32, 8  # rows of a band
+_QUICK_S, _SLOW_S = 0.02, 0.05  # time between two redraws: bands grow below, shrink above
 
 _PRIORITY = 1  # kind of a heatmap
 _PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
 
 
 class HeatKind(NamedTuple):
-    """What a heatmap shows.
+    """Settings of a heatmap.
 
     kind, most: see `CardOctree.heat`. ramp: name of a colour map. ranked_by: one of the card's strategies.
     """
@@ -39,18 +39,18 @@ class HeatKind(NamedTuple):
 
     @property
     def estimated(self) -> bool:
-        """Whether the estimator of errors is needed."""
+        """Return whether the heatmap needs the estimator of errors."""
         return self.kind == _PRIORITY and self.ranked_by is _NO_RAY
 
 
 def strategy_on_card(chosen: Strategy, card: CardOctree) -> tuple[Strategy, str]:
-    """Strategy that live priority is of where another one may be chosen, and that in words.
+    """Strategy that ranks live priority if `chosen` is the scene's, and a sentence about it.
 
-    The card traces no finer rays, so the estimator without them stands for all but the paper's score.
+    The card traces no finer rays, so the estimator without them replaces all strategies but the paper's score.
     """
     if chosen is _PAPER or not card.estimates:
         return _PAPER, _said(_PAPER, chosen, "these weights have no estimator of errors")
-    return _NO_RAY, _said(_NO_RAY, chosen, f"{chosen.title} is computed by the processor alone")
+    return _NO_RAY, _said(_NO_RAY, chosen, f"{chosen.title} is computed on the CPU only")
 
 
 def _said(used: Strategy, chosen: Strategy, why: str) -> str:
@@ -60,7 +60,7 @@ def _said(used: Strategy, chosen: Strategy, why: str) -> str:
 class CardHeat:
     """Heatmap of a view; dropping it frees its images.
 
-    shown: texture that is drawn over the view, as a screen shows it. done: it has the view's resolution.
+    shown: texture to draw over the view, in display colours. done: it has the view's resolution.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class CardHeat:
     def look(
         self, card: CardOctree, coded: CodedOctree, view: tuple[Any, ...], camera: Camera, kind: HeatKind
     ) -> None:
-        """Work at the heatmap of a view."""
+        """Continue the heatmap of a view."""
         self._seen = ref(coded), camera, kind.ranked_by
         now, wanted = time.perf_counter(), (view, kind)
         if wanted != self._wanted:
@@ -94,13 +94,13 @@ class CardHeat:
         self._last = now
 
     def describe_pixel(self, column: int, row: int) -> list[str]:
-        """Lines about a pixel of the view, which the CPU's kernels look at: nothing is read back."""
+        """Lines about a pixel of the view, computed on the CPU: nothing is read back from the card."""
         from ...patchnet_addon.sampling.trace import trace_view
 
         if self._seen is None or (coded := self._seen[0]()) is None:
             return []
         _, camera, ranked_by = self._seen
-        left, low = max(column - 1, 0), max(row - 1, 0)  # the estimator sees the pixels around
+        left, low = max(column - 1, 0), max(row - 1, 0)  # the estimator needs the pixels around it
         wide, high = min(column + 2, camera.width_px) - left, min(row + 2, camera.height_px) - low
         part = camera_part(camera, left, low, wide, high)
         view = drain(trace_view(coded.octree, part, [ranked_by], coded=coded, reference=False))
@@ -118,7 +118,7 @@ class CardHeat:
 
 
 class _Pass:
-    """Hits of a view, and how much of it is decoded."""
+    """Hits of a view, and the number of its rows decoded so far."""
 
     def __init__(self, card: CardOctree, camera: Camera, kind: HeatKind) -> None:
         device, size = card.device, (camera.width_px, camera.height_px)
@@ -132,7 +132,7 @@ class _Pass:
         card.trace(self.camera, self._hits)
 
     def decode(self, rows: int) -> bool:
-        """Decode some more rows; returns whether these were the last."""
+        """Decode the next rows; returns whether these are the last."""
         rows = min(rows, self.camera.height_px - self._row)
         self._card.decode(self.camera, self._hits, self._decoded, (self._row, rows))
         first, self._row = max(self._row - 1, 0), self._row + rows

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data-blocks and changes of the extension itself, which are no part of the scene that is read, lit and compared.
+"""Data-blocks and changes of the extension itself, which do not count as part of the scene.
 
 The data-blocks are results that operators leave in a file: pictures, and the object that shows voxels.
 """
@@ -24,7 +24,7 @@ def is_own(item: bpy.types.ID) -> bool:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Mark changes within the block as our own and undone in it: they make no result stale."""
+    """Mark changes within the block as the extension's own, undone in it: they make no result stale."""
     global _blocks
     _blocks += 1
     try:

@@ -27,7 +27,7 @@ class _Failing(bpy.types.RenderEngine):
 
     def render(self, _depsgraph: bpy.types.Depsgraph) -> None:
         """Fail."""
-        self.report({"ERROR"}, "PatchNet stops what renders or bakes")
+        self.report({"ERROR"}, "PatchNet stops the render or bake")
 
 
 @contextmanager

@@ -31,7 +31,7 @@ _own_kinds: list[str] = []  # kinds of our running jobs
 
 @contextmanager
 def in_window(alive: bool) -> Iterator[None]:
-    """Tell steps of the block whether a window waits for them, so that they return often."""
+    """Mark whether a window waits for the steps of the block, so that they return often."""
     token = _in_window.set(alive)
     try:
         yield

@@ -50,7 +50,7 @@ def restore(scene: bpy.types.Scene) -> bool:
     if result is None:
         return False
     results.keep(scene, result)
-    look_again(result, scene)  # at the camera that gloss was baked for; all else is equal
+    look_again(result, scene)  # for the camera of the baked gloss; all else is equal
     return True
 
 
@@ -178,13 +178,13 @@ HANDLERS = (("load_post", _on_load_post),)
 
 
 def register() -> None:
-    """Keep what is computed, and look for results of the open file."""
+    """Start caching results, and restore those of the open file."""
     results.listeners.append(keep_on_disk)
     _on_load_post()
 
 
 def unregister() -> None:
-    """Keep and look for nothing any more."""
+    """Stop caching and restoring results."""
     results.listeners.remove(keep_on_disk)
     if bpy.app.timers.is_registered(_restore_shown):
         bpy.app.timers.unregister(_restore_shown)

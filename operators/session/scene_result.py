@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import Change, SceneState
 
 VIEW = "view"
-_MAX_NAMES = 3  # of what made a step stale, in one line
+_MAX_NAMES = 3  # reasons for a stale step, in one line
 
 
 @dataclass(frozen=True)
@@ -44,18 +44,18 @@ class Comparison:
 
 @dataclass
 class SceneResult:
-    """Result of the steps that are done for a scene; codes are None until they were computed.
+    """Result of the steps that are done for a scene; codes are None until they are computed.
 
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     layout: levels of the leaves, None where all are on the deepest.
-    light: "none" while the octree shows the surface's own colour, else the light that was baked.
+    light: "none" while the octree shows the surface's own colour, else the kind of its light.
     pictures: whether the result's pictures stand among Blender's images.
-    comparison: strategies on a view, None before they were compared. seconds: by stage. encoder: who made the codes.
-    reasons: what changed since, in words, by step: "surface", "light", and "view" for the pictures.
-    made_with: the scene's settings at each step, by step. made_by: keys of the job's settings by step, and of the
-    cameras that the depth was chosen for. state: of the scene when it was read, None if it is unknown.
-    notes: sentences about omissions and approximations, by subject: "objects", "octree", "codes", "view", "cycles".
-    summary: lines for the panel, written when a step ends, so that drawing computes nothing.
+    comparison: strategies on a view, None without one. seconds: by stage. encoder: name of the codes' encoder. reasons:
+    later changes, in words, by step: "surface", "light", and "view" for the pictures. made_with: the scene's settings
+    at each step, by step. made_by: keys of the job's settings by step, and of the cameras that the depth was chosen
+    for. state: of the scene when it was read, None if it is unknown. notes: sentences about omissions and
+    approximations, by subject: "objects", "octree", "codes", "view", "cycles". summary: lines for the panel, written
+    when a step ends, so that drawing computes nothing.
     """
 
     octree: Octree

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Staleness of results: whether they still fit the scene, and what changed if not.
 
-Blender reports what its dependency graph evaluates again, which is far more than what changed, and does not report
-values that only renders use. So the scene's state is compared: once the user pauses, and before a job or a render uses
-a result. In a scene whose state takes long to read, a reported edit marks the result until the next job or render.
+Blender reports all that its dependency graph evaluates again, far more than the changes, and does not report values
+that only renders use. So the scene's state is compared: once the user pauses, and before a job or a render uses a
+result. In a scene whose state takes long to read, a reported edit marks the result until the next job or render.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PERHAPS = "the scene may have changed"
 
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Compare soon; mark at once what is not compared while the user works."""
+    """Compare soon; mark results at once that are not compared while the user works."""
     if is_quiet() or not in_main_thread():
         return
     note_update(scene)
@@ -41,7 +41,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _has_edits(depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether a report is of more than selection or a camera."""
+    """Return whether a report concerns more than selection or a camera."""
     return any(
         update.is_updated_transform or update.is_updated_geometry or update.is_updated_shading
         for update in depsgraph.updates
@@ -60,7 +60,7 @@ def _may_have_changed(scene: bpy.types.Scene) -> None:
 
 
 def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
-    """Compare a scene with the state that a result was made of: mark what does not fit, and unmark what does."""
+    """Compare a scene with the state of a result: mark steps that do not fit, and unmark steps that do."""
     before = result.state
     if before is None or any(item.mode == "EDIT" for item in scene.objects):  # mesh data are empty in Edit Mode
         return
@@ -86,7 +86,7 @@ def _other_layer(state: SceneState, scene: bpy.types.Scene) -> str:
 
 
 def look_soon() -> None:
-    """Compare what windows show once the user pauses; panels ask for it when they are drawn."""
+    """Compare the scenes in windows once the user pauses; panels request it when they are drawn."""
     if bpy.app.background:
         return
     if bpy.app.timers.is_registered(look):
@@ -113,7 +113,7 @@ def look() -> None:
 
 @persistent
 def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
-    """Compare after undo or redo, which may bring back what fits; pictures that it removed do not count as shown."""
+    """Compare after undo or redo, after which results may fit again; removed pictures do not count as shown."""
     _may_have_changed(scene)
     result = results.result_of(scene)
     if result is not None:
@@ -130,6 +130,6 @@ HANDLERS = (
 
 
 def unregister() -> None:
-    """Compare nothing any more."""
+    """Stop comparing."""
     if bpy.app.timers.is_registered(look):
         bpy.app.timers.unregister(look)

@@ -34,7 +34,7 @@ def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:
-    """View of one of our images, and the name of its picture."""
+    """View of one of PatchNet's images, and the name of its picture."""
     owner = image.get(OWNER)
     for camera, view in session_of(scene).views.items():
         for name in (*PICTURES, *RAW):
@@ -55,7 +55,7 @@ def why_stale(scene: bpy.types.Scene, view: ShownView) -> str:
 
 
 def camera_change(scene: bpy.types.Scene, view: ShownView) -> str:
-    """Sentence if the camera of a view does not look as it did, else ""."""
+    """Sentence if the camera of a view has changed, else ""."""
     camera = scene_cameras(scene).get(view.camera.name)
     return "the camera changed" if camera is not None and _changed(scene, camera, view.camera) else ""
 

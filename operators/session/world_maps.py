@@ -32,8 +32,8 @@ from .scene_session import KeyedMap, session_of
 
 _AGAIN_S, _BETWEEN_S = 0.5, 0.2
 _POLL_S = 0.05  # of a waiting render
-_PATIENCE_S = 60.0  # after which a render gives up an idle window
-_ENGINE = "PATCHNET"  # as `render_engine/engine.py` has it
+_PATIENCE_S = 60.0  # after which a render stops waiting for an idle window
+_ENGINE = "PATCHNET"  # as in `render_engine/engine.py`
 _UNSEEN = "Black is shown behind objects: {}"
 _BUSY = "Blender's window was busy for too long: render again"
 
@@ -150,7 +150,7 @@ def keep_map(scene: bpy.types.Scene) -> Steps[None]:
     """Make the map of a scene's world unless the session has it, and redraw the viewports."""
     layer = next((window.view_layer for window in bpy.context.window_manager.windows if window.scene == scene), None)
     depsgraph = (layer or scene.view_layers[0]).depsgraph
-    if depsgraph is None:  # nothing has looked at the scene yet
+    if depsgraph is None:  # the scene is not evaluated yet
         return
     seen = seen_world(depsgraph, baked=False)
     session, key = session_of(scene), world_hash(seen.world)

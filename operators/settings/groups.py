@@ -26,7 +26,7 @@ from .cycles_settings import CyclesSettings
 
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 NETWORK_DEVICE = f"The network's device ({TABLE['network_device'].label})"
-_FLAT = "flat name"  # of a field whose own name says too little among all settings
+_FLAT = "flat name"  # of a field whose own name is ambiguous among all settings
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class LightSettings:
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Settings of the network that looks ahead. weights: file; None for the shipped ones."""
+    """Settings of the look-ahead network. weights: file; None for the shipped ones."""
 
     weights: Path | None = None
 
@@ -124,18 +124,18 @@ def samples_side(samples: float) -> int:
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """Settings of the views: who looks, what is refined first, and how it is shown.
+    """Settings of the views: cameras, order of refinement, and display.
 
     cameras: names, or ("all",), or ("auto",); empty for the scene's active camera.
     size: pictures in pixels; a height of 0 follows the render aspect, (0, 0) is the render resolution.
-    unrefined: what pixels show that are not refined, "preview" or "predicted" (methods 3.12b).
+    unrefined: picture of unrefined pixels, "preview" or "predicted" (methods 3.12b).
     budget: share of active pixels to refine. refined_samples: mean samples of these, spread by priority. spp: mean
     samples per active pixel instead (methods 7.25b); None refines the share. reference: whether whole jobs measure the
-    errors of all strategies against 32x32 rays in every pixel. background: what pictures show where no surface is.
+    errors of all strategies against 32x32 rays in every pixel. background: of pictures, where no surface is.
     heatmap_maximum: None takes the strategy's own.
     render_samples: of every pixel in renders of the engine and its viewport; None refines by priority there, too.
-    importance: what was painted to matter; None where all pixels matter alike.
-    cycles: how Cycles renders the worst pixels over the preview; None renders none.
+    importance: painted importance; None if all pixels matter alike. cycles: render of the worst pixels by Cycles over
+    the preview; None for none.
     """
 
     cameras: tuple[str, ...] = ()
@@ -167,7 +167,7 @@ class ViewSettings:
 
     @property
     def has_reference(self) -> bool:
-        """Return whether a job's views have a reference: asked for, or since the strategy ranks by it."""
+        """Return whether a job's views have a reference: by the setting, or since the strategy ranks by it."""
         return self.reference or REFERENCE in strategy(self.strategy).needs
 
     @property
@@ -178,11 +178,9 @@ class ViewSettings:
 
 @dataclass(frozen=True)
 class ComputeSettings:
-    """Settings of what computes.
-
-    memory_bytes: what the octree may take while it is built; None for all that is free. It bounds the depth, so it is
-    in keys. device: of the bake. network_device: of encoding, AUTO, CPU or GPU, or as torch names one,
-    cuda:1. Devices change results by rounding alone, and count for no frame's key.
+    """Settings of devices and memory. memory_bytes: limit for the octree while it is built; None for all free memory.
+    It bounds the depth, so it is in keys. device: of the bake. network_device: of encoding, AUTO, CPU or GPU, or as
+    torch names one, cuda:1. Devices change results by rounding alone, and count for no frame's key.
     """
 
     memory_bytes: int | None = None

@@ -13,7 +13,7 @@ from ..scene_access.own import is_own
 from .digest import Digest, names, values_of
 
 LAMPS = frozenset({"LIGHT", "LIGHT_PROBE"})
-# Whose contents `Digest` knows.
+# Types whose contents `Digest` hashes.
 _WHOLE = (bpy.types.Image, bpy.types.NodeTree, bpy.types.Text, bpy.types.Collection, bpy.types.Curve)
 _SKIPPED_OF_DATA = names("name name_full materials texspace_location texspace_size is_editmode")
 # Of hair and points: `Digest.geometry` hashes these as arrays.

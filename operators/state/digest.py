@@ -263,7 +263,7 @@ class Digest:
             self.block(material)
 
     def attribute(self, attribute: bpy.types.Attribute) -> None:
-        """Values of an attribute of a type that is known."""
+        """Values of an attribute of a supported type."""
         key, width, dtype = _ATTRIBUTES[attribute.data_type]
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 

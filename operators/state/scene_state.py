@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hashes of the data-blocks that voxels and their light depend on, which tell changes from mere reports of Blender.
+"""Hashes of the data-blocks that voxels and their light depend on, which tell changes from other updates.
 
-Blender reports far more than changes: everything after an undo, and all lamps when it rebuilds its dependency graph,
-as when a window closes or a collection is added. The state is read from the user's original data, not from evaluated
-data, so that it is the same in each process that opens the same file.
+Blender reports far more updates than changes: everything after an undo, and all lamps when it rebuilds its dependency
+graph, as when a window closes or a collection is added. The state is read from the user's original data, not from
+evaluated data, so that it is the same in each process that opens the same file.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _NEIGHBOURS = 4  # references that are followed, to tell data-blocks with the sa
 
 
 class Change(NamedTuple):
-    """Change of a scene: the steps that do not fit any more, and a sentence without a full stop."""
+    """Change of a scene: the outdated steps, and a sentence without a full stop."""
 
     steps: tuple[str, ...]
     text: str
@@ -61,7 +61,7 @@ class _Entry(NamedTuple):
     look: Part
 
     def changed_steps(self, now: _Entry) -> tuple[str, ...]:
-        """Steps that do not fit the data-block any more."""
+        """Steps that are outdated by a change of the data-block."""
         found = [SURFACE if SURFACE in (self.step, now.step) else LIGHT] if self.main != now.main else []
         found += [LIGHT] if self.look != now.look else []
         return tuple(dict.fromkeys(found))
@@ -97,10 +97,10 @@ class SceneState:
         return digest.hexdigest()
 
     def differences(self, now: SceneState, scene: bpy.types.Scene) -> list[Change]:
-        """List what changed since; nothing where all values are equal, even in other data-blocks."""
+        """List later changes; none if all values are equal, even in other data-blocks."""
         found = self._differences_of_shown(now.shown, scene)
         for uid, before in self.entries.items():
-            after = now.entries.get(uid)  # None: what refers to it changed, too
+            after = now.entries.get(uid)  # None: its users changed, too
             if after is not None and (steps := before.changed_steps(after)):
                 named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
                 found.append(Change(steps, _text(named, "changed")))

@@ -72,7 +72,7 @@ def read_state(
     chosen: frozenset[int] | None = None,
     gloss_from_camera: bool = False,
 ) -> SceneState:
-    """Read the scene's state, which is what the current job reads now.
+    """Read the scene's state, as the current job reads it now.
 
     selected: selected objects alone have voxels, or those `chosen` by session_uid.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First panel: settings that a first user needs, one button that does everything, the estimate; export, statistics."""
+"""First panel: basic settings, one button for the whole job, the estimate; export, statistics."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from .tab import (
 )  # fmt: skip
 
 _MOST_CAMERAS = 3
-_TITLES = {"overlay": "Refined First"}  # of pictures; the sub-panel Overlay is another thing
+_TITLES = {"overlay": "Refined First"}  # of pictures; not the sub-panel Overlay
 
 
 class PATCHNET_PT_main(Tab, bpy.types.Panel):
-    """Everything in one click, and what it will take."""
+    """The whole job in one click, and its estimate."""
 
     bl_label = "PatchNet"
 
@@ -114,7 +114,7 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Lines that were written when a step ended, what all of it takes, and the button that frees the memory."""
+        """Lines of the last step, memory in use, and the button that frees it."""
         layout = split(self.layout)
         result = results.result_of(context.scene)
         if result is None:
@@ -136,14 +136,14 @@ def _size(nbytes: int) -> str:
 
 
 class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
-    """Voxels in the scene, and for other programs."""
+    """Display and export of voxels."""
 
     bl_label = "Show and Export"
     bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, the two buttons, and what this Blender cannot write."""
+        """Draw settings, the two buttons, and formats that this Blender cannot write."""
         layout = split(self.layout)
         draw_automatic(layout, context.scene.patchnet, "level", "Level", "Finest")
         for name in ("display", "limit"):

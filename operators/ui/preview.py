@@ -29,7 +29,7 @@ BETTER = 0.95  # another strategy is recommended below this share of the chosen 
 
 
 def advice(result: SceneResult, values: bpy.types.PropertyGroup) -> list[str]:
-    """Advice on a result's last view; none before there is one. `values`: settings of its scene."""
+    """Advice on a result's last view, if there is one. values: settings of its scene."""
     return [*filter(None, (_look_ahead(result, values), _strategy(result, values)))]
 
 
@@ -49,7 +49,7 @@ def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
 
 
 def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
-    """Best strategy of the comparison where it is clearly better; only for the view that was compared."""
+    """Advice on the best strategy, if clearly better; only for the compared view."""
     same = _others(recorded(values, VIEW)) == _others(result.made_with.get(VIEW, {}))
     if result.comparison is None or result.why(VIEW) or not same:
         return ""
@@ -64,7 +64,7 @@ def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
 
 
 def _others(settings: dict[str, object]) -> dict[str, object]:
-    """Settings of a view but its strategy: a comparison holds for any."""
+    """Settings of a view except its strategy, of which a comparison is independent."""
     return {name: value for name, value in settings.items() if name != "strategy"}
 
 
@@ -75,7 +75,7 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, the button, and advice on the picture."""
+        """Draw settings, the button, and advice on the picture."""
         layout = split(self.layout)
         values = context.scene.patchnet
         for name in ("cameras", "strategy", "unrefined"):
@@ -148,14 +148,14 @@ def _row(layout: bpy.types.UILayout, context: bpy.types.Context, name: str, erro
 
 
 class PATCHNET_PT_cycles_refine(SubPanel, bpy.types.Panel):
-    """Refinement with Cycles: how much it renders over the preview, and how well."""
+    """Refinement with Cycles: its share of the preview and its quality."""
 
     bl_label = "Refine with Cycles"
     bl_order = LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Settings, then the button."""
+        """Draw settings, then the button."""
         layout = split(self.layout)
         for name in ("budget", "samples", "light", "compare"):
             layout.prop(context.scene.patchnet, f"cycles_{name}")

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 else:
     PanelBase = object  # Blender requires its own class among the direct bases of each panel
 
-# Settings that a first user sees; sub-panels have all others.
+# Settings of the first panel; sub-panels have all others.
 FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
-# Settings that hardly anybody changes: Advanced of their sub-panels has them.
+# Rarely changed settings, under Advanced in their sub-panels.
 ADVANCED = (
     "memory", "texel_voxels", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
 )  # fmt: skip
@@ -75,7 +75,7 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Se
 
 
 def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """Draw a sentence, and a button for each setting that it names, unless that has the value already."""
+    """Draw a sentence, and a button for each setting that it names, unless the setting has that value already."""
     draw_sentence(layout, context, text, icon)
     for words, (row, value) in named_settings(text).items():
         if getattr(context.scene.patchnet, row.name) != value:
@@ -91,14 +91,14 @@ def split(layout: bpy.types.UILayout) -> bpy.types.UILayout:
 
 
 def draw_settings(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw the settings of a step that count now, but those of the first panel and of Advanced."""
+    """Draw the settings of a step that have an effect now, except those of the first panel and of Advanced."""
     for name in step_settings(values, step):
         if name not in FIRST and name not in ADVANCED:
             draw_setting(layout, values, name)
 
 
 def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, step: str) -> None:
-    """Draw those of a step that hardly anybody changes, below a heading that is closed at first."""
+    """Draw the rarely changed settings of a step below a heading that is closed by default."""
     header, body = layout.panel(f"PATCHNET_advanced_{step}", default_closed=True)
     header.label(text="Advanced")
     if body is not None:
@@ -108,7 +108,7 @@ def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, s
 
 
 def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
-    """Draw the first panel's settings that count now."""
+    """Draw the first panel's settings that have an effect now."""
     for name in FIRST:
         if TABLE[name].counts(values):
             row = layout.row()

@@ -215,7 +215,7 @@ def test_live_priority_is_by_the_estimator_or_the_paper(yard: CodedOctree) -> No
         assert strategy_on_card(no_ray, card) == (no_ray, "Priority by PatchNet Plus, no ray")
         assert strategy_on_card(paper, card) == (paper, "Priority by PatchNet (paper)")
         ranked_by, said = strategy_on_card(plus, card)
-        assert ranked_by is no_ray and said.endswith(": PatchNet Plus is computed by the processor alone")
+        assert ranked_by is no_ray and said.endswith(": PatchNet Plus is computed on the CPU only")
         live = CardHeat()
         kind = HeatKind(1, 0.5, "viridis", ranked_by)
         until(lambda: live.done, lambda: live.look(card, yard, ("a view",), camera, kind))

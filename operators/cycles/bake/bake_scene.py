@@ -114,5 +114,5 @@ def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.ty
             # Cycles removes objects that are invisible to all rays, so volume scatter stays on.
             for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
                 setattr(each, f"visible_{ray}", False)
-        sync_view_layers()  # the bake looks for it there
+        sync_view_layers()  # the bake needs the object in its layer
         yield item

@@ -163,7 +163,7 @@ class Baker:
         """Values (N,) of triangles on the texels (side * side,) of a page that belong to them; zero elsewhere."""
         from ....patchnet_addon.lightmap.chart_lookup import texel_owners
 
-        of_triangle = np.zeros(len(self._charts.page) + 1, values.dtype)  # the last one: texels without a triangle
+        of_triangle = np.zeros(len(self._charts.page) + 1, values.dtype)  # last: texels without a triangle
         of_triangle[triangles] = values
         result: np.ndarray = of_triangle[texel_owners(self._charts, page)]
         return result

@@ -22,7 +22,7 @@ class PageTriangles:
     """Placed triangles of one page.
 
     triangles: (N,) int64 indices in the source. corners_world: (N, 3, 3) float64. normals_world: (N, 3, 3) float32.
-    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, what is in use of the page is [0, 1]^2. materials: (N,) int32.
+    uvs: (N, 3, 2) float32. chart_uvs: (N, 3, 2) float32, [0, 1]^2 is the used part of the page. materials: (N,) int32.
     pieces: (N,) int32, number of the closed piece, or -1. links: (N,) int32, index into the source's `light_links`.
     layers: corner layers by name, (N, 3, C) float32.
     """
@@ -42,7 +42,7 @@ class PageTriangles:
 
     @property
     def closed(self) -> np.ndarray:
-        """(N,) bool: triangles with an enclosed inner side."""
+        """(N,) bool: triangles of closed pieces."""
         return self.pieces >= 0
 
     def only(self, chosen: np.ndarray) -> PageTriangles:

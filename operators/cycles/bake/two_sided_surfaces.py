@@ -28,15 +28,15 @@ if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
     from ....patchnet_addon.tracing.seen_triangles import Sight
 
 _MOST_CAMERAS = 16
-_SEEN_BEHIND = 0.9  # of the pixels that a sheet is seen in: its normals point away from who looks
+_SEEN_BEHIND = 0.9  # share of a sheet's pixels that show its back, from which on cameras see only that
 
 
 class SidePlan(NamedTuple):
     """Baked sides of each placed triangle.
 
     facing: (T,) int8, 1 the front, -1 the back, 0 both. is_behind: (T,) bool, cameras see only the back.
-    is_measured: (T,) bool, by the light that was measured there. pieces: (T,) int32, number of the closed sheet, -1 for
-    none. sight: of the cameras.
+    is_measured: (T,) bool, by measured light. pieces: (T,) int32, number of the closed sheet, -1 for none.
+    sight: the triangles that cameras see.
     """
 
     facing: np.ndarray
@@ -49,8 +49,8 @@ class SidePlan(NamedTuple):
 class _Survey(NamedTuple):
     """Sheets of a surface, and the points of measurement.
 
-    sheet: (T,) int32, -1 for none. is_open, is_behind: (S,) bool. areas: (S,) of what has one side. asked: (N,) sheets
-    whose light is measured, at `points`.
+    sheet: (T,) int32, -1 for none. is_open, is_behind: (S,) bool. areas: (S,) of triangles with one side. asked: (N,)
+    sheets whose light is measured, at `points`.
     """
 
     sheet: np.ndarray
@@ -71,11 +71,11 @@ def plan_sides(
 ) -> Steps[SidePlan]:
     """Decide which sides of `source` are baked, in the light of the context's scene.
 
-    cameras: those that look, at whose closed sheets from within, too; of more than 16 as many, spread over them.
-    lift_world: how far off the surface light is measured. Nothing is where all is closed and seen from outside.
-    Raises SceneError, StoppedError.
+    cameras: of the job, of which 16 at most are used, evenly chosen; closed sheets that they see from within are
+    measured, too. lift_world: distance off the surface at which light is measured. If all is closed and seen from
+    outside, nothing is measured. Raises SceneError, StoppedError.
     """
-    at = Progress(0, 1, "Looking at sides of surfaces")
+    at = Progress(0, 1, "Inspecting sides of surfaces")
     one_sided = one_sided_materials(source)
     survey = yield from computed(lambda: _surveyed(source, cameras, one_sided), at)
     measured = np.empty((0, 2))
@@ -111,7 +111,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
 
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) int32, sheet of each placed triangle, other ones in each place, and (S,) bool, whether sheets are open."""
+    """(T,) int32, sheet of each placed triangle, numbered per placement, and (S,) bool, whether sheets are open."""
     from ....patchnet_addon.surface.connected import sheets_of
 
     numbers, is_open, first = [], [], 0
@@ -126,7 +126,7 @@ def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _places(source: SceneMesh, points: SheetPoints) -> tuple[np.ndarray, np.ndarray]:
-    """Places and unit normals (N, 3) of points in the world."""
+    """Positions and unit normals (N, 3) of points in the world."""
     from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
     corners, _ = source.corners_and_materials(points.triangle)
@@ -136,8 +136,8 @@ def _places(source: SceneMesh, points: SheetPoints) -> tuple[np.ndarray, np.ndar
 
 
 def _planned(source: SceneMesh, survey: _Survey, measured: np.ndarray, light: LightSettings) -> SidePlan:
-    """Sides by the light (N, 2) that was measured at the points."""
-    closed = np.append(~survey.is_open, False)[survey.sheet]  # the last one: of no sheet
+    """Sides by the light (N, 2) measured at the points."""
+    closed = np.append(~survey.is_open, False)[survey.sheet]  # the last entry is for triangles of no sheet
     of_sheet = np.append(np.where(survey.is_open, 0, 1), 0).astype(np.int8)
     if len(survey.asked):
         of_sheets = measured.reshape(len(survey.asked), -1, 2).mean(axis=1, dtype=np.float64)
