@@ -38,7 +38,7 @@ def measured(capsys, *words):
         (["train", "--device", "cuda:777"], "--device 'cuda:777'"),
         (["trace", "--scene", "none.glb"], "Embree cannot be imported"),
         (["encode", "shallow.safetensors"], "no corners to encode"),
-        (["decode", "shallow.safetensors"], "no pixel has look-ahead"),
+        (["decode", "shallow.safetensors"], "No pixel around this octree has look-ahead"),
     ],
 )
 def test_what_cannot_be_measured_is_explained(words, said, monkeypatch, tmp_path, capsys):
