@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pages use the field's terms."""
+"""Pages and sources use the terms of the field."""
 
 import re
 from pathlib import Path
@@ -29,6 +29,15 @@ SAY = {
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_pages_say_the_fields_words(page: Path) -> None:
-    text = " ".join(page.read_text(encoding="utf-8").split())
-    found = {match[0]: f"say: {better}" for phrase, better in SAY.items() for match in re.finditer(phrase, text)}
-    assert found == {}
+    assert other_words(page) == {}
+
+
+def test_sources_say_the_fields_words() -> None:
+    rooms = ("commands", "docs", "operators", "patchnet_addon", "training")
+    sources = [path for room in rooms for path in (ROOT / room).rglob("*.py")]
+    assert {str(path): found for path in sources if (found := other_words(path))} == {}
+
+
+def other_words(path: Path) -> dict[str, str]:
+    text = " ".join(path.read_text(encoding="utf-8").split())
+    return {match[0]: f"say: {better}" for phrase, better in SAY.items() for match in re.finditer(phrase, text)}
