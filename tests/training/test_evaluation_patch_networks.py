@@ -109,7 +109,7 @@ def test_figures_show_the_networks(out, results):
         (["a-behind={}/random-1"], "A network cannot be called 'a-behind'"),
         (["a={}/missing"], "missing"),
         (["a={}/shells.safetensors"], "octree file where a weights file is needed"),
-        (["a={}/near"], "Network 'a' looks 1 levels ahead, and the evaluation 2"),
+        (["a={}/near"], "Network 'a' looks 1 levels ahead, the evaluation 2"),
     ],
 )
 def test_networks_that_cannot_be_evaluated_are_refused_before_work_begins(words, message, folder, tmp_path, capsys):
