@@ -176,7 +176,6 @@ def test_octree_of_something_else_is_refused(scenes: dict[str, Scene], tmp_path:
         ([], "There is nothing to evaluate"),
         (["--scenes", "moon"], "Unknown scene 'moon'"),
         (["--scenes", "courtyard", "--octree", "bars=x.safetensors"], "--scenes does not contain this scene"),
-        (["--scenes", "courtyard", "--samples", "1"], "outside"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(

@@ -164,7 +164,7 @@ def assert_one_sentence(text: str, message: str) -> None:
         (["--depth", "deep"], "'deep'"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
-        (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is no axis"),
+        (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is not an axis"),
         (["--depth", "5", "--bisect", "x", "1.5"], "--bisect"),
         (["--depth", "5", "--bisect", "x", "0.5", "--rotate", "3"], "--rotate"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--bisect", "x", "0.5"], "--depth fit"),

@@ -33,7 +33,7 @@ SMALL = Scene("small", "Small", "small.obj", TWO_LIGHTS, "a test", "none", TEST,
 
 
 def test_unknown_scene_names_those_there_are() -> None:
-    with pytest.raises(SettingError, match=r"scene 'spoonza'.*sponza"):
+    with pytest.raises(SettingError, match=r"Unknown scene 'spoonza'.*sponza"):
         scene_named("spoonza")
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.training.benchmarks.shells import octree_of_shells
 
@@ -32,13 +31,6 @@ def octree(tmp_path):
 
 def results(out: Path) -> dict:
     return json.loads((out / "results.json").read_text(encoding="utf-8"))["scenes"]["shells"]
-
-
-@pytest.mark.parametrize("text", ["3/2", "0/2", "2", "a/b", "1/0"])
-def test_shares_that_there_are_not(text, octree, tmp_path, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["lab", "evaluate", str(octree), "--part", text, "--out", str(tmp_path)])
-    assert stop.value.code == 2 and "is not a share such as 2/8" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the tasks are shell scripts")

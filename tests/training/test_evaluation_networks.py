@@ -114,7 +114,7 @@ def test_a_resumed_run_ends_with_the_same_weights(name, frames, maps, tmp_path):
 def test_nothing_to_learn_from_is_refused(tmp_path):
     with pytest.raises(PatchNetError, match="nothing to train on"):
         trained(([], "key"), "unet", tmp_path)
-    with pytest.raises(SettingError, match="network 'moon'"):
+    with pytest.raises(SettingError, match="Unknown network 'moon'"):
         train_maps.MapSettings("moon", steps=1)
 
 
@@ -201,7 +201,6 @@ def test_train_maps_command(octree_path, frames_folder, tmp_path, capsys):
     "words, message",
     [
         (["none.safetensors", "--network", "unet", "--steps", "1"], "none.safetensors"),
-        (["none.safetensors", "--network", "unet", "--steps", "0"], "--steps 0 is outside"),
         (["none.safetensors", "--network", "unet", "--steps", "1", "--resume"], "without --resume"),
     ],
 )

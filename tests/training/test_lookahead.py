@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Training runs, sample files and commands for look-aheads of 1 and 3 levels."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +31,8 @@ def dataset(request) -> Dataset:
 
 
 def test_training_makes_weights_that_look_as_far_as_the_samples(dataset: Dataset, tmp_path: Path) -> None:
-    notes = {"command": "patchnet lab train", "machine": "m", "versions": "v"}
-    options = RunOptions(tmp_path, notes=notes)
-    weights = drain(train([dataset], SETTINGS, replace(options, stop_after=1)))
+    weights = drain(train([dataset], SETTINGS, RunOptions(tmp_path)))
     assert weights.lookahead == dataset.lookahead == load_weights(tmp_path / "patchnet.safetensors").lookahead
-    resumed = drain(train([dataset], SETTINGS, replace(options, resume=True)))
-    assert resumed.metadata["steps"] == 2
 
 
 @pytest.mark.parametrize("words", [[], ["--lookahead", "1"]])
