@@ -36,6 +36,11 @@ def settled() -> bool:
     return bool(viewports) and all(viewport._on_card is not None and viewport._on_card.done for viewport in viewports)
 
 
+def rested() -> bool:
+    """Whether any viewport has all samples of the card: others may have ended."""
+    return any(viewport._on_card is not None and viewport._on_card.done for viewport in viewports)
+
+
 def begun_anew(viewport) -> clicks.Session:
     """Wait until a viewport takes samples of another view, and has them all."""
     yield from clicks.wait_for(lambda: not viewport._on_card.done, "another view", 30.0)
@@ -180,7 +185,7 @@ def two_views():
     for area in views():
         area.spaces.active.shading.type = "RENDERED"
     heats = module("overlay.drawing").live
-    yield from clicks.wait_for(lambda: sum(heat.done for heat in heats.values()) >= 2, "two heatmaps", 600.0)
+    yield from clicks.wait_for(lambda: sum(heat.shown is not None for heat in heats.values()) >= 2, "two heatmaps")
 
 
 def join() -> None:
@@ -234,7 +239,7 @@ def workspaces():
     window.workspace = before
     yield 1.0
     clicks.area("VIEW_3D").tag_redraw()
-    yield from clicks.wait_for(lambda: any(v._on_card is not None and v._on_card.done for v in viewports), "back again")
+    yield from clicks.wait_for(rested, "back again")
     seen["octrees after workspaces"] = len(module("gpu_view.cards")._cards)
 
 
@@ -262,7 +267,7 @@ def reloaded():
     for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
         getattr(bpy.ops.patchnet, step)()
     clicks.area("VIEW_3D").tag_redraw()
-    yield from clicks.wait_for(settled, "all samples in the file that was saved", 180.0)
+    yield from clicks.wait_for(rested, "all samples in the file that was saved", 300.0)
     yield from clicks.screenshot(OUT / f"{NAME}-saved.png")
 
 
