@@ -240,7 +240,7 @@ def test_operator(tmp_path: Path, scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError, match="before the first"):
         bpy.ops.patchnet.bake_animation(frame_start=5, frame_end=2)
     scene.patchnet.out = ""
-    with pytest.raises(RuntimeError, match="choose the folder Output"):
+    with pytest.raises(RuntimeError, match="choose the output folder"):
         bpy.ops.patchnet.bake_animation()
 
 

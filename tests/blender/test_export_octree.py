@@ -64,7 +64,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
     for keywords, message in (
         ({"filepath": str(tmp_path / "voxels.obj")}, "choose one of .ply"),
         ({"filepath": str(tmp_path / "voxels.ply"), "level": 7}, "Level 7 is outside 0 to 6"),
-        ({"filepath": str(tmp_path / "nowhere" / "voxels.ply")}, "cannot be written"),
+        ({"filepath": str(tmp_path / "nowhere" / "voxels.ply")}, "does not exist"),
         ({"filepath": "//voxels.ply"}, "save the file first"),
         ({}, "No file to write"),
     ):
