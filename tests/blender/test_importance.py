@@ -95,7 +95,7 @@ def test_weights_are_interpolated_and_go_with_the_object(weights: Path) -> None:
 def test_operators_use_the_setting() -> None:
     settings = bpy.context.scene.patchnet
     settings.importance = "IMAGE"
-    with pytest.raises(RuntimeError, match="none is named"):
+    with pytest.raises(RuntimeError, match="needs a painted image: choose one"):
         bpy.ops.patchnet.run_all(light="two-lights", **SMALL)
     painted()
     settings.importance_image = "Mask"

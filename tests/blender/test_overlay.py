@@ -17,6 +17,7 @@ from patchnet.operators.scene_access.images import ERROR_MAXIMUM
 from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
 from patchnet.operators.session.result_images import PAGES, RAW, image_name, show_images
+from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
@@ -195,7 +196,8 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, ViewSettings]) ->
     scene.camera.data.lens /= 2
     bpy.data.objects["Slab"].location.x += 1.0
     bpy.context.view_layer.update()
-    assert views.why_stale(scene, shown) == "'Slab' moved"
+    look_again(results.voxels_of(scene), scene)
+    assert views.why_stale(scene, shown) == "'Slab' changed"
     bpy.ops.patchnet.voxelize(depth=6)
     assert views.why_stale(scene, shown) == "voxels were made anew"
     overlay.forget(bpy.context)
