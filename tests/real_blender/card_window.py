@@ -266,7 +266,8 @@ def reloaded():
     seen["octrees after another file"] = len(module("gpu_view.cards")._cards)
     for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
         getattr(bpy.ops.patchnet, step)()
-    clicks.area("VIEW_3D").tag_redraw()
+    for area in views():
+        area.spaces.active.shading.type = "RENDERED"  # a file opens in Solid
     yield from clicks.wait_for(rested, "all samples in the file that was saved", 300.0)
     yield from clicks.screenshot(OUT / f"{NAME}-saved.png")
 
