@@ -67,6 +67,7 @@ class CardHeat:
         self.shown: Any = None
         self.done = False
         self._wanted: tuple[Any, ...] = ()
+        self._half: _Pass | None = None  # kept while the view moves: Vulkan frees images late
         self._pass: _Pass | None = None
         self._rows, self._last = _FIRST_ROWS, 0.0
         self._seen: tuple[ReferenceType[CodedOctree], Camera, Strategy] | None = None
@@ -79,12 +80,16 @@ class CardHeat:
         now, wanted = time.perf_counter(), (view, kind)
         if wanted != self._wanted:
             self._wanted, self.done, self._pass = wanted, False, None
-            half = _Pass(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)), kind)
-            half.decode(half.camera.height_px)
-            self.shown = half.heat()
+            half = camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1))
+            if self._half is None or not self._half.fits(card, half, kind):
+                self._half = _Pass(card, half, kind)
+            self._half.begin(half)
+            self._half.decode(half.height_px)
+            self.shown = self._half.heat()
         elif not self.done:
             if self._pass is None:
                 self._pass = _Pass(card, camera, kind)
+                self._pass.begin(camera)
             elif now - self._last < _QUICK_S:
                 self._rows *= 2
             elif now - self._last > _SLOW_S:
@@ -118,7 +123,7 @@ class CardHeat:
 
 
 class _Pass:
-    """Hits of a view, and the number of its rows decoded so far."""
+    """Images of a heatmap, and the number of rows decoded so far."""
 
     def __init__(self, card: CardOctree, camera: Camera, kind: HeatKind) -> None:
         device, size = card.device, (camera.width_px, camera.height_px)
@@ -126,10 +131,20 @@ class _Pass:
         self._card, self._kind, self._row = card, kind, 0
         self._hits, self._decoded = card.hit_images(self.camera), device.image(*size, FLOATS)
         self._scored = device.image(*size, FLOATS) if kind.estimated else None
+        self._made = device.image(*size, FLOATS)
         colors = np.ones((_RAMP, 4), np.float32)
         colors[:, :3] = colormap(np.linspace(0, 1, _RAMP), kind.ramp)
         self._ramp = device.texture(colors.view(np.uint32))
-        card.trace(self.camera, self._hits)
+
+    def fits(self, card: CardOctree, camera: Camera, kind: HeatKind) -> bool:
+        """Return whether the images are those of this octree, size and kind."""
+        same_size = (self.camera.width_px, self.camera.height_px) == (camera.width_px, camera.height_px)
+        return self._card is card and self._kind == kind and same_size
+
+    def begin(self, camera: Camera) -> None:
+        """Trace a view, of which no row is decoded then."""
+        self.camera, self._row = camera_in_unit_cube(camera, self._card.grid), 0
+        self._card.trace(self.camera, self._hits)
 
     def decode(self, rows: int) -> bool:
         """Decode the next rows; returns whether these are the last."""
@@ -144,7 +159,6 @@ class _Pass:
 
     def heat(self) -> Any:
         """Texture of the heatmap."""
-        made = self._card.device.image(self.camera.width_px, self.camera.height_px, FLOATS)
         seen = self._decoded if self._scored is None else self._scored
-        self._card.heat(self.camera, self._hits, seen, self._ramp, self._kind[:2], made)
-        return made
+        self._card.heat(self.camera, self._hits, seen, self._ramp, self._kind[:2], self._made)
+        return self._made
