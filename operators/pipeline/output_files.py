@@ -26,7 +26,7 @@ from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
-from .reports import REPORT_NAME
+from .reports import REPORT_NAME, remove_omitted, reported
 
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 _MAX_BYTES = 120
@@ -110,14 +110,15 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     """Temporary folder whose files move to `out` when the block ends without an error.
 
     files: kind of each file that may be written, by its path in the folder. inputs: files that are read.
-    Files of the same name are replaced, others stay. On an error nothing in `out` is touched. Leftovers of killed
-    processes are removed. Raises OutputError, before any work, if `out` cannot be written, or holds a file of another
-    kind.
+    Files of the same name are replaced, pictures of an earlier report that the new one omits are removed, others stay.
+    On an error nothing in `out` is touched. Leftovers of killed processes are removed. Raises OutputError, before any
+    work, if `out` cannot be written, or holds a file of another kind.
     """
     wanted = {out / name: kind for name, kind in files.items()}
     check_outputs(wanted, inputs, folder=out)
     parent = _parent(out)
     remove_left_over(parent, out.name)
+    before = reported(out)
     with ExitStack() as stack:
         with _spoken_of_as(out):
             temporary = stack.enter_context(temporary_folder(parent / temporary_path(out).name))
@@ -126,6 +127,7 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
         check_outputs(wanted, inputs, folder=out)  # other files may have appeared during a long job
         with _spoken_of_as(out):
             _move(temporary, out)
+    remove_omitted(out, before, inputs)
 
 
 @contextmanager

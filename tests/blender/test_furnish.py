@@ -93,7 +93,7 @@ def test_command(path: Path, tmp_path: Path, ending: str, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("name", "out", "why"),
     [
-        ("cubes.sh3f", "scene.fbx", "end with .glb or .blend"),
+        ("cubes.sh3f", "scene.fbx", "use the ending .glb or .blend"),
         ("cubes.sh3f", "other.glb", "is not a .glb file"),
         ("none.sh3f", "scene.glb", "is no file"),
         ("KatorLegaz.sh3f", "scene.glb", "kept for the tests of others"),

@@ -265,7 +265,7 @@ def test_the_overlay_says_how_to_see_it(scene: bpy.types.Scene) -> None:
     region.view_perspective = "CAMERA"
     assert said() == []
     scene.camera = None
-    assert said() == ["Pictures are of 'Eye': make that the active camera"]
+    assert said() == ["Pictures are of 'Eye': make it the active camera"]
 
 
 def test_pictures_have_buttons_and_are_saved_with_the_file(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -327,7 +327,7 @@ def test_a_vertex_group_follows_the_object_and_its_modifiers(scene: bpy.types.Sc
 
 def test_what_is_not_there_is_said_before_anything_is_made(scene: bpy.types.Scene) -> None:
     scene.patchnet.importance, scene.patchnet.importance_image = "IMAGE", "Nobody"
-    with pytest.raises(RuntimeError, match="There is no image 'Nobody' for the importance"):
+    with pytest.raises(RuntimeError, match="Importance image 'Nobody' does not exist"):
         bpy.ops.render.render()
     scene.patchnet.importance, scene.patchnet.importance_group = "VERTEX_GROUP", "Nobody"
     with pytest.raises(RuntimeError, match="No voxelized object has the vertex group 'Nobody'"):

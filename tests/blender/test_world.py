@@ -115,7 +115,7 @@ def test_a_render_beside_a_window_waits_for_the_map(scene: bpy.types.Scene, monk
     bpy.context.view_layer.update()
     monkeypatch.setattr(world_maps, "_PATIENCE_S", 0.0)
     busy = awaited(camera)
-    assert busy.light is not None and not busy.light.any() and "too busy" in busy.warnings[0]
+    assert busy.light is not None and not busy.light.any() and "was busy for too long" in busy.warnings[0]
     session = session_of(scene)
     session.free()
     assert session.world is None

@@ -85,7 +85,10 @@ def test_a_device_is_found_or_its_error_says_what_to_do(monkeypatch):
 
 
 def test_what_does_not_fit_is_said():
-    with pytest.raises(SettingError, match=r"too little free memory for encoding: close"), enough_memory("encoding"):
+    with (
+        pytest.raises(SettingError, match=r"too little free memory for encoding: free some"),
+        enough_memory("encoding"),
+    ):
         raise torch.OutOfMemoryError("CUDA out of memory")
     with pytest.raises(RuntimeError, match="else"), enough_memory("encoding"):
         raise RuntimeError("something else")
