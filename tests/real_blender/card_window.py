@@ -211,7 +211,7 @@ def turned(seconds: float):
     solid = (taken[-1][1] - taken[len(taken) // 2][1]) / (frames / 2)
     for area in views():
         area.spaces.active.shading.type = "RENDERED"
-    kinds = itertools.cycle("PRIORITY PRIORITY COMBINED PREDICTED".split())
+    kinds = itertools.cycle(["PRIORITY", "PRIORITY", "COMBINED", "PREDICTED"])
     frames, saves, taken = yield from turning_views(seconds, lambda: setattr(overlay, "live", next(kinds)))
     return {"frames": frames, "saves": saves, "memory": taken, "solid": solid}
 

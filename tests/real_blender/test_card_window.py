@@ -48,7 +48,7 @@ def test_priority_is_that_of_the_estimator(seen: dict) -> None:
 
 
 def test_memory_does_not_grow_while_the_views_turn_and_are_saved(seen: dict) -> None:
-    """After the first minute, or the first half of less than two, beside what Blender itself takes: with Vulkan, some."""
+    """After the first minute, or the first half of less than two, beside growth of Blender itself (with Vulkan)."""
     turned, since = seen["turned"], min(60.0, TURN_S / 2)
     taken = [taken for spent, taken in turned["memory"] if spent >= since]
     frames = turned["frames"] * (1.0 - since / TURN_S)
