@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Each camera has a folder of its own, which the report names."""
+"""Each camera has a folder of its own, which the report names, and none is left by a run that it omits."""
 
 import json
 import os
@@ -58,27 +58,59 @@ def folders_in(out: Path) -> set[str]:
     return {path.name for path in out.iterdir() if path.is_dir()}
 
 
-def test_each_camera_has_the_same_folder_in_every_run(scene: Path, tmp_path: Path, weights: Path) -> None:
-    """Whichever cameras are looked through; files of others stay."""
+def test_a_rerun_with_fewer_cameras_leaves_no_folders_that_its_report_omits(
+    scene: Path, tmp_path: Path, weights: Path
+) -> None:
     out = tmp_path / "out"
     report = run(scene, out, weights, "--cameras", "all")
     folders = {frame["camera"]: frame["folder"] for frame in report["frames"]}
     assert folders_in(out) == set(folders.values()) and len(folders) == 5
     assert set(report["files"]) == {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert set(report["files"]) == set(job_files(folders.values(), None))
+    (out / folders["A/b"] / "notes.txt").write_text("mine")
+    (out / folders["Cam"] / "preview.png").write_text("no picture any more")
+    (out / "mine").mkdir()
+    (out / "mine" / "preview.png").write_bytes((out / "overview.png").read_bytes())
     again = run(scene, out, weights, "--cameras", "cam,A?b")
     assert {frame["camera"]: frame["folder"] for frame in again["frames"]} == {
         name: folders[name] for name in ("cam", "A?b")
-    }
-    assert folders_in(out) == set(folders.values())
+    }, "the same folders, whichever cameras are looked through"
+    assert folders_in(out) == {*folders.values(), "mine"} - {folders["Eye"]}
+    assert [path.name for path in (out / folders["A/b"]).iterdir()] == ["notes.txt"]
+    assert [path.name for path in (out / folders["Cam"]).iterdir()] == ["preview.png"]
+    assert (out / "mine" / "preview.png").exists()
 
 
 def test_pictures_by_cycles_are_foreseen(scene: Path, tmp_path: Path, weights: Path) -> None:
-    """Else they would replace what is not ours."""
+    """Else they would replace what is not ours; without them they go."""
     cycles = ["--cycles-budget", "0.1", "--cycles-samples", "1", "--cycles-compare"]
     report = run(scene, tmp_path, weights, "--light", "cycles", "--samples", "1", *cycles)
     assert set(report["files"]) == set(job_files(["Eye"], CyclesSettings(compare=True)))
     assert (tmp_path / "Eye" / "cycles_compare.png").is_file()
+    run(scene, tmp_path, weights)
+    assert not list((tmp_path / "Eye").glob("cycles*")) and (tmp_path / "Eye" / "preview.png").is_file()
+
+
+def test_other_jobs_reports_and_links_lead_to_nothing_that_goes(tmp_path: Path) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    picture = b"\x89PNG\r\n\x1a\n" + bytes(10)
+    for folder in (out / "Eye", elsewhere):
+        folder.mkdir(parents=True)
+        (folder / "a.png").write_bytes(picture)
+    (out / "link").symlink_to(elsewhere)
+    names = ["Eye/a.png", "link/a.png", "../elsewhere/a.png", str(elsewhere / "a.png"), 5, "", "report.json"]
+    report = {"versions": {"patchnet": "0"}, "job": "light check", "files": names}
+
+    def finish(job: str) -> None:
+        (out / "report.json").write_text(json.dumps(report))
+        with output_folder(out, job_files((), None)) as folder:
+            write_report(folder, job, {"versions": {"patchnet": "0"}})
+
+    finish("views")
+    assert (out / "Eye" / "a.png").exists(), "of another job"
+    report["files"] = [name for name in names if isinstance(name, str)]
+    finish("light check")
+    assert not (out / "Eye").exists() and (elsewhere / "a.png").read_bytes() == picture
 
 
 SHM = Path("/dev/shm")
