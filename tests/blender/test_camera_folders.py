@@ -82,7 +82,6 @@ def test_a_rerun_with_fewer_cameras_leaves_no_folders_that_its_report_omits(
 
 
 def test_pictures_by_cycles_are_foreseen(scene: Path, tmp_path: Path, weights: Path) -> None:
-    """Else they would replace what is not ours; without them they go."""
     cycles = ["--cycles-budget", "0.1", "--cycles-samples", "1", "--cycles-compare"]
     report = run(scene, tmp_path, weights, "--light", "cycles", "--samples", "1", *cycles)
     assert set(report["files"]) == set(job_files(["Eye"], CyclesSettings(compare=True)))
