@@ -93,7 +93,7 @@ def picture(path: Path) -> np.ndarray:
 
 def test_voxels_that_do_not_fit_are_shown_with_a_warning(seen: dict) -> None:
     assert seen["render of old voxels"] == "complete"
-    assert any("do not fit the scene any more" in text for text in seen["said of old voxels"])
+    assert any("the scene changed since it was voxelized" in text for text in seen["said of old voxels"])
 
 
 def test_without_voxels_nothing_breaks(seen: dict) -> None:
