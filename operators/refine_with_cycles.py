@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..patchnet_addon.runtime.progress import Steps
+from ..patchnet_addon.runtime.eta import JobEta
+from ..patchnet_addon.runtime.progress import Steps, changed
 from ..patchnet_addon.runtime.quantities import error_text
 from . import overlay
 from .jobs.polls import CodesJob
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 
 _ALL = "Cycles renders all objects, but the voxels are those of the selected ones: choose Objects: Visible for all"
+_READING_S = 5.0  # estimate of the time that Cycles reads a small scene
 
 
 class PATCHNET_OT_refine_with_cycles(
@@ -39,11 +41,19 @@ class PATCHNET_OT_refine_with_cycles(
         """Trace, score, choose pixels, render them, show."""
         from .pipeline.cycles_pictures import show_cycles
         from .pipeline.cycles_refine import check_light, refine_view
+        from .pipeline.job_work import JobFigures, Rates, work_of
+        from .scene.cameras import camera_size_px
 
         wanted = cycles_settings(context, self)
         check_light(results.codes_of(context.scene).octree)
-        seen = yield from look(context, settings, compare=settings.view.reference)
-        view = yield from refine_view(context, seen, wanted, sun=settings.light.daylight)
+        width, height = camera_size_px(context.scene, settings.view.size)
+        work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
+        eta, seconds = JobEta(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
+        eta.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
+        looking = look(context, settings, compare=settings.view.reference)
+        seen = yield from changed(looking, lambda report: eta.see("views", report))
+        refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
+        view = yield from changed(refining, lambda report: eta.see("cycles", report))
         overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))
         result = results.voxels_of(context.scene)
         notes = view.warnings + ((_ALL,) if _leaves_out(context.scene, result) else ())
