@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 MOST_BYTES = 300_000
 MOST_PX = 1200
 SCREEN = (1400, 900)
-PREFERENCES = (278, 786, 972, 1088)  # left, upper, right, lower: without the path of the installation
+PREFERENCES = (283, 218, 968, 486)  # left, upper, right, lower: without the path of the installation
 
 
 def blender() -> Blender:
