@@ -67,7 +67,7 @@ class CardHeat:
         self.shown: Any = None
         self.done = False
         self._wanted: tuple[Any, ...] = ()
-        self._half: _Pass | None = None  # kept while the view moves: Vulkan frees images late
+        self._half: _Pass | None = None  # kept while the view moves, when memory grows less with Vulkan
         self._pass: _Pass | None = None
         self._rows, self._last = _FIRST_ROWS, 0.0
         self._seen: tuple[ReferenceType[CodedOctree], Camera, Strategy] | None = None

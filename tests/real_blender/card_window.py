@@ -8,11 +8,8 @@ SECONDS: how long two viewports turn, saved meanwhile; from a minute on the visi
 Writes OUT/NAME.json and screenshots beside it; test_card_window.py judges them.
 """
 
-import itertools
 import sys
 import time
-from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -200,24 +197,13 @@ def join() -> None:
 def turned(seconds: float):
     """Turn all viewports for a while, each by the heatmap and by the picture in turns, and save now and then.
 
-    Returns frames, saves, and each second the seconds so far and bytes of the process; and bytes that a frame takes in
-    Solid, which are Blender's own.
+    Returns frames, saves, and each second the seconds so far and bytes of the process.
     """
-    overlay = bpy.context.window_manager.patchnet_overlay
-    bpy.ops.wm.save_as_mainfile(filepath=str(OUT / f"{NAME}.blend"))
-    for area in views():
-        area.spaces.active.shading.type = "SOLID"
-    frames, _, taken = yield from turning_views(min(seconds, 60.0), lambda: None)
-    solid = (taken[-1][1] - taken[len(taken) // 2][1]) / (frames / 2)
-    for area in views():
-        area.spaces.active.shading.type = "RENDERED"
-    kinds = itertools.cycle(["PRIORITY", "PRIORITY", "COMBINED", "PREDICTED"])
-    frames, saves, taken = yield from turning_views(seconds, lambda: setattr(overlay, "live", next(kinds)))
-    return {"frames": frames, "saves": saves, "memory": taken, "solid": solid}
+    from importlib import import_module
 
-
-def turning_views(seconds: float, change: Callable[[], object]):
-    """Turn all viewports; `change` is called every five seconds. Returns frames, saves and memory over time."""
+    resident_bytes = import_module(f"{PACKAGE}.patchnet_addon.runtime.heap").resident_bytes
+    overlay, path = bpy.context.window_manager.patchnet_overlay, str(OUT / f"{NAME}.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
     start, frames, saves, taken = time.monotonic(), 0, 0, []
     while (spent := time.monotonic() - start) < seconds:
         for area in views():
@@ -225,19 +211,14 @@ def turning_views(seconds: float, change: Callable[[], object]):
             view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
             area.tag_redraw()
         frames += 1
-        if len(taken) <= spent:  # once a second
-            if len(taken) % 5 == 0:
-                change()
+        if len(taken) <= spent:
             taken.append((round(spent, 1), resident_bytes()))
+            overlay.live = ("PRIORITY", "PRIORITY", "COMBINED", "PREDICTED")[len(taken) // 5 % 4]
         if saves <= spent / 8:
             bpy.ops.wm.save_mainfile()
             saves += 1
         yield 0.01
-    return frames, saves, taken
-
-
-def resident_bytes() -> int:
-    return import_module(f"{PACKAGE}.patchnet_addon.runtime.heap").resident_bytes()
+    return {"frames": frames, "saves": saves, "memory": taken}
 
 
 def by_priority():

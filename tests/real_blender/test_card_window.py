@@ -48,12 +48,11 @@ def test_priority_is_that_of_the_estimator(seen: dict) -> None:
 
 
 def test_memory_does_not_grow_while_the_views_turn_and_are_saved(seen: dict) -> None:
-    """After the first minute, or the first half of less than two, beside growth of Blender itself (with Vulkan)."""
-    turned, since = seen["turned"], min(60.0, TURN_S / 2)
-    taken = [taken for spent, taken in turned["memory"] if spent >= since]
-    frames = turned["frames"] * (1.0 - since / TURN_S)
+    """After the first minute, or the first half of less than two; with Vulkan, Blender itself grows, in Solid, too."""
+    turned = seen["turned"]
+    taken = [taken for spent, taken in turned["memory"] if spent >= min(60.0, TURN_S / 2)]
     assert turned["frames"] > 1 and turned["saves"] > 0
-    assert max(taken) - taken[0] < (64 << 20) + 1.5 * frames * max(turned["solid"], 0.0)
+    assert max(taken) - taken[0] < 64 << 20
 
 
 def test_workspaces_keep_the_octree_and_another_file_frees_it(seen: dict) -> None:
