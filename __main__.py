@@ -17,13 +17,16 @@ def main() -> NoReturn:
         code = 130
     except SystemExit as stop:  # argparse: help, or words that it does not know
         code = stop.code if isinstance(stop.code, int) else 1
-    except BrokenPipeError:  # as with `| head -1`
-        code = 1
-    except Exception:  # noqa: BLE001  it is said in full, and the process has to end as below
-        code = 1
+    except Exception as error:  # noqa: BLE001  it is shown in full, and the process ends as below
+        code = 2 if _is_lost_output(error) else 1
         with suppress(OSError):
             traceback.print_exc()
     leave(code)
+
+
+def _is_lost_output(error: Exception) -> bool:
+    """Return whether stdout or stderr could not be written, as on a full disk; see `streams.py`."""
+    return isinstance(error, OSError) and error.filename in ("stdout", "stderr")
 
 
 def _run() -> int:
