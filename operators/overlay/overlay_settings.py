@@ -79,7 +79,7 @@ class PatchNetOverlaySettings(bpy.types.PropertyGroup):
 
     show_viewport: _switch("In Viewport", "Lay the picture over the camera's view")
     show_editor: _switch("In Image Editor", "Lay the picture over PatchNet's images and over the Render Result")
-    picture: _picture("Picture", "What is shown", HEATMAP)
+    picture: _picture("Picture", "Picture to show", HEATMAP)
     opacity: share("Opacity", "Opacity of the picture over the viewport or the image", 1.0, update=_changed)
     use_wipe: _switch("Wipe", "Show another picture to the right of a line")
     wipe: share("Position", "Line between the pictures, from the left to the right side", 0.5, update=_changed)

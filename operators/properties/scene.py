@@ -61,8 +61,9 @@ def _short_list() -> Any:
         if index < len(FOR_USERS):
             values.strategy = FOR_USERS[index]
 
-    items = [*titles, (_OTHER, "Other", "The one that is chosen in Compare, which has all of them")]
-    return EnumProperty(name="Strategy", description="What is refined first", items=items, get=read, set=write)
+    items = [*titles, (_OTHER, "Other", "A strategy chosen in Compare, which lists all of them")]
+    order = TABLE["strategy"].description
+    return EnumProperty(name="Strategy", description=order, items=items, get=read, set=write)
 
 
 def _checkboxes() -> dict[str, Any]:

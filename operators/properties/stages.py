@@ -113,7 +113,7 @@ class DisplayProperties(LevelProperties):
 
     display: EnumProperty(
         name="Display",
-        description="What stands for a voxel",
+        description="Shape of a shown voxel",
         items=[
             (CUBES, "Cubes", "A cube of the voxel's size"),
             (POINTS, "Points", "A sphere that fits into the voxel: lighter to draw, but gray in Solid shading"),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Warnings where float32, which Blender uses for places and Cycles for light, is too coarse for a surface.
+"""Warnings about scenes too far from the origin, too small or too large for float32 coordinates.
 
-Voxelization is in double precision, from coordinates of meshes and transforms of objects.
+Blender stores coordinates and Cycles computes light in float32; voxelization uses double precision.
 """
 
 from __future__ import annotations
@@ -21,64 +21,61 @@ _LARGEST = 1e15  # squares of longer lengths, with a margin for lamps, overflow 
 _MIN_LIT, _MAX_LIT = 1e-7, 4e9  # least extent, and greatest distance from the origin; Cycles is wrong beyond them
 _COARSE_PLACES, _COARSE_LIGHT = 1 / 16, 1 / 64  # shares of the surface's extent, too coarse for all pictures
 _FEW_VOXELS = 2.0
-_TO_ORIGIN = "move the scene, with its cameras and lamps, to the origin"
+_TO_ORIGIN = "move the scene with its cameras and lights to the origin"
 
 
 def place_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Sentences about places that are coarser than voxels, and an object far from all others.
+    """Warn if coordinates are coarser than voxels, or if one object is far from all others.
 
-    Raises GeometryError where no picture is possible.
+    Raises GeometryError if coordinates are too coarse for any picture.
     """
     reach, name = _farthest(source)
     if reach > _LARGEST:
         raise GeometryError(
-            f"Object '{name}' reaches {reach:.2g} from the origin, more than single precision can compute with: "
+            f"Object '{name}' extends {reach:.2g} units from the origin, too far for single precision: "
             "scale the scene down, or leave the object out"
         )
     spacing = float(np.spacing(np.float32(reach)))
-    where = f"Object '{name}' lies {reach:.2g} from the origin, where Blender's numbers are {spacing:.2g} apart"
+    where = f"Object '{name}' is {reach:.2g} units from the origin, where coordinates are rounded to {spacing:.2g}"
     if spacing > _COARSE_PLACES * grid.side_world:
-        raise GeometryError(f"{where}, and all that is seen is {grid.side_world:.2g} across: {_TO_ORIGIN}")
+        raise GeometryError(f"{where}, too coarse for a scene {grid.side_world:.2g} units across: {_TO_ORIGIN}")
     if spacing > grid.voxel_size_world:
-        return (
-            f"{where}, more than a voxel ({grid.voxel_size_world:.2g}): cameras and vertices stand no finer than that; "
-            f"{_TO_ORIGIN}",
-        )
+        return (f"{where}, more than a voxel ({grid.voxel_size_world:.2g}), so edges are displaced: {_TO_ORIGIN}",)
     return _lonely(source, grid)
 
 
 def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warning if positions of Cycles are coarser than voxels; raises GeometryError where its light is wrong."""
+    """Warn if Cycles samples light a voxel or more off the surface; raises GeometryError if its light is wrong."""
     reach, name = _farthest(source)
     extent = float(np.ptp(source.bounds_world, axis=0).max())
-    other = "or choose the two-lights shading"
+    other = "or choose Light: Two Lights"
     if extent < _MIN_LIT:
         raise GeometryError(
-            f"The surface of '{name}' is {extent:.2g} across: Cycles computes wrong light below {_MIN_LIT:g}; "
+            f"The surface of '{name}' is {extent:.2g} units across; Cycles computes wrong light below {_MIN_LIT:g}: "
             f"scale the scene up, {other}"
         )
     if reach > _MAX_LIT:
         raise GeometryError(
-            f"Object '{name}' reaches {reach:.2g} from the origin: Cycles computes wrong light beyond {_MAX_LIT:g}; "
-            f"scale the scene down, {other}"
+            f"Object '{name}' extends {reach:.2g} units from the origin; Cycles computes wrong light beyond "
+            f"{_MAX_LIT:g}: scale the scene down, {other}"
         )
     lift = LIFT_SHARE * reach
-    where = f"Object '{name}' lies {reach:.2g} from the origin, where Cycles takes light {lift:.2g} off the surface"
+    where = f"Object '{name}' is {reach:.2g} units from the origin, where Cycles samples light {lift:.2g} off surfaces"
     if lift > _COARSE_LIGHT * extent:
-        raise GeometryError(f"{where}, and all that is lit is {extent:.2g} across: {_TO_ORIGIN}, {other}")
+        raise GeometryError(f"{where}, too far for a scene {extent:.2g} units across: {_TO_ORIGIN}, {other}")
     if lift > grid.voxel_size_world:
-        return (f"{where}, farther than a voxel ({grid.voxel_size_world:.2g}): shadows are less exact; {_TO_ORIGIN}",)
+        return (f"{where}, more than a voxel ({grid.voxel_size_world:.2g}), so shadows are inexact: {_TO_ORIGIN}",)
     return ()
 
 
 def _farthest(source: SceneMesh) -> tuple[float, str]:
-    """Farthest coordinate on an axis, and its object."""
+    """Return the largest coordinate of any axis, and its object."""
     names, boxes = _boxes(source)
     return float(np.abs(source.bounds_world).max()), names[int(np.abs(boxes).max(axis=(1, 2)).argmax())]
 
 
 def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
-    """Warning if an object is so far from all others that they are smaller than voxels."""
+    """Warn if one object is so far away that all others together span at most two voxels."""
     names, boxes = _boxes(source)
     if len(names) < 2:
         return ()
@@ -90,13 +87,13 @@ def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     if gap < grid.side_world / 2 or extent > _FEW_VOXELS * grid.voxel_size_world:
         return ()
     return (
-        f"Object '{names[far]}' lies {gap:.2g} from all others, which are only {extent:.2g} across, and a voxel is "
-        f"{grid.voxel_size_world:.2g}: leave it out, or move it closer",
+        f"Object '{names[far]}' is {gap:.2g} units from all other objects, so voxels of {grid.voxel_size_world:.2g} "
+        f"are too large for them ({extent:.2g} units across): leave that object out, or move it closer",
     )
 
 
 def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> tuple[str, ...]:
-    """Warning if hair or points are thinner than voxels or pixels, whose width they then have."""
+    """Warn if hair or points are thinner than a voxel or pixel, and so look too wide."""
     names: list[str] = []
     for part in source.parts:
         if part.mesh.thickness:
@@ -110,8 +107,8 @@ def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> t
     if not names:
         return ()
     return (
-        f"Hair or points of {named_list(names)} are thinner than a voxel or a pixel, and look wider than they are: "
-        "choose finer voxels or larger pictures, or Refine with Cycles",
+        f"Hair or points of {named_list(names)} are thinner than a voxel or pixel and look too wide: "
+        "choose finer voxels or a larger Picture Size, or Refine with Cycles",
     )
 
 

@@ -46,12 +46,12 @@ _SURFACE = (
         ),
     ),
     Setting(
-        "resolution", "Voxel Detail", "How small the finest voxels are", OCTREE, Kind.CHOICE, AUTO,
+        "resolution", "Voxel Detail", "Size of the finest voxels", OCTREE, Kind.CHOICE, AUTO,
         choices=(
             (AUTO, "By Cameras", "The coarsest voxels that give the cameras an estimate in nearly all pixels"),
             (FIT, "Fit to Cameras", "Fine voxels only where cameras see the surface, for large pictures"),
-            (DEPTH, "Octree Depth", "A number of levels"),
-            (VOXEL_SIZE, "Voxel Size", "A length"),
+            (DEPTH, "Octree Depth", "Set the number of levels"),
+            (VOXEL_SIZE, "Voxel Size", "Set the side of the finest voxels"),
         ),
         field_name="fit",
     ),
@@ -77,7 +77,7 @@ _SURFACE = (
         "memory", "Memory (GiB)",
         "Memory limit while the octree is built; a higher one allows smaller voxels, 0 uses all free memory",
         OCTREE, Kind.AUTOMATIC, None, bounds.MEMORY_GIB, field_name="memory_bytes", effect=Effect.PERHAPS,
-        argument="--memory", help="what the octree may take while it is built (all)", unit="GIB",
+        argument="--memory", help="memory limit while the octree is built (all free memory)", unit="GIB",
         widget={"soft_max": 64.0, "precision": 1}, automatic="All Free", first=4.0,
     ),
 )  # fmt: skip
@@ -99,7 +99,7 @@ _LIGHT = (
     Setting(
         "denoise", "Denoise",
         "Remove noise from the baked light by averaging neighboring texels; shadows, edges and textures are kept",
-        LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="take the noise out of baked light",
+        LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="remove noise from baked light",
     ),
     Setting(
         "texel_voxels", "Texel Size",
@@ -108,16 +108,16 @@ _LIGHT = (
         argument="--texel-voxels", help="side of a baked texel in finest voxels",
     ),
     Setting(
-        "gloss", "Gloss", "Reflections to bake, and the place that they are seen from",
+        "gloss", "Gloss", "Reflections to bake, and their viewpoint",
         LIGHT, Kind.CHOICE, GLOSS_AUTO,
         choices=(
-            (GLOSS_AUTO, "Automatic", "Of metals and mirrors, as the active camera sees them now, or from above if "
-             "other cameras look, too"),
+            (GLOSS_AUTO, "Automatic", "Metals and mirrors, seen from the active camera's present place, or from above "
+             "for several cameras"),
             (GLOSS_OFF, "Off", "None: metals and mirrors are black, glass is opaque"),
-            (GLOSS_ABOVE, "From Above", "Of all materials, as seen from above the surface"),
-            (GLOSS_CAMERA, "From Camera", "Of all materials, as the active camera sees them now"),
+            (GLOSS_ABOVE, "From Above", "All materials, seen from above the surface"),
+            (GLOSS_CAMERA, "From Camera", "All materials, seen from the active camera's present place"),
         ),
-        counts=_baked, argument="--gloss", help="whose reflections are baked, and from where they are seen",
+        counts=_baked, argument="--gloss", help="reflections to bake, and their viewpoint",
     ),
     Setting(
         "device", "Bake Device", "Device that Cycles bakes on", LIGHT, Kind.CHOICE, AUTO,
@@ -127,7 +127,7 @@ _LIGHT = (
             (GPU, "GPU", "GPUs that the preferences of Cycles enable; an error if there is none"),
         ),
         effect=Effect.NEVER, counts=_baked,
-        argument="--bake-device", help="what Cycles bakes on",
+        argument="--bake-device", help="device that Cycles bakes on",
     ),
     Setting(
         "exposure", "Exposure",
@@ -191,13 +191,13 @@ _VIEWS = (
     ),
     Setting(
         "unrefined", "Unrefined Pixels",
-        "What pixels show that are not refined",
+        "Picture in pixels that are not refined",
         VIEW, Kind.CHOICE, PREVIEW,
         choices=(
-            (PREVIEW, "Preview", "The voxel that one ray meets"),
-            (PREDICTED, "Predicted", "What the network estimates, with one further ray per pixel"),
+            (PREVIEW, "Preview", "The voxel that one ray hits"),
+            (PREDICTED, "Predicted", "The network's estimate of each pixel, with one further ray"),
         ),
-        argument="--unrefined", help="what pixels show that are not refined",
+        argument="--unrefined", help="picture in pixels that are not refined",
     ),
     Setting(
         "budget", "Pixel Budget", "Share of the pixels to refine; more lower the error and take longer",
@@ -233,7 +233,7 @@ _VIEWS = (
     ),
     Setting(
         "background", "Background",
-        "What pictures show behind all surfaces",
+        "Background of pictures, behind all surfaces",
         VIEW, Kind.CHOICE, AUTO,
         choices=(
             (AUTO, "As Film", "The world, or nothing where the scene's Film is transparent"),
@@ -241,7 +241,7 @@ _VIEWS = (
             (BLACK_BACKGROUND, "Black", "Black"),
             (TRANSPARENT, "Transparent", "Nothing: pictures have an alpha channel"),
         ),
-        argument="--background", help="what pictures show where no surface is",
+        argument="--background", help="background of pictures, behind all surfaces",
     ),
     Setting(
         "heatmap_maximum", "Heatmap Max",
@@ -255,7 +255,7 @@ _VIEWS = (
         "Painted weights that multiply the priority; 1 or white keeps it, 0 or black is never refined",
         IMPORTANCE, Kind.CHOICE, NOTHING,
         choices=(
-            (NOTHING, "None", "All pixels count alike"),
+            (NOTHING, "None", "All pixels have the same weight"),
             (IMAGE, "Image", "An image painted in an Image Editor, stretched over the picture of each view"),
             (VERTEX_GROUP, "Vertex Group", "Weights painted on objects; objects without the group are never refined"),
         ),

@@ -15,7 +15,7 @@ def _score(buffers: PixelBuffers) -> np.ndarray:
 STRATEGY = Strategy(
     name="optimal",
     title="Optimal",
-    description="The true luminance error, known only from the reference picture: no strategy can do better",
+    description="Ranks by the true error against the reference; choose it to see the limit of every strategy",
     needs=frozenset({REFERENCE}),
     score=_score,
     quantity="luminance error",

@@ -36,7 +36,7 @@ def _exact_score(buffers: PixelBuffers) -> np.ndarray:
 STRATEGY = Strategy(
     name="patchnet",
     title="PatchNet (paper)",
-    description="Missing coverage plus five times the luminance error that the network sees two levels ahead",
+    description="Missing coverage plus five times the luminance error by the network; choose it to reproduce the paper",
     needs=frozenset({PREDICTION}),
     score=_score,
     quantity="coverage + 5 x luminance",
@@ -49,7 +49,7 @@ EXACT_ORACLE = replace(
     STRATEGY,
     name="patchnet-exact",
     title="PatchNet (paper), exact oracle",
-    description="The paper's score with the true coverage and luminance of the patch: what a perfect network would do",
+    description="The paper's score with exact coverage and luminance; choose it to see the limit of any network",
     needs=frozenset({EXACT}),
     score=_exact_score,
     group="oracle",

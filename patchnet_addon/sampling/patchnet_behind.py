@@ -72,7 +72,7 @@ def neighbour_difference(picture: np.ndarray) -> np.ndarray:
 STRATEGY = Strategy(
     name="patchnet-behind",
     title="PatchNet Behind",
-    description="The luminance error that follows from the patch's coverage, its luminance and what lies behind it",
+    description="Expected error by the network and one further ray; choose it for weights without an error estimator",
     needs=frozenset({PREDICTION, BEHIND}),
     score=_score,
     quantity="expected luminance error",
@@ -86,7 +86,7 @@ EXACT_ORACLE = replace(
     STRATEGY,
     name="patchnet-behind-exact",
     title="PatchNet Behind, exact oracle",
-    description="The expected error with the true coverage and luminance of the patch: what a perfect network would do",
+    description="PatchNet Behind with exact coverage and luminance; choose it to see the limit of any network",
     needs=frozenset({EXACT, BEHIND}),
     score=_exact_score,
     group="oracle",

@@ -92,20 +92,20 @@ STRATEGIES = (
         FORMS["predicted-4"],
         "patchnet-plus",
         "PatchNet Plus",
-        "The luminance error to be expected of all that is known of a pixel, with four finer rays, and one behind",
+        "Expected error by the network and five further rays per pixel; leaves the least error, choose it by default",
     ),
     estimator_strategy(
         FORMS["plus-1"],
         FORMS["predicted-1"],
         "patchnet-plus-1",
         "PatchNet Plus, one ray",
-        "The luminance error to be expected of all that is known of a pixel, with one finer ray, which goes on behind",
+        "Expected error by the network and one further ray per pixel; choose it for faster previews",
     ),
     estimator_strategy(
         FORMS["plus-0"],
         FORMS["predicted-1"],
         "patchnet-plus-0",
         "PatchNet Plus, no ray",
-        "The luminance error to be expected of all that is known of a pixel, without a further ray",
+        "Expected error by the network without further rays; choose it where every ray is expensive",
     ),
 )

@@ -16,7 +16,7 @@ def _score(buffers: PixelBuffers) -> np.ndarray:
 STRATEGY = Strategy(
     name="random",
     title="Random",
-    description="A fixed order without meaning: every budget removes its own share of the error on average",
+    description="Refines pixels in random order; choose it as the baseline of other strategies",
     needs=frozenset(),
     score=_score,
     quantity="chance",

@@ -16,7 +16,7 @@ def _score(buffers: PixelBuffers) -> np.ndarray:
 STRATEGY = Strategy(
     name="ss-variance",
     title="Screen-space variance",
-    description="Variance of luminance in the 3x3 pixels around: no look-ahead, only the picture itself",
+    description="Luminance variance of the 3x3 pixels around; choose it to see what the network gains",
     needs=frozenset(),
     score=_score,
     quantity="variance of luminance",

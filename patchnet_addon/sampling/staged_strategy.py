@@ -52,6 +52,6 @@ def in_stages(strategy: Strategy, plan: Callable[[float], Plan]) -> StagedStrate
     staged = {
         "name": strategy.name + SUFFIX,
         "title": f"{strategy.title}, in stages",
-        "description": f"{strategy.description}. Within a budget, closer looks at pixels near its cut alone: faster",
+        "description": f"{strategy.title} with fewer rays for pixels of clear rank; choose it to save time",
     }
     return StagedStrategy(**same | staged, plan=plan)

@@ -61,7 +61,7 @@ def bake_scene(context: bpy.types.Context, *, with_daylight: bool) -> Iterator[t
     """
     check_own_scene(context.scene)
     if not hasattr(context.scene, "cycles"):
-        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose the two-lights shading")
+        raise SceneError("The Cycles render engine is disabled: enable its add-on, or choose Light: Two Lights")
     with scene_copy(context.scene) as scene, daylight(scene) if with_daylight else nullcontext():
         yield scene, context.view_layer.name
 
