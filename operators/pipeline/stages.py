@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # needed only when an octree is built
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
-_OWN_ENCODER = "own kernels on the CPU"
+_OWN_ENCODER = "built-in kernels on the CPU"
 _TEXTURES, _ENCODING = Progress(0, 1, "Reading textures"), Progress(0, 1, "Encoding")
 NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 
