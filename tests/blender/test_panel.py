@@ -138,7 +138,8 @@ def test_statistics(scene: bpy.types.Scene) -> None:
     text = "\n".join(drawn(PATCHNET_PT_statistics))
     for part in (
         f"{result.octree.leaf_count:,} voxels", f"{result.octree.node_count:,} nodes", "In memory: ",
-        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Look-ahead", "Views", "by built-in kernels on the CPU",
+        f"Look-ahead on {result.lookahead_share:.1%}", "Voxels", "Look-ahead", "Views",
+        "by built-in kernels on the CPU",
         "Error x 10,000: {}, refined {}".format(*map(error_text, result.errors)),
     ):  # fmt: skip
         assert part in text
