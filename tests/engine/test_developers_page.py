@@ -31,7 +31,7 @@ def test_every_room_is_on_the_page(part: str) -> None:
 
 
 def test_rooms_of_the_engine_import_those_above_them_alone() -> None:
-    table = PAGE[PAGE.index("| room of `patchnet_addon/`") :].partition("\n\n")[0]
+    table = PAGE[PAGE.index("| package of `patchnet_addon/`") :].partition("\n\n")[0]
     order = re.findall(r"^\| `(\w+)/`", table, re.MULTILINE)
     for number, room in enumerate(order):
         for path in (ROOT / "patchnet_addon" / room).rglob("*.py"):
