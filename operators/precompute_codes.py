@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operator that encodes what the network sees ahead, once for every corner of every voxel."""
+"""Operator that encodes the finer voxels for the network, once for every corner of every voxel."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ def compare_with(
 
 
 def compare_estimates(coded: CodedOctree, camera: Camera, scored: np.ndarray) -> dict[str, float | None]:
-    """Correlation of order and differences of the errors to be expected of pixels that count.
+    """Correlation of order and differences of the expected errors of pixels that count.
 
     scored: (H, W, 4) float32 as the estimator's shader writes it. estimate_off: share of pixels that differ by more
     than ESTIMATE_OFF: those that see another voxel in a pixel around.

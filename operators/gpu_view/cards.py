@@ -164,7 +164,7 @@ def _against(viewport: str) -> str:
     if viewport == VIEWPORT_AUTO and any(word in name.lower() for word in _SOFTWARE):
         return f"{name} is no graphics card. {_CHOOSE}"
     if viewport == VIEWPORT_AUTO and backend in _UNTRIED:
-        return f"nobody has tried it with {backend.capitalize()} yet. {_CHOOSE}"
+        return f"it is untested with {backend.capitalize()}. {_CHOOSE}"
     return ""
 
 

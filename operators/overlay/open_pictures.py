@@ -15,7 +15,7 @@ _waiting: list[str] = []  # names of images that wait for a window
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
-    """Show this picture in an Image Editor without a picture of yours, else in a new window"""
+    """Show this picture in an Image Editor that shows none of your images, else in a new window"""
 
     bl_idname = "patchnet.show_picture"
     bl_label = "Show Picture"

@@ -33,7 +33,7 @@ _LIVE = [
     (
         PRIORITY,
         "Priority",
-        "Luminance error to be expected of each pixel without a further ray; with strategy PatchNet (paper), its score",
+        "Expected luminance error of each pixel by PatchNet Plus, no ray; with PatchNet (paper), the paper's score",
     ),
     (COVERAGE, "Coverage", "Covered share of each pixel as predicted by the network"),
     (PREDICTED_LIVE, "Predicted", "Luminance of each pixel as predicted by the network"),

@@ -68,10 +68,10 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
             (
                 OPEN_WINDOW,
                 "Editor or Window",
-                "An open Image Editor without a picture of yours, else a new window beside the viewport",
+                "An open Image Editor that shows none of your images, else a new window beside the viewport",
             ),
-            (OPEN_EDITOR, "Image Editor", "An open Image Editor without a picture of yours, else nowhere"),
-            (OPEN_NEVER, "Nowhere", "No picture opens by itself; Image Editors list all of them"),
+            (OPEN_EDITOR, "Image Editor", "An open Image Editor that shows none of your images, else nowhere"),
+            (OPEN_NEVER, "Nowhere", "No picture opens; Image Editors list all of them"),
         ],
         default=OPEN_WINDOW,
     )
@@ -79,8 +79,8 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
         name="Viewport Device",
         description="Device that draws viewports in shading mode Rendered, with the render engine PatchNet",
         items=[
-            (VIEWPORT_AUTO, "Automatic", "The GPU where it is known to work, else the CPU"),
-            (VIEWPORT_CARD, "GPU", "The GPU, also of a kind that was never tested"),
+            (VIEWPORT_AUTO, "Automatic", "The GPU if it is known to work, else the CPU"),
+            (VIEWPORT_CARD, "GPU", "The GPU, even if it is untested"),
             (VIEWPORT_CPU, "CPU", "All cores of the CPU; slower, and without live heatmaps"),
         ],
         default=VIEWPORT_AUTO,

@@ -34,7 +34,7 @@ from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
 from ..state.block_hashes import MOVES_BY_ITSELF
 
-# A bake for each place of the camera would take minutes a frame, and cannot run beside a window.
+# A bake for each place of the camera would take minutes a frame, and cannot run in a window.
 _GLOSS = (
     "Gloss is shown as seen from the camera's place during the bake: bake again for the current place, or choose "
     "Gloss: From Above"
@@ -183,7 +183,7 @@ def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
 
 
 def _on_disk(frame: _Frame) -> SceneResult | None:
-    """Octree of the cache folder that the frame's settings made of what its graph shows; none beside a window."""
+    """Octree of the cache folder that the frame's settings made of what its graph shows; none in a window."""
     if not bpy.app.background:
         return None
     with quiet(), values_of_graph(frame.depsgraph):

@@ -57,7 +57,7 @@ def forget_engine(engine: type[bpy.types.RenderEngine]) -> None:
 
 
 def _end_renders() -> None:
-    """End all renders beside a window: a new render ends them, and ends itself with its scene."""
+    """End all renders in a window: a new render ends them, and ends itself with its scene."""
     windows = bpy.context.window_manager.windows
     if not windows or not any(bpy.app.is_job_running(kind) for kind in _OF_ENGINES):
         return

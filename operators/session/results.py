@@ -108,7 +108,7 @@ def forget(scene: bpy.types.Scene) -> None:
 
 
 def redraw_viewports() -> None:
-    """Redraw viewports, as the engine's shading mode shows results; a render beside a window leaves them alone."""
+    """Redraw viewports, as the engine's shading mode shows results; a render in a window leaves them alone."""
     if not in_main_thread():
         return
     for window in bpy.context.window_manager.windows:

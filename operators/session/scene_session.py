@@ -82,7 +82,7 @@ def open_sessions() -> list[SceneSession]:
 
 
 def in_main_thread() -> bool:
-    """Return whether this is the main thread, not that of a render beside a window."""
+    """Return whether this is the main thread, not that of a render in a window."""
     return threading.current_thread() is threading.main_thread()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World maps: the world's light in all directions, for viewports, and for renders beside a window.
+"""World maps: the world's light in all directions, for viewports, and for renders in a window.
 
 Cycles bakes only in Blender's main thread, and not while a viewport is drawn. So a timer makes a map, part by part, and
 the scene's session keeps it with the key of the world. A render in a thread of its own waits for the map; meanwhile,
@@ -176,7 +176,7 @@ def _after_step(scene: bpy.types.Scene, _result: object) -> None:
 
 
 def register() -> None:
-    """Make maps after each step of a job, where our engine renders: a render beside the window may come next."""
+    """Make maps after each step of a job, where our engine renders: a render in the window may come next."""
     listeners.append(_after_step)
 
 

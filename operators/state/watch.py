@@ -46,7 +46,7 @@ def watching(monitor: SceneChangeMonitor) -> Iterator[None]:
 
 
 def begin(scene: bpy.types.Scene) -> SceneChangeMonitor:
-    """Monitor a scene for a job beside a window, until `end`."""
+    """Monitor a scene for a job in a window, until `end`."""
     monitor = SceneChangeMonitor(scene.session_uid)
     _monitors.append(monitor)
     return monitor

@@ -194,7 +194,7 @@ def load_weights(path: str | Path | None = None, encoders: Mapping[str, EncoderK
 
 
 def _known_lookahead(stated: Any, path: Path) -> int:
-    """Conventions that a file states, if this network knows them; raises WeightsFileError."""
+    """Conventions that a file states, if this network supports them; raises WeightsFileError."""
     if type(stated) is not int or stated not in LOOKAHEADS:  # true is no number
         known = ", ".join(map(str, LOOKAHEADS))
         raise WeightsFileError(

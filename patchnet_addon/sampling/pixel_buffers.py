@@ -121,7 +121,7 @@ class PixelBuffers:
 
     @property
     def predicted_alpha(self) -> np.ndarray | None:
-        """(P,) float32: share of each pixel that the network expects to be covered; None if its inputs are missing."""
+        """(P,) float32: predicted covered share of each pixel; None if its inputs are missing."""
         if self.prediction is None or self.behind_hit is None:
             return None
         coverage = self.prediction.coverage

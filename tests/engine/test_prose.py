@@ -24,6 +24,16 @@ SAY = {
     r"what a dead process left": "leftovers of killed processes",
     r"\bas ever\b": "as before",
     r"longest ago": "least recently used",
+    r"[Bb]eside a window": "in a window",
+    r"network (?:expects|knows|sees)\b": "predicts",
+    r"to be expected of": "expected",
+    r"all that is (?:seen|lit|known)\b": "the visible scene, the inputs",
+    r"which a warning says|, and says so\b": "with a warning",
+    r"as renders have (?:it|them)": "as in renders",
+    r"a picture of yours": "your image",
+    r"nobody has\b": "untested, not",
+    r"\bhangs? together\b": "connected",
+    r"\bown kernels\b": "built-in kernels",
 }
 
 
