@@ -100,7 +100,7 @@ class LevelProperties:
     """Level that is shown or exported."""
 
     level: number(
-        "Level",
+        "Level (0 Finest)",  # read in Adjust Last Operation and the file browser; the panel has a checkbox
         "Level of the voxels, each half as large as on the one before; 0 takes the finest",
         0,
         LEVEL,
