@@ -202,7 +202,7 @@ def section(name: str, kind: type) -> Iterator[str]:
     yield from wrapped(f"{' '.join(rna.description.split())}.")
     yield ""
     if name in PICTURES:
-        yield f'<img src="pictures/{PICTURES[name]}" alt="Where {rna.name} is">'
+        yield f'<img src="pictures/{PICTURES[name]}" alt="Panel with {rna.name}">'
         yield ""
     said = refusal(name)
     answer = f"refused: {said}" if said else "runs"
