@@ -194,7 +194,7 @@ _VIEWS = (
         "Picture in pixels that are not refined",
         VIEW, Kind.CHOICE, PREVIEW,
         choices=(
-            (PREVIEW, "Preview", "The voxel that one ray hits"),
+            (PREVIEW, "Preview", "The voxel at the pixel's center"),
             (PREDICTED, "Predicted", "The network's estimate of each pixel, with one further ray"),
         ),
         argument="--unrefined", help="picture in pixels that are not refined",
