@@ -25,6 +25,7 @@ from .stages import GridChoice
 FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
+_LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
 _VIEW_RAYS = 60  # cost of first rays, finer rays and the network, in rays of a refined pixel
 # Seconds per unit on two cores of a server, for the first job on a machine.
@@ -100,9 +101,9 @@ class Rates:
         return seconds / units if seconds > 0.0 and units > 0.0 else _ELSEWHERE[name]
 
     def learn(self, work: dict[str, float], seconds: dict[str, float]) -> None:
-        """Learn from the seconds of finished stages; large and recent jobs weigh more."""
+        """Learn from the seconds of finished stages with enough work; large and recent jobs weigh more."""
         for name, units in work.items():
-            if units > 0.0 and seconds.get(name, 0.0) > 0.0:
+            if units * _ELSEWHERE[name] >= _LEAST_S and seconds.get(name, 0.0) > 0.0:
                 before = self._sums.get(name, (0.0, 0.0))
                 self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
         temporary = temporary_path(self._path)

@@ -15,7 +15,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import SMALL, build
 
-FIGURES = JobFigures(triangles=1000, leaves=10_000, texels=5000, pixels=384)
+FIGURES = JobFigures(triangles=1000, leaves=1_000_000, texels=500_000, pixels=384)
 
 
 @pytest.fixture
@@ -36,6 +36,8 @@ def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
     work = work_of(FIGURES, JobSettings())
     rates = Rates()
     assert not rates.measured and "(measured elsewhere)" in time_line(rates.seconds(work), rates)
+    rates.learn({"light": 1000.0}, {"light": 2.0})
+    assert not Rates().measured, "starting Cycles took that time"
     rates.learn(work, {"light": 12.0, "codes": 3.0})
     again = Rates()
     assert again.measured and again.seconds(work)["light"] == pytest.approx(12.0)
@@ -51,7 +53,10 @@ def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
 
 
 @pytest.mark.usefixtures("registered")
-def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(cache: Path, weights: Path) -> None:
+def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
+    cache: Path, weights: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("patchnet.operators.pipeline.job_work._LEAST_S", 0.0)  # the job is small
     build()
     settings = JobSettings.of(samples=1, weights=weights, **SMALL)
     reports: list[Progress] = []
