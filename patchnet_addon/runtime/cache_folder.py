@@ -2,13 +2,12 @@
 """Cache folder of kernels, baked pages and octrees: the user's cache folder or a fallback.
 
 A cache folder may be read-only, as in a container, or belong to an administrator. Compiled kernels are code that is
-executed, so the fallback is readable and writable by the user only.
+executed, so the fallback is the user's own, and lasts as long as the process.
 """
 
 from __future__ import annotations
 
 import atexit
-import getpass
 import logging
 import os
 import re
@@ -30,13 +29,12 @@ KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
 _LOG = logging.getLogger("patchnet")
 _VERSION = re.compile(r"[0-9a-f]{16}")
 _UNUSED_S = 90 * 24 * 3600.0
-_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def user_cache_folder() -> Path:
     """Cache folder: `PATCHNET_CACHE`, or the platform's cache folder.
 
-    If it is not writable, a folder among the temporary files is the fallback, with one warning in the log.
+    If it is not writable, a temporary folder is the fallback, with one warning in the log.
     """
     return _usable(_wanted())
 
@@ -116,41 +114,15 @@ def _usable(wanted: Path) -> Path:
             if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
                 raise PermissionError(13, "no permission to write", str(folder))
     except (OSError, OutputError) as cause:
-        fallback = _private_folder()
+        fallback = Path(tempfile.mkdtemp(prefix="patchnet-"))
+        goes_with_process(fallback)
+        atexit.register(shutil.rmtree, fallback, ignore_errors=True)
         system = cause if isinstance(cause, OSError) else cause.__cause__
         reason = system.strerror if isinstance(system, OSError) else cause
         _LOG.warning(
-            "The cache folder %s cannot be used (%s): compiled kernels and pages of stopped bakes go to %s instead; "
-            "name a folder that can be written in the preferences or in PATCHNET_CACHE",
+            "The cache folder %s cannot be used (%s): until this process ends, compiled kernels and pages of stopped "
+            "bakes go to %s; name a folder that can be written in the preferences or in PATCHNET_CACHE",
             wanted, reason, fallback,
         )  # fmt: skip
         return fallback
     return wanted
-
-
-def _private_folder() -> Path:
-    """User's private folder among the temporary files, the same at each start; a new one if it is not private."""
-    user = os.geteuid() if hasattr(os, "geteuid") else getpass.getuser()
-    folder = Path(tempfile.gettempdir()) / f"patchnet-{user}"
-    with suppress(OSError):
-        folder.mkdir(mode=0o700)
-    if _is_private(folder):
-        return folder
-    new = Path(tempfile.mkdtemp(prefix="patchnet-"))
-    goes_with_process(new)
-    atexit.register(shutil.rmtree, new, ignore_errors=True)
-    return new
-
-
-def _is_private(folder: Path) -> bool:
-    """Test whether `folder` is a writable folder of this user that no other user can write to."""
-    try:
-        found = folder.lstat()
-        if not stat.S_ISDIR(found.st_mode):
-            return False
-        if hasattr(os, "geteuid") and (found.st_uid != os.geteuid() or found.st_mode & _OTHERS_WRITE):
-            return False
-        check_writable(folder)
-    except (OSError, OutputError):
-        return False
-    return True
