@@ -37,19 +37,8 @@ NUMBERS = dict(numbers())
 def test_numbers_outside_their_bounds_are_refused_by_name(name: str) -> None:
     action = NUMBERS[name]
     row, read = action.type.func.__self__, action.type
-    wrong = [
-        "nan",
-        "inf",
-        "-inf",
-        "1e400",
-        "9" * 400,
-        "9" * 5000,
-        "many",
-        "",
-        str(row.low - 1 - abs(row.low)),
-        str(2 * row.high + 1),
-    ]
-    wrong += ["1.5"] if row.whole else []
+    wrong = ["nan", "inf", "-inf", "1e400", "9" * 5000, "many", "", *(["1.5"] if row.whole else [])]
+    wrong += [str(row.low - 1 - abs(row.low)), str(2 * row.high + 1)]
     for text in wrong:
         with pytest.raises(SettingError, match=f"^{action.option_strings[0]} "):
             read(text)
