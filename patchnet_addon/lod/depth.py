@@ -32,11 +32,11 @@ _SIDES_BYTES_PER_NODE = 1.5  # at most 2.9
 # During building, a leaf of the present pass has sums in fixed point (48 bytes and its share of a brick,
 # about 25), then a key and sums (28 bytes); a stored leaf and its share of the coarser nodes take 15
 # bytes, and twice that while passes are joined. Colour adds 32 bytes in fixed point, 8 to the sums, 2 to the rest.
-# A box takes 4 bytes while it grows, 7 when its pass ends, and 3 stored. Sides add 96 bytes while they grow,
-# 192 in colour, and 44 or 56 stored for one leaf in six.
+# A box takes 4 bytes while it grows, 7 when its pass ends, and 3 stored. Sides add 144 bytes while they grow,
+# 240 in colour, and 44 or 56 stored for one leaf in six.
 _LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # stored, and further bytes during its pass
 _COLOR_LEAF_BYTES = 2, 40
-_SIDES_LEAF_BYTES = (8, 96), (10, 192)  # without and with colour
+_SIDES_LEAF_BYTES = (8, 144), (10, 240)  # without and with colour
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 

@@ -16,7 +16,7 @@ from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
 from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
-from .leaf_boxes import WHOLE, joined_boxes, unpacked
+from .leaf_boxes import WHOLE, ends_of_axis, joined_boxes, unpacked
 from .side_levels import LeafSides, leaf_sides
 from .sides import FACES
 
@@ -28,8 +28,12 @@ _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
+# Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds: what lies behind is
+# often hidden, as a roof below a moulding is.
+_IN_FRONT = np.exp(8.0 * np.arange(-15, 16) / 32.0)
 _COLUMNS = 6  # area, luminance as quotient and remainder, normal (x, y, z); each weighted by area
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each as quotient and remainder
+_CHANNELS, _COLOR_CHANNELS = 3, 5  # of a face: see `leaf_sides`
 _ALL_FRONT = np.empty(0, np.int8)
 _NO_COLOR = np.empty((0, 3), np.float32)
 _NO_LIGHTS = np.empty((0, 2, 1), np.float32)
@@ -89,7 +93,7 @@ class LeafAccumulator:
     @property
     def _face_numbers(self) -> int:
         """Number of values of a leaf's sides."""
-        return 2 * FACES * (2 if self._columns == _COLUMNS else 4) if self._sides else 0
+        return 2 * FACES * (_CHANNELS if self._columns == _COLUMNS else _COLOR_CHANNELS) if self._sides else 0
 
     def add(
         self,
@@ -221,10 +225,10 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
             normal, light = normals[triangle[i]], (luminance, red, blue)
             if facing >= 0:
                 own = _light_of(shading.lights[i, 0]) if len(shading.lights) else light
-                _add_to_faces(faces, 2 * leaf, weight, normal, own, columns)
+                _add_to_faces(faces, 2 * leaf, weight, normal, boxes[i], own, columns)
             if facing <= 0:
                 own = _light_of(shading.lights[i, 1]) if len(shading.lights) else light
-                _add_to_faces(faces, 2 * leaf + 1, -weight, normal, own, columns)
+                _add_to_faces(faces, 2 * leaf + 1, -weight, normal, boxes[i], own, columns)
     return len(keys)
 
 
@@ -237,16 +241,18 @@ def _light_of(values):  # type: ignore[no-untyped-def]
 
 
 @device
-def _add_to_faces(faces, row, weight, normal, light, columns):  # type: ignore[no-untyped-def]
-    """Add a fragment to the three of six faces that it faces; for a negative `weight`, its back."""
-    channels = 2 if columns == _COLUMNS else 4
+def _add_to_faces(faces, row, weight, normal, box, light, columns):  # type: ignore[no-untyped-def]
+    """Add a fragment in a packed box to the three of six faces that it faces; for a negative `weight`, its back."""
+    channels = _CHANNELS if columns == _COLUMNS else _COLOR_CHANNELS
     for axis in range(3):
         along = weight * normal[axis] / _AREA_UNITS
         at = (FACES * row + 2 * axis + (1 if along < 0.0 else 0)) * channels
-        along = abs(along)
-        faces[at] += np.float32(along)
-        for channel in range(channels - 1):
-            faces[at + 1 + channel] += np.float32(along * light[channel])
+        place = ends_of_axis(box, axis)
+        front = abs(along) * _IN_FRONT[place if along > 0.0 else len(_IN_FRONT) - 1 - place]
+        faces[at] += np.float32(abs(along))
+        faces[at + 1] += np.float32(front)
+        for channel in range(channels - 2):
+            faces[at + 2 + channel] += np.float32(front * light[channel])
 
 
 @kernel

@@ -43,6 +43,13 @@ def packed_axis(axis, low, high):  # type: ignore[no-untyped-def]
 
 
 @device
+def ends_of_axis(packed, axis):  # type: ignore[no-untyped-def]
+    """Sum of the first and the last sixteenth of a packed box along an axis."""
+    ends = np.int64(packed) >> (_BITS * axis)
+    return (ends & 15) + (ends >> 4 & 15)
+
+
+@device
 def joined_boxes(one, other):  # type: ignore[no-untyped-def]
     """Packed bounding box of two packed ones."""
     joined = np.int64(0)

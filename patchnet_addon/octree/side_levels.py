@@ -82,9 +82,9 @@ class SidesOfNodes(NamedTuple):
 def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float) -> LeafSides:
     """Sides of leaves with rows (l,) of `faces` and `sums` (l, 5 or 7), as `LeafSums` holds them.
 
-    faces: (R, 2, 6, 2 or 4) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
-    face it, over a voxel's face, and that area times luminance, with colour also red and blue. face_world: area of a
-    voxel's face.
+    faces: (R, 2, 6, 3 or 5) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
+    face it, over a voxel's face, the same weighted by its place, and that times luminance, with colour also red and
+    blue. face_world: area of a voxel's face.
     """
     is_back = _hide_backs(faces)
     faces = faces[:, 0]
@@ -92,10 +92,10 @@ def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world:
     _find_different(faces, row, sums, 1.0 / face_world, found)
     leaf = np.flatnonzero(found)
     own = faces[row[leaf]]
-    area = own[..., 0]
-    light = np.divide(own[..., 1], area, out=np.zeros_like(area), where=area > 0)
+    area, front = own[..., 0], own[..., 1]
+    light = np.divide(own[..., 2], front, out=np.zeros_like(front), where=front > 0)
     share = np.clip(2.0 * np.ceil(area * (_UNITS / 2.0)), 0, _UNITS - 1).astype(np.uint16) | is_back[row[leaf]]
-    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 2 else 0), np.uint8)
+    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 3 else 0), np.uint8)
     if chroma.shape[2]:
         _store_chroma(own, chroma)
     return LeafSides(leaf, light, share, chroma)
@@ -220,8 +220,8 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
         found[leaf] = False
         for axis in range(3):
             for face in range(2 * axis, 2 * axis + 2):
-                area = faces[at, face, 0]
-                if area > 0.0 and abs(faces[at, face, 1] / area - luminance) > luminance * _DIFFERS:
+                front = faces[at, face, 1]
+                if front > 0.0 and abs(faces[at, face, 2] / front - luminance) > luminance * _DIFFERS:
                     found[leaf] = True
             upper, lower = faces[at, 2 * axis, 0], faces[at, 2 * axis + 1, 0]
             if abs(upper - lower - sums[leaf, 2 + axis] * per_face) > _TURNED * (upper + lower):
@@ -232,8 +232,8 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
 def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
     for leaf in range(len(faces)):
         for face in range(FACES):
-            sums = faces[leaf, face]
-            chroma[leaf, face, 0], chroma[leaf, face, 1] = encode_shares(float(sums[1]), sums[2], sums[3])
+            _, _, luminance, red, blue = faces[leaf, face]
+            chroma[leaf, face, 0], chroma[leaf, face, 1] = encode_shares(float(luminance), red, blue)
 
 
 @kernel

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -14,11 +15,11 @@ from patchnet.patchnet_addon.octree.side_levels import LeafSides, LevelNodes, _F
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color, seen_luminance
 from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
-from patchnet.tests.references.sides import composed_reference, seen_reference
+from patchnet.tests.references.sides import composed_reference, leaf_reference, seen_reference
 
 from .test_color import GRID, color_shade, gray_shade, soup
 
@@ -52,17 +53,41 @@ def seen_along_z(octree, looking: float, pixels: int) -> np.ndarray:
     return first_hits(octree, along_z(looking, pixels)).luminance
 
 
-@pytest.mark.parametrize("pixels", [2, 4, 16, 256])
-def test_a_white_cloth_hides_the_black_table_from_above_alone(pixels):
-    """A cloth 7 mm above a table of 2 m, at every level that has both in one voxel, and at finer ones."""
+@pytest.mark.parametrize(("depth", "pixels"), [(10, 2), (10, 4), (10, 16), (10, 256), (7, 16), (7, 128)])
+def test_a_white_cloth_hides_the_black_table_from_above_alone(depth, pixels):
+    """A cloth 7 mm above a table of 2 m, at every level that has both in one voxel, leaves included."""
     layers = [(0.507, 1.0, UP, 1.0), (0.5, 1.0, UP, 0.0), (0.46, 1.0, DOWN, 0.1)]
     mesh, shade = plate(layers)
-    octree = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0, sides=True))
+    octree = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, depth), shade, exposure=1.0, sides=True))
     np.testing.assert_allclose(seen_along_z(octree, DOWN, pixels), 1.0, atol=0.03)
     np.testing.assert_allclose(seen_along_z(octree, UP, pixels), 0.1, atol=0.02)
     one = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0))
     if pixels < 64:
         assert seen_along_z(one, DOWN, pixels).mean() < 0.7, "one mean lets the table shine through"
+
+
+@pytest.mark.parametrize("facing", [1, -1])
+def test_sides_of_leaves_are_those_of_the_plain_sum(facing):
+    """What lies in front counts more; backs face the other way."""
+    rng = np.random.default_rng(8)
+    count, size = 4000, 1.0 / 64
+    keys, triangle = rng.integers(0, 64, count).astype(np.uint64), np.arange(count, dtype=np.int32)
+    ends = np.sort(rng.integers(0, 16, (count, 3, 2)), axis=2)
+    boxes = ((ends[..., 0] | ends[..., 1] << 4) << np.array([0, 8, 16])).sum(axis=1).astype(np.uint32)
+    area, light = rng.uniform(0, 1e-6, count), rng.random(count).astype(np.float32)
+    normals = rng.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    fragments = Fragments(keys, triangle, np.zeros((count, 2), np.float32), area, boxes=boxes)
+    leaves = LeafAccumulator(size, sides=True)
+    leaves.add(fragments, light, np.ones(count), normals, facing=np.full(count, facing, np.int8))
+    found_keys, *_, sides = leaves.take()
+    place = (ends.sum(axis=2) - 15) / 32.0
+    for row, leaf in enumerate(sides.leaf):
+        here = keys == found_keys[leaf]
+        wanted_light, wanted_area = leaf_reference(area[here], facing * normals[here], place[here], light[here])
+        np.testing.assert_allclose(sides.light[row], wanted_light, rtol=1e-5)
+        np.testing.assert_allclose(sides.share[row] / 65535, wanted_area / size**2, atol=5e-5)
+    assert len(sides.leaf) == 64
 
 
 def test_a_plate_that_is_lit_on_its_back_shows_that_there():

@@ -8,6 +8,22 @@ import numpy as np
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.surface.chroma import REC709, decoded_colors
 
+FRONT = 8.0  # a fragment at a voxel's near face counts e^8 times as much as one at the far face
+
+
+def leaf_reference(
+    area: np.ndarray, normals: np.ndarray, place: np.ndarray, light: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Luminance and projected area of the six faces of a leaf from its fragments (F,); place: (F, 3) in the voxel."""
+    faces = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            along = area * np.maximum(sign * normals[:, axis], 0.0)
+            front = along * np.exp(FRONT * sign * place[:, axis])
+            faces.append((front @ light / front.sum(), along.sum()))
+    found, areas = np.array(faces).T
+    return found, areas
+
 
 def seen_reference(octree: Octree, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Linear colours (N, 3) float64 of nodes (N,) along directions (N, 3)."""
