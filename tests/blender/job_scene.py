@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A small scene for whole jobs of one or two seconds: laths before a slab, a lamp, a camera."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,15 @@ exec {python} -c 'import os, sys, bpy; from patchnet.commands.blender_command im
 code = execute(sys.argv[1:]); sys.stdout.flush(); os._exit(code)' "$@"
 """
 QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
+
+
+def check_walk(out: Path, reference: int) -> None:
+    """Check the files of frames 1 and 3, which share an exposure, and their report."""
+    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
+    report = json.loads((out / "report.json").read_text())
+    assert report["complete"] and report["reference"] == reference
+    assert [entry["frame"] for entry in report["frames"]] == [1, 3]
+    assert len({entry["exposure"] for entry in report["frames"]}) == 1
 
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float], gray: float) -> bpy.types.Object:

@@ -16,6 +16,8 @@ from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.lightmap.denoised_atlas import denoised_atlas
@@ -49,6 +51,13 @@ class Comparison:
     def agrees(self) -> bool:
         """Within four standard deviations, and 1 % of the brightest region for what shadow edges fall on texels."""
         return bool((np.abs(self.baked - self.rendered) < 4.0 * self.noise + 0.01 * self.bright).all())
+
+
+def mean_ratios(**settings: object) -> list[float]:
+    """Mean luminance over that of Cycles, of each camera of a job."""
+    job = JobSettings.of(depth=6, color=False, texel_voxels=1.0, **settings)
+    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
+    return [camera["mean_ratio"] for camera in check.report["cameras"]]
 
 
 def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison:

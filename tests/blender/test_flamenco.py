@@ -12,7 +12,7 @@ import bpy
 import pytest
 
 from patchnet.patchnet_addon.runtime.frames import parse_frames
-from patchnet.tests.blender.job_scene import moving_slab, stand_in_for_blender
+from patchnet.tests.blender.job_scene import check_walk, moving_slab, stand_in_for_blender
 
 NODE = shutil.which("node") or shutil.which("nodejs")
 pytestmark = pytest.mark.skipif(NODE is None, reason="there is no Node here: apt-get install nodejs")
@@ -135,8 +135,4 @@ def test_job_makes_the_frames(small: dict[str, Any], blender: Path, tmp_path: Pa
     done = run_tasks(tasks_of(filled(**small)), blender)
     assert done == ["exposure", "frames-1,3", "report"]
     out = tmp_path / "out" / "walk"
-    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
-    report = json.loads((out / "report.json").read_text())
-    assert report["complete"] and report["reference"] == 3
-    assert [entry["frame"] for entry in report["frames"]] == [1, 3]
-    assert len({entry["exposure"] for entry in report["frames"]}) == 1
+    check_walk(out, reference=3)

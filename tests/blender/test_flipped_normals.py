@@ -11,11 +11,10 @@ from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.side_probe import light_of_sides
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
-from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender import objects, shaders
+from patchnet.tests.blender.light_scene import mean_ratios
 from patchnet.tests.blender.objects import CUBE_FACES, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
@@ -148,13 +147,10 @@ def cylinder(inward: bool) -> None:
 def ratios(sides: str = "six") -> list[float]:
     """Mean luminance over that of Cycles, of each camera."""
     bpy.context.view_layer.update()
-    job = JobSettings.of(
-        depth=6, size=(32, 24), samples=16, cameras=("all",), color=False, texel_voxels=1.0, sides=sides
-    )
     before = scene_snapshot()
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
+    found = mean_ratios(size=(32, 24), samples=16, cameras=("all",), sides=sides)
     assert_unchanged(before)
-    return [camera["mean_ratio"] for camera in check.report["cameras"]]
+    return found
 
 
 SCENES = {

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Open Job Description template is valid and makes the frames of a scene."""
 
-import json
 import os
 import subprocess
 import sys
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.tests.blender.job_scene import moving_slab, stand_in_for_blender
+from patchnet.tests.blender.job_scene import check_walk, moving_slab, stand_in_for_blender
 
 pytest.importorskip("openjd.cli", reason="openjd-cli is not installed")
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,9 +41,5 @@ def test_job_makes_the_frames(job: list[str], tmp_path: Path) -> None:
     done = openjd(*job, "--step", "Report", "--run-dependencies")
     assert done.returncode == 0, done.stdout + done.stderr
     out = tmp_path / "out"
-    assert sorted(path.name for path in out.iterdir()) == ["frame-0001", "frame-0003", "report.json"]
-    report = json.loads((out / "report.json").read_text())
-    assert report["complete"] and report["reference"] == 1
-    assert [entry["frame"] for entry in report["frames"]] == [1, 3]
-    assert len({entry["exposure"] for entry in report["frames"]}) == 1
+    check_walk(out, reference=1)
     assert done.stdout.count('"skipped": true') == 3, "frame 1 in the step Frames, both in the step Report"

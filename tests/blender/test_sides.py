@@ -10,11 +10,11 @@ import pytest
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.supersample import supersample_all
 from patchnet.tests.blender import shaders
+from patchnet.tests.blender.light_scene import mean_ratios
 from patchnet.tests.blender.objects import CUBE_FACES, lamp, link, look_from, mesh
 from patchnet.tests.blender.shaders import simple
 
@@ -44,11 +44,7 @@ SCENES: dict[str, Callable[[], None]] = {
 
 def ratios(sides: str) -> list[float]:
     """Mean luminance over that of Cycles, from above and from below."""
-    job = JobSettings.of(
-        depth=6, size=(24, 24), samples=32, cameras=("Above", "Below"), sides=sides, color=False, texel_voxels=1.0
-    )
-    check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
-    return [camera["mean_ratio"] for camera in check.report["cameras"]]
+    return mean_ratios(size=(24, 24), samples=32, cameras=("Above", "Below"), sides=sides)
 
 
 @pytest.mark.parametrize("scene", SCENES)

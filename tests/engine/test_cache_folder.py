@@ -100,17 +100,9 @@ for place, character in enumerate(name):
 spec = importlib.util.spec_from_file_location(name, Path(folder) / "__init__.py", submodule_search_locations=[folder])
 sys.modules[name] = importlib.util.module_from_spec(spec)
 part = lambda module: importlib.import_module(f"{name}.patchnet_addon.{module}")
-octree = part("octree.octree").Octree(
-    grid=part("octree.grid").Grid((0.0, 0.0, 0.0), 1.0, 1),
-    level_start=np.array([0, 1, 9]),
-    child_mask=np.array([255] + [0] * 8, np.uint8),
-    first_child=np.array([1] + [0] * 8, np.uint32),
-    area_world=np.ones(9, np.float32),
-    luminance=np.ones(9, np.uint16),
-    normal=np.ones((9, 3), np.int8),
-)
-camera = part("tracing.camera").Camera.look_at(np.array([-2.0, 0.5, 0.5]), np.full(3, 0.5), size_px=(8, 6))
-part("tracing.render").patch_hits(octree, camera)
+sides, number = part("octree.sides"), np.zeros(1, np.float32)
+light = sides.NodeLight(np.zeros(1, np.uint16), sides.NO_SIDES)  # of classes of the package
+part("octree.side_kernels").see_luminance(0, 1, light, np.zeros(1, np.int64), np.ones((1, 3), np.float32), number)
 kernels = part("runtime.kernels")
 found = {id(value): value for title, module in list(sys.modules.items()) if title.startswith(name)
          for value in vars(module).values() if isinstance(value, kernels.CPUDispatcher)}

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes, wanted_depth
+from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -15,7 +15,6 @@ from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFi
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.render import first_hits
 
 DEPTH = 3
 OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
@@ -112,18 +111,6 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
     with pytest.raises(OctreeFileError, match=cause) as caught:
         load_octree(path)
     assert "bad.safetensors" in str(caught.value)
-
-
-def test_auto_depth_is_the_smallest_with_look_ahead(mesh):
-    camera = Camera.look_at(np.array([5.0, 4.0, 3.0]), np.zeros(3), size_px=(64, 64))
-    depth = wanted_depth(drain(coarse_octree(mesh)), [camera])
-
-    def share(depth):
-        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), shade))
-        hits = first_hits(octree, camera)
-        return octree.look_ahead()[hits.node[hits.hit]].mean()
-
-    assert share(depth) >= 0.95 > share(depth - 1)
 
 
 def test_depth_is_bounded_by_memory(mesh):

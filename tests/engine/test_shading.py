@@ -8,11 +8,11 @@ import pytest
 
 from patchnet.patchnet_addon.octree.exposure import quantile_exposure
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.textures import cut_coverage
+from patchnet.tests.engine.mesh_samples import pieces_of
 from patchnet.tests.references.footprint import bilinear_reference
 
 WHITE = (1.0, 1.0, 1.0)
@@ -29,12 +29,7 @@ def square(material: Material, tiles: float = 1.0) -> TriangleMesh:
 def pieces(mesh: TriangleMesh, depth: int) -> tuple[TriangleBatch, Fragments]:
     """The square cut into 2^depth x 2^depth cells."""
     (batch,) = mesh.batches()
-    grid = Grid((-1e-9, -1e-9, -0.5), 1.0 + 2e-9, depth)
-    areas, _ = triangle_areas_and_normals(batch.corners_world)
-    parts = list(clip_batch(batch, grid, areas, grid.depth))
-    names = ("keys", "triangle", "barycentric", "area_world", "cut_keys")
-    joined = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return batch, Fragments(*joined, corners_voxel=parts[0].corners_voxel)
+    return batch, pieces_of(batch, Grid((-1e-9, -1e-9, -0.5), 1.0 + 2e-9, depth))
 
 
 def points(batch: TriangleBatch, fragments: Fragments) -> np.ndarray:

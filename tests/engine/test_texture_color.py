@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
 from patchnet.patchnet_addon.surface.texture_color import color_of_fragments
 from patchnet.patchnet_addon.surface.textures import REC709, TextureTable
+from patchnet.tests.engine.mesh_samples import pieces_of
 from patchnet.tests.references.texture_color import colors_reference
 
 WHITE = (1.0, 1.0, 1.0)
@@ -46,11 +46,8 @@ def mesh() -> TriangleMesh:
 @pytest.fixture(scope="module", params=[3, 6])
 def pieces(mesh: TriangleMesh, request: pytest.FixtureRequest) -> tuple[TriangleBatch, Fragments]:
     (batch,) = mesh.parts
-    areas, _ = triangle_areas_and_normals(batch.corners_world)
-    parts = list(clip_batch(batch, Grid.around(mesh.bounds_world, request.param), areas, request.param))
-    names = ("keys", "triangle", "barycentric", "area_world", "cut_keys")
-    joined = [np.concatenate([getattr(part, name) for part in parts])[:6000:4] for name in names]
-    return batch, Fragments(*joined, corners_voxel=parts[0].corners_voxel)
+    found = pieces_of(batch, Grid.around(mesh.bounds_world, request.param))
+    return batch, found.only(np.arange(0, min(len(found), 6000), 4))
 
 
 def test_kernel_equals_reference(mesh: TriangleMesh, pieces: tuple[TriangleBatch, Fragments]) -> None:

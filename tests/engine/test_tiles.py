@@ -33,18 +33,8 @@ def cameras(octree: Octree) -> list[Camera]:
 
     right, up, forward = np.eye(3)
     aside = side * np.array([0.0131, 0.0171, 0.0057])
-    parallel = Camera(
-        centre + aside - 2 * side * forward,
-        right,
-        up,
-        forward,
-        0.6 * side,
-        0.4 * side,
-        37,
-        21,
-        kind=ORTHOGRAPHIC,
-        shift_x=0.2,
-    )
+    place, halves = centre + aside - 2 * side * forward, (0.6 * side, 0.4 * side)
+    parallel = Camera(place, right, up, forward, *halves, 37, 21, kind=ORTHOGRAPHIC, shift_x=0.2)
     outside = look("outside", (1.1, -1.3, 0.7))
     return [
         outside,

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.levels import hierarchy
 from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.training.data.dataset import save_samples
+from patchnet.training.data.dataset import Dataset, save_samples
 from patchnet.training.data.samples import Samples, SampleSettings, draw_samples
 
 
@@ -85,6 +85,17 @@ def save_drawn(folder: Path, name: str, octree: Octree, samples: Samples, settin
     path = folder / f"{name}.samples.safetensors"
     save_samples(samples, folder / f"{name}.safetensors", octree, settings, path)
     return path
+
+
+def two_datasets(min_level: int, lookahead: int = 2) -> list[Dataset]:
+    """Samples of two small scenes."""
+    found = []
+    for seed in (1, 2):
+        octree = spheres_and_slats(6, seed=seed)
+        settings = SampleSettings(views=4, min_level=min_level, held_out=0.05, seed=seed, lookahead=lookahead)
+        samples = drain(draw_samples(octree, 400, settings))
+        found.append(Dataset(f"scene {seed}", octree, samples, {"settings": {"lookahead": lookahead}}))
+    return found
 
 
 def draw_slats(folder: Path, count: int, settings: SampleSettings) -> Path:

@@ -11,10 +11,9 @@ import pytest
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.torch_devices import GPU, gpu_only
-from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.tests.training.procedural import two_datasets
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset
-from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import SQUARED, TrainSettings
 
 torch = pytest.importorskip("torch")
@@ -32,19 +31,9 @@ ERRORS = 1e-3  # relative, of the curves of a short run
 MIXING = replace(SETTINGS, network=MIXTURE.name, loss=SQUARED)
 
 
-def drawn(lookahead: int) -> list[Dataset]:
-    found = []
-    for seed in (1, 2):
-        octree = spheres_and_slats(6, seed=seed)
-        settings = SampleSettings(views=4, min_level=2, held_out=0.05, seed=seed, lookahead=lookahead)
-        samples = drain(draw_samples(octree, 400, settings))
-        found.append(Dataset(f"scene {seed}", octree, samples, {"settings": {"lookahead": lookahead}}))
-    return found
-
-
 @pytest.fixture(scope="module")
 def datasets() -> list[Dataset]:
-    return drawn(2)
+    return two_datasets(2)
 
 
 def curve(folder: Path) -> np.ndarray:
@@ -59,7 +48,7 @@ def curve(folder: Path) -> np.ndarray:
 @gpu_only
 def test_a_gpu_says_and_learns_the_same(lookahead: int, settings: TrainSettings, encoder: str) -> None:
     settings = replace(settings, encoder=encoder, encoder_width=0)
-    corpus, _ = corpus_of(drawn(lookahead), nearby=settings.kind.mixes)
+    corpus, _ = corpus_of(two_datasets(2, lookahead), nearby=settings.kind.mixes)
     plan = StepPlan(corpus, settings, VOXELS)
     there, here = Learner(settings, lookahead, "cuda"), Learner(settings, lookahead)
     ahead = batches_ahead(plan, 0, 3, there.device, 3)

@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.references.networks import NumpyEncoder, decode
 from patchnet.tests.training.convolution_reference import NumpyConvolutions
-from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
+from patchnet.tests.training.procedural import save_drawn, two_datasets
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.data.dataset import Dataset, load_dataset
@@ -36,12 +36,7 @@ SETTINGS = TrainSettings(passes=6 * 256, batch=256, precision="fp32", augment=Tr
 
 @pytest.fixture(scope="module")
 def datasets() -> list[Dataset]:
-    found = []
-    for seed in (1, 2):
-        octree = spheres_and_slats(6, seed=seed)
-        settings = SampleSettings(views=4, min_level=3, held_out=0.05, seed=seed)
-        found.append(Dataset(f"scene {seed}", octree, drain(draw_samples(octree, 400, settings)), {}))
-    return found
+    return two_datasets(3)
 
 
 @pytest.mark.parametrize("encoder", [MLP, CONV3D, VOXCEPTION], ids=lambda kind: kind.name)
