@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fallbacks for an unusable cache folder, and the cache of compiled kernels."""
+"""Fallbacks for an unusable cache folder, the cache of compiled kernels, age and size of pages of bakes."""
 
 import logging
 import os
@@ -7,12 +7,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
 from numba.core.caching import IndexDataCacheFile
 
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
+from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache, tidy
 from patchnet.patchnet_addon.runtime import cache_folder
 from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cache_folder
 from patchnet.patchnet_addon.runtime.kernels import CacheFile
@@ -193,3 +194,24 @@ def test_processes_that_compile_at_once_do_not_swap_their_code(temporary: Path) 
     second.save("another type", "of the second")
     assert later.load("another type") == "of the second"
     assert later.load("one type") in (None, "of the first")
+
+
+def bake_of(root: Path, name: str, age_s: float, size: int) -> Path:
+    folder = root / name
+    folder.mkdir()
+    (folder / "page-00000.safetensors").write_bytes(bytes(size))
+    then = time.time() - age_s
+    os.utime(folder, (then, then))
+    return folder
+
+
+def test_old_and_large_bakes_go(tmp_path: Path) -> None:
+    day, root = 24 * 3600.0, tmp_path / "bakes"
+    root.mkdir()
+    for name, days in {"ancient": 40, "old": 3, "older": 4, "mine": 50}.items():
+        bake_of(root, name, days * day, 1000)
+    bake_of(root, "running elsewhere", 60.0, 5000)
+    tidy(root, keep="mine", max_bytes=7500)
+    assert {path.name for path in root.iterdir()} == {"old", "mine", "running elsewhere"}
+    tidy(root, keep="mine", max_bytes=100)
+    assert {path.name for path in root.iterdir()} == {"mine", "running elsewhere"}

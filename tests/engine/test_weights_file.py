@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Weights files; the mixture network in torch and NumPy."""
+"""Weights files; the mixture network in torch and NumPy; spherical harmonics against scipy's."""
 
 import numpy as np
 import pytest
+from scipy.special import sph_harm_y
 
+from patchnet.patchnet_addon.network.harmonics import real_harmonics
 from patchnet.patchnet_addon.network.kinds import MIXTURE
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network, save_weights
 from patchnet.patchnet_addon.runtime.errors import WeightsFileError
@@ -101,3 +103,19 @@ def test_weights_of_another_network(weights, tmp_path, stated):
     write_arrays(path, weights.arrays(), {"network": stated}, "weights")
     with pytest.raises(WeightsFileError, match=r"other\.safetensors belongs to another network: its 'patch'"):
         load_weights(path)
+
+
+def _real_from_complex(degree, order, polar, azimuth):
+    value = np.sqrt(2) * (-1.0) ** order * sph_harm_y(degree, abs(order), polar, azimuth)
+    return value.imag if order < 0 else value.real if order > 0 else value.real / np.sqrt(2)
+
+
+def test_equal_to_scipy():
+    directions = np.random.default_rng(1).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    polar, azimuth = np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])
+    values = real_harmonics(directions)
+    for degree in range(5):
+        for order in range(-degree, degree + 1):
+            wanted = _real_from_complex(degree, order, polar, azimuth)
+            np.testing.assert_allclose(values[:, degree**2 + degree + order], wanted, atol=1e-12)
