@@ -29,7 +29,7 @@ _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
 # Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds: what lies behind is
-# often hidden, as a roof below a moulding is.
+# often hidden, as the layer under a slab is.
 _IN_FRONT = np.exp(8.0 * np.arange(-15, 16) / 32.0)
 _COLUMNS = 6  # area, luminance as quotient and remainder, normal (x, y, z); each weighted by area
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each as quotient and remainder
