@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..patchnet_addon.runtime.heap import page_out
 from . import overlay
 from .jobs.polls import no_job_runs
 from .scene_access.images import free_copies
@@ -36,6 +37,7 @@ class PATCHNET_OT_clear_results(bpy.types.Operator):
         overlay.forget(context)
         for image in filter(is_own, bpy.data.images):
             free_copies(image)
+        page_out("llvmlite")
         give_back()
         if not bpy.app.background:  # viewports free their pictures at the next redraw
             bpy.app.timers.register(give_back, first_interval=_DRAWN_AGAIN_S)

@@ -16,12 +16,12 @@ from .tab import (
     SubPanel,
     Tab,
     draw_advanced,
+    draw_remedy,
     draw_samples,
     draw_sentence,
     draw_setting,
     draw_settings,
     draw_stale,
-    draw_todo,
     split,
 )  # fmt: skip
 
@@ -87,7 +87,7 @@ class PATCHNET_PT_preview(SubPanel, bpy.types.Panel):
         result = results.result_of(context.scene)
         if result is not None and result.pictures:
             for text in advice(result, values):
-                draw_todo(layout.box(), context, text, "LIGHT_DATA")
+                draw_remedy(layout.box(), context, text, "LIGHT_DATA")
         draw_advanced(layout, values, "view")
 
 

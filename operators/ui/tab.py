@@ -67,14 +67,14 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Se
         return
     notes = sorted(notes, key=lambda text: not named_settings(text))  # notes with buttons first
     for text in notes[:_MOST_NOTES]:
-        draw_todo(body.box(), context, text, "NONE")
+        draw_remedy(body.box(), context, text, "NONE")
     if len(notes) > _MOST_NOTES:
         draw_sentence(body, context, f"and {len(notes) - _MOST_NOTES} more in the Info log")
     if any("Refine with Cycles" in text for text in notes[:_MOST_NOTES]):
         body.operator("patchnet.refine_with_cycles", icon="RENDER_STILL").cycles_light = COMBINED
 
 
-def draw_todo(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
+def draw_remedy(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
     """Draw a sentence, and a button for each setting that it names, unless the setting has that value already."""
     draw_sentence(layout, context, text, icon)
     for words, (row, value) in named_settings(text).items():

@@ -11,10 +11,12 @@ from __future__ import annotations
 import ctypes
 import functools
 import sys
+from contextlib import suppress
 from typing import Any
 
 _TBB_ALL_BUFFERS = 0  # TBBMALLOC_CLEAN_ALL_BUFFERS of oneTBB's scalable_allocator.h
 _TBB_SOFT_LIMIT = 1  # TBBMALLOC_SET_SOFT_HEAP_LIMIT
+_MADV_PAGEOUT = 21  # of Linux 5.4 and newer
 _JEMALLOC_PURGE = b"arena.4096.purge"  # MALLCTL_ARENAS_ALL is 4096
 
 
@@ -45,6 +47,24 @@ def reuse_freed_memory() -> None:
         if mode is not None:
             mode.argtypes = [ctypes.c_int, ctypes.c_ssize_t]
             mode(_TBB_SOFT_LIMIT, 1)  # byte: caches are emptied before the heap grows
+
+
+def page_out(library: str) -> None:
+    """Return unchanged pages of libraries whose file name contains `library` to the system, on Linux.
+
+    They are read again on demand. A compiler keeps 100 MB of its file in memory, and hardly needs it once kernels are
+    loaded.
+    """
+    advise = getattr(_loaded(None), "madvise", None) if sys.platform == "linux" else None
+    if advise is None:
+        return
+    advise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+    with suppress(OSError), open("/proc/self/maps", encoding="utf-8", errors="replace") as file:
+        for line in file:
+            span, access, *_, path = line.split(maxsplit=5)
+            if library in path.rpartition("/")[2] and "w" not in access:
+                begin, end = (int(number, 16) for number in span.split("-"))
+                advise(begin, end - begin, _MADV_PAGEOUT)
 
 
 def _clean_tbb() -> None:

@@ -3,7 +3,7 @@
 
 Such a folder holds a file `owner`, which its process keeps locked: the system frees the lock when the process ends.
 Machines that share a disk do not always see each other's locks, so the file also names the machine. A folder is left
-over if its file is not locked, and if either this machine made it or it got no new file for a day.
+over if its file is not locked, and if either this machine made it or it got no new file for a week.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ else:
     import fcntl
 
 _OWNER, _FILES = "owner", "files"
-SILENT_S = 24 * 3600.0  # after which another machine's process is taken for dead
+SILENT_S = 7 * 24 * 3600.0  # after which another machine's process is taken for dead
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 

@@ -28,15 +28,12 @@ heap = importlib.import_module(f"{PACKAGE}.patchnet_addon.runtime.heap")
 
 
 def measure(part: str, looks: int = 1) -> clicks.Session:
-    """The process's own bytes, the least of some looks, and what the panel says of them.
-
-    Pages of files, such as the compiler's 96 MB, do not count: the system takes them back when it needs memory.
-    """
+    """The process's bytes, the least of some looks, and what the panel says of them."""
     found = []
     for _ in range(looks):
         yield 1.0
         heap.trim()
-        found.append(heap._status_bytes("RssAnon"))
+        found.append(heap.resident_bytes())
     held = module("session.memory").held()
     seen[part] = {"process": min(found), "results": held.results, "images": held.images}
     visit.save(part)
