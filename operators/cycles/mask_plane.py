@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plane before a camera that limits a Cycles render to any set of pixels: transparent there, a holdout elsewhere.
+"""Holdout before a camera, with holes where pixels are wanted, that limits a Cycles render to any set of pixels.
 
-A holdout pixel costs one ray. Only camera rays meet the plane, so that it does not change light and shadows; one more
-transparent bounce compensates for it. Samples differ from those of a render without it, but have the same mean.
+A pixel behind the holdout costs one ray. Rays through a hole meet nothing of it, so that these pixels get the samples
+of a whole render. Only camera rays meet the holdout: it changes no light and no shadow.
 """
 
 from __future__ import annotations
@@ -14,66 +14,52 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.tracing.camera import PERSPECTIVE, Camera
+from ..scene_access.polygons import add_polygons
 from ..scene_access.temporary import temporary
 
 _ONLY_CAMERA = (
     "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
 )  # fmt: skip
 _BEYOND_CLIP = 1.01  # of the clip start
+_GAP_PX, _GAP_STEPS = 1e-3, 4.0  # around holes, at least: of a pixel, and steps of float32 there
 
 
 @contextmanager
 def mask_plane(scene: bpy.types.Scene, camera: Camera, mask: np.ndarray, depth_world: float) -> Iterator[None]:
-    """Put the plane into a scene copy within the block, before all pixels that are not in `mask`.
+    """Put the holdout into a scene copy within the block, before all pixels that are not in `mask`.
 
-    mask: (H, W) bool, row 0 at the bottom. depth_world: of the nearest surface. The plane stands halfway to it: much
+    mask: (H, W) bool, row 0 at the bottom. depth_world: of the nearest surface. The holdout stands halfway to it: much
     nearer, float32 would not resolve its pixels in a large scene.
     """
-    height, width = mask.shape
+    depth_world = max(camera.clip_start * _BEYOND_CLIP, min(depth_world, camera.clip_end) / 2.0)
     with ExitStack() as stack:
-        image = stack.enter_context(
-            temporary(bpy.data.images.new("PatchNet Mask", width, height, float_buffer=True, is_data=True))
-        )
-        pixels = np.ones((height, width, 4), np.float32)
-        pixels[..., :3] = mask[..., None]
-        image.pixels.foreach_set(pixels.ravel())
-        image.update()
-        material = stack.enter_context(temporary(bpy.data.materials.new("PatchNet Mask")))
-        _shade(material, image)
         mesh = stack.enter_context(temporary(bpy.data.meshes.new("PatchNet Mask")))
-        _fill(mesh, camera, max(camera.clip_start * _BEYOND_CLIP, min(depth_world, camera.clip_end) / 2.0))
-        mesh.materials.append(material)
+        add_polygons(mesh, _corners(camera, mask, depth_world))
+        mesh.update(calc_edges=True)
         item = stack.enter_context(temporary(bpy.data.objects.new("PatchNet Mask", mesh)))
-        item.location = camera.position_world
+        item.location, item.is_holdout = camera.position_world, True
         for name in _ONLY_CAMERA:
             setattr(item, name, False)
         scene.collection.objects.link(item)
-        scene.cycles.transparent_max_bounces += 1
         yield
 
 
-def _fill(mesh: bpy.types.Mesh, camera: Camera, depth_world: float) -> None:
-    """Fill the mesh with a quad that covers the camera's picture at a depth, with UVs of the picture."""
+def _corners(camera: Camera, mask: np.ndarray, depth_world: float) -> np.ndarray:
+    """(N, 4, 3) float64: a rectangle for each run of pixels without `mask` in a row, from the camera's position.
+
+    They are slightly smaller than their pixels, so that no rounding lets them cut off a part of a hole.
+    """
+    height, width = mask.shape
     spread = depth_world if camera.kind == PERSPECTIVE else 1.0
     across, up = np.asarray(camera.right) * camera.half_x * spread, np.asarray(camera.up) * camera.half_y * spread
-    forward = np.asarray(camera.forward) * depth_world
-    places = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-    corners = [forward + across * (x + camera.shift_x) + up * (y + camera.shift_y) for x, y in places]
-    mesh.from_pydata([corner.tolist() for corner in corners], [], [(0, 1, 2, 3)])
-    coordinates = mesh.uv_layers.new(name="Picture").data
-    for index, (x, y) in enumerate(places):
-        coordinates[index].uv = (x + 1.0) / 2.0, (y + 1.0) / 2.0
-
-
-def _shade(material: bpy.types.Material, image: bpy.types.Image) -> None:
-    """Make a material transparent where the image is 1, a holdout elsewhere."""
-    material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    kinds = ("OutputMaterial", "MixShader", "Holdout", "BsdfTransparent", "TexImage")
-    output, mix, holdout, clear, texture = (tree.nodes.new(f"ShaderNode{kind}") for kind in kinds)
-    texture.image, texture.interpolation, texture.extension = image, "Closest", "EXTEND"
-    tree.links.new(texture.outputs["Color"], mix.inputs[0])
-    tree.links.new(holdout.outputs[0], mix.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    pixel_world = 2.0 * spread * min(camera.half_x / width, camera.half_y / height)
+    step_world = np.spacing(np.float32(np.abs(camera.position_world).max() + depth_world))
+    gap = max(_GAP_PX, _GAP_STEPS * float(step_world) / pixel_world)
+    changes = np.diff(np.pad(mask, ((0, 0), (1, 1)), constant_values=True).astype(np.int8))
+    (row, first), (_, end) = np.nonzero(changes < 0), np.nonzero(changes > 0)
+    left, right, low, high = first + gap, end - gap, row + gap, row + 1.0 - gap
+    there = (left < right) & (low < high)
+    x = np.stack([left, right, right, left], axis=1)[there] / width * 2.0 - 1.0 + camera.shift_x
+    y = np.stack([low, low, high, high], axis=1)[there] / height * 2.0 - 1.0 + camera.shift_y
+    result: np.ndarray = np.asarray(camera.forward) * depth_world + x[..., None] * across + y[..., None] * up
+    return result

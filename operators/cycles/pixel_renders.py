@@ -132,7 +132,7 @@ def pixel_renders(
             stack.enter_context(daylight(scene))
         if chosen is None:
             chosen = Chosen(np.ones((camera.height_px, camera.width_px), bool), np.inf)
-        elif layer.material_override is None:  # it would override the plane's material
+        else:
             stack.enter_context(mask_plane(scene, camera, *chosen))
         scene.render.use_persistent_data = True
         stack.callback(_drop_kept, scene)

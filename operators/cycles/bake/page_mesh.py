@@ -11,6 +11,7 @@ import numpy as np
 
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
+from ...scene_access.polygons import add_polygons
 from .object_data import OBJECT, object_coordinates, placed_values
 
 CHART_LAYER = "PatchNet Charts"
@@ -158,14 +159,8 @@ def fill_mesh(
     mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
 ) -> None:
     """Fill an empty mesh with these triangles, moved by `offset_world` along their normals."""
-    count = len(part)
     corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
-    mesh.vertices.add(3 * count)
-    mesh.loops.add(3 * count)
-    mesh.polygons.add(count)
-    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
-    mesh.loops.foreach_set("vertex_index", np.arange(3 * count, dtype=np.int32))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    add_polygons(mesh, corners)
     for material in materials:
         mesh.materials.append(material)
     mesh.polygons.foreach_set("material_index", part.materials.astype(np.int32))

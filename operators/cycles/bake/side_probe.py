@@ -20,6 +20,7 @@ from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
 from ...scene.scene_mesh import SceneMesh
+from ...scene_access.polygons import add_polygons
 from ...scene_access.temporary import temporary
 from ...scene_access.window_job import window_is_alive
 from ...schema.table import GLOSS_OFF
@@ -177,7 +178,8 @@ def _fill(mesh: bpy.types.Mesh, points: np.ndarray, normals: np.ndarray, lift: f
     corners = np.stack([centers - along, centers + along, centers + across], axis=1)
     corners = centers[:, None] + (corners - centers[:, None]) * lift
     count = len(both)
-    mesh.from_pydata(corners.reshape(-1, 3).tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist())
+    add_polygons(mesh, corners)
+    mesh.update(calc_edges=True)
     row, column = np.divmod(np.arange(count), _PER_ROW)
     rows = -(-count // _PER_ROW)
     low = np.stack([column / _PER_ROW, row / rows], axis=1)
