@@ -7,7 +7,6 @@ import argparse
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
-from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.quantities import counted
 from ...training.settings import SAMPLES, VIEWS
 from ..shared.arguments import add_number, add_out, check_octrees
@@ -46,12 +45,11 @@ def run(args: argparse.Namespace) -> int:
     """Draw the samples and write one file per octree."""
     import time
 
-    from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.runtime.file_kinds import SAMPLES
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...patchnet_addon.runtime.progress import drain
-    from ...training.data.dataset import DATASET_SEEDS, SUFFIX, sample_names, save_samples
-    from ...training.data.samples import SampleSettings, draw_samples
+    from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, sample_names
+    from ...training.data.samples import SampleSettings
     from ..shared.lines import say_result
     from ..shared.progress_bars import ProgressBars
 
@@ -62,7 +60,6 @@ def run(args: argparse.Namespace) -> int:
     share = -(-args.samples // len(names))
     start, drawn = time.monotonic(), 0
     for number, (name, path) in enumerate(names.items()):
-        octree = load_octree(path)
         settings = SampleSettings(
             views=args.views,
             min_level=args.least_level,
@@ -71,12 +68,8 @@ def run(args: argparse.Namespace) -> int:
             lookahead=args.lookahead,
         )
         with ProgressBars() as bars:
-            try:
-                samples = drain(draw_samples(octree, share, settings, f"Drawing {name}"), bars.show)
-            except PatchNetError as cause:
-                raise type(cause)(f"{path}: {cause}") from cause
+            samples = drain(draw_dataset(path, share, settings, args.out / (name + SUFFIX)), bars.show)
         drawn += samples.views.shape[0] * samples.views.shape[1]
-        save_samples(samples, path, octree, settings, args.out / (name + SUFFIX))
     seconds = time.monotonic() - start
     text = f"{counted(drawn, 'sample')} of {counted(len(names), 'octree')} in {seconds:.0f} s"
     text += f" ({drawn / seconds:,.0f}/s)"

@@ -10,34 +10,37 @@ Kinds of networks:
     look-ahead  look-ahead-1 and look-ahead-3, trained on all scenes but --unseen
     encoders    conv3d and voxception, trained on all scenes but --unseen; they need torch for encoding
 
-Creates missing octrees of the catalogue's scenes, draws samples, and trains the networks with checkpoints. A later run
-skips finished networks and resumes an interrupted one. networks.json has parameters, times, and errors on the
-held-out scenes of each network.
+Creates missing octrees of the catalogue's scenes and missing samples, and trains the networks with checkpoints; a later
+run goes on where one stopped. Prints, and writes into errors.json, the errors of each network on its held-out scenes.
 """  # noqa: E501  a command stands on one line
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
-from ...training.networks_of_paper.plan import KINDS, planned_networks
-from ...training.settings import LOSSES, PRESETS, preset_with
+from ...training.benchmarks.tables import markdown_table
+from ...training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
+from ...training.run.run_files import CHECKPOINT
+from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch
 from .scene_arguments import add_scenes, scenes_named
 
 if TYPE_CHECKING:
-    from ...training.evaluation.catalogue import Scene
-    from ...training.networks_of_paper.run import NetworksRun
+    from ...patchnet_addon.network.weights import Weights
+    from ...training.data.dataset import Dataset
 
+TABLE = "errors.json"
 _SAMPLES, _PASSES, _VOXELS = 2_000_000, 16_000_000, 4096
 
 
@@ -70,62 +73,88 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train missing networks and write networks.json; returns 0; raises PatchNetError."""
-    from ...patchnet_addon.runtime.file_kinds import NETWORKS
+    """Train the networks, print their errors and write them; returns 0; raises PatchNetError."""
+    from ...patchnet_addon.network.devices import found_device
+    from ...patchnet_addon.runtime.file_kinds import ERRORS
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...training.evaluation.catalogue import scene_octree
-    from ...training.networks_of_paper.plan import VALUES, octrees_folder
     from ..shared.progress_bars import ProgressBars
-
-    check_octrees(args.octrees)
-    scenes = _scenes(args)
-    names = [*(scene.name for scene in scenes), *(path.stem for path in args.octrees)]
-    plans = planned_networks(names, _words(args.kinds), args.unseen)
-    if not plans:
-        raise SettingError("There is nothing to train: name --kinds of networks")
-    check_outputs({args.out / VALUES: NETWORKS}, args.octrees, folder=args.out)
-    require_torch()
-    from ...training.networks_of_paper.run import train_networks, write_rows
-
-    work = _work(args)
-    args.out.mkdir(parents=True, exist_ok=True)
-    with ProgressBars() as bars:
-        octrees = {scene.name: scene_octree(scene, octrees_folder(args.out)) for scene in scenes}
-        octrees |= {path.stem: path for path in args.octrees}
-        rows = drain(train_networks(octrees, plans, work), bars.show)
-    write_rows(
-        args.out,
-        {"samples": args.samples, "least_level": args.least_level, "voxels": args.voxels} | asdict(work.settings),
-        rows,
-    )
-    say_result(f"{args.out}: {counted(len(rows), 'network')}", file=args.out, networks=len(rows))
-    return 0
-
-
-def _words(text: str) -> list[str]:
-    return [word.strip() for word in text.split(",") if word.strip()]
-
-
-def _scenes(args: argparse.Namespace) -> list[Scene]:
-    """Named scenes of the catalogue; raises SettingError without scenes and octrees."""
+    from .validate import errors_of, write_errors
 
     if not args.scenes and not args.octrees:
         raise SettingError("There is nothing to train on: name --scenes, or octree files")
-    return scenes_named(args.scenes) if args.scenes else []
-
-
-def _work(args: argparse.Namespace) -> NetworksRun:
-    """Budget and settings of the run; raises SettingError for a missing device."""
-    from ...patchnet_addon.network.devices import found_device
-    from ...training.networks_of_paper.run import NetworksRun
-    from ...training.run.provenance import run_notes
-    from ...training.run.trainer import RunOptions
-
-    device = found_device(args.device, "--device")
+    check_octrees(args.octrees)
+    scenes = scenes_named(args.scenes) if args.scenes else []
+    names = [*(scene.name for scene in scenes), *(path.stem for path in args.octrees)]
+    plans = planned_networks(names, [word.strip() for word in args.kinds.split(",") if word.strip()], args.unseen)
+    if not plans:
+        raise SettingError("There is nothing to train: name --kinds of networks")
+    check_outputs({args.out / TABLE: ERRORS}, args.octrees, folder=args.out)
+    require_torch()
+    args.device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
     settings = preset_with(args.preset, changes)
-    options = RunOptions(
-        args.out, checkpoint_minutes=args.checkpoint_minutes, notes=run_notes(device), device=device,
-        threads=args.threads,
-    )  # fmt: skip
-    return NetworksRun(args.samples, args.least_level, settings, args.voxels, options)
+    octrees = {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
+    octrees |= {path.stem: path for path in args.octrees}
+    data: dict[int, dict[str, Dataset]] = {}
+    found = {}
+    with ProgressBars() as bars:
+        for lookahead in {plan.lookahead: None for plan in plans}:
+            data[lookahead] = drain(_samples(args, octrees, lookahead), bars.show)
+        for number, plan in enumerate(plans, 1):
+            steps = _training(args, plan, settings, data[plan.lookahead])
+            weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), bars.show)
+            unseen = [each for scene, each in data[plan.lookahead].items() if scene not in plan.scenes]
+            found[plan.name] = errors_of(weights, unseen, args.voxels)
+    print(f"Errors of coverage (of luminance, over the voxel's own):\n{_table(found, names)}")
+    write_errors(args.out / TABLE, found)
+    say_result(f"{args.out}: {counted(len(plans), 'network')}", file=args.out, networks=len(plans))
+    return 0
+
+
+def _samples(args: argparse.Namespace, octrees: Mapping[str, Path], lookahead: int) -> Steps[dict[str, Dataset]]:
+    """Samples by scene; missing files are drawn. Raises SettingError for a file of other arguments."""
+    from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, load_dataset
+    from ...training.data.samples import SampleSettings
+
+    folder, found = args.out / "samples" / f"look-ahead-{lookahead}", {}
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, (scene, octree) in enumerate(octrees.items()):
+        seed = args.seed + DATASET_SEEDS * number
+        settings = SampleSettings(min_level=args.least_level, seed=seed, lookahead=lookahead)
+        path = folder / (scene + SUFFIX)
+        if not path.exists():
+            yield from draw_dataset(octree, args.samples, settings, path)
+        found[scene] = load_dataset(path)
+        more = found[scene].samples.views[..., 0].size - args.samples
+        if found[scene].sample_settings != settings or not 0 <= more < settings.views:
+            raise SettingError(f"{path} was drawn with other arguments: delete it, or choose another folder")
+    return found
+
+
+def _training(
+    args: argparse.Namespace, plan: NetworkPlan, settings: TrainSettings, data: Mapping[str, Dataset]
+) -> Steps[Weights]:
+    """Train a network, from its checkpoint if there is one."""
+    from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions, train
+
+    folder = args.out / "networks" / plan.name
+    settings = replace(settings, encoder=plan.encoder, encoder_width=0)
+    options = RunOptions(folder, (folder / CHECKPOINT).exists(), args.checkpoint_minutes)
+    options.device, options.threads = args.device, args.threads
+    options.notes = run_notes(args.device) | {"settings": asdict(settings)}
+    return train([data[scene] for scene in plan.scenes], settings, options)
+
+
+def _table(found: Mapping[str, Any], scenes: Sequence[str]) -> str:
+    """Markdown table with a row for each network and a column for each scene."""
+    rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in scenes)] for name, each in found.items()]
+    return markdown_table(["network", *scenes], rows)
+
+
+def _cell(errors: Mapping[str, Any] | None) -> str:
+    if errors is None:
+        return "seen"
+    ratio = errors["luminance_ratio"]
+    return f"{errors['coverage']:.3f} ({'' if ratio is None else f'{ratio:.2f}'})"

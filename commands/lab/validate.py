@@ -11,13 +11,18 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.quantities import counted
 from ..shared.arguments import add_number, add_out
 from ..shared.training_run import require_torch
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.network.weights import Weights
+    from ...training.data.dataset import Dataset
 
 _VOXELS = 4096
 
@@ -36,14 +41,11 @@ def run(args: argparse.Namespace) -> int:
     """Print a line of errors for each of the weights and files; returns 0; raises PatchNetError."""
     from ...patchnet_addon.runtime.file_kinds import ERRORS
     from ...patchnet_addon.runtime.outputs import check_outputs
-    from ...patchnet_addon.runtime.replace import replaced_file
     from ...training.data.dataset import check_names, load_dataset, name_of, sample_files
     from ...training.encoders import load_weights
     from ..shared.lines import make_parent, say_result
 
     require_torch()
-    from ...training.run.validation import weights_errors
-
     files = sample_files(args.datasets)
     check_names(name_of(file) for file in files)
     if args.out:
@@ -53,18 +55,31 @@ def run(args: argparse.Namespace) -> int:
     for path in args.weights or [None]:
         weights = load_weights(path)
         name = str(path) if path else "shipped"
-        found[name] = {"weights_hash": weights.hash, "scenes": {}}
         print(f"{name} ({weights.hash})")
-        for file in files:
-            dataset = load_dataset(file)
-            errors = weights_errors(weights, dataset, args.voxels)
-            found[name]["scenes"][dataset.name] = errors
-            print(f"  {dataset.name:<24} {_line(errors)}")
+        found[name] = errors_of(weights, map(load_dataset, files), args.voxels)
+        for scene, errors in found[name]["scenes"].items():
+            print(f"  {scene:<24} {_line(errors)}")
     if args.out:
-        with replaced_file(args.out, ERRORS) as target:
-            target.write(json.dumps({"errors": found}, indent=1).encode())
+        write_errors(args.out, found)
     say_result(f"{counted(len(files), 'file')}, {len(found)} weights", file=args.out)
     return 0
+
+
+def errors_of(weights: Weights, datasets: Iterable[Dataset], voxels: int) -> dict[str, Any]:
+    """Hash of weights (`weights_hash`) and their errors by scene (`scenes`), as `weights_errors` gives them."""
+    from ...training.run.validation import weights_errors
+
+    scenes = {dataset.name: weights_errors(weights, dataset, voxels) for dataset in datasets}
+    return {"weights_hash": weights.hash, "scenes": scenes}
+
+
+def write_errors(path: Path, found: Mapping[str, Any]) -> None:
+    """Write `errors_of` each of the weights, by their name; raises OutputError."""
+    from ...patchnet_addon.runtime.file_kinds import ERRORS
+    from ...patchnet_addon.runtime.replace import replaced_file
+
+    with replaced_file(path, ERRORS) as target:
+        target.write(json.dumps({"errors": found}, indent=1).encode())
 
 
 def _line(errors: dict[str, Any]) -> str:

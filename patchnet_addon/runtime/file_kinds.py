@@ -123,6 +123,4 @@ CYCLES_EVALUATION = FileKind(
 EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Tables of an evaluation"))
 COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
 ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))
-NETWORKS = FileKind("values of networks of the paper", (".json",), _begins(b'{\n "networks_of_paper": {'))
-NETWORK_RECORD = FileKind("a network's record", (".json",), _begins(b'{\n "network": '))
 FIGURE_VALUES = FileKind("values of a figure of PatchNet", (".json",), _begins(b'{\n "figure": '))

@@ -9,19 +9,16 @@ import pytest
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
-from patchnet.training.encoders import CONV3D, VOXCEPTION, load_weights
-from patchnet.training.networks_of_paper.plan import KINDS, NetworkPlan, planned_networks
-from patchnet.training.settings import TrainSettings
+from patchnet.training.data.dataset import load_dataset
+from patchnet.training.encoders import load_weights
+from patchnet.training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
 
-torch = pytest.importorskip("torch")
-from patchnet.training.networks_of_paper import run as run_module  # noqa: E402  needs torch
-from patchnet.training.networks_of_paper.run import NetworksRun, train_networks  # noqa: E402
-from patchnet.training.run.trainer import RunOptions, train  # noqa: E402  needs torch
+pytest.importorskip("torch")
+from patchnet.training.run.run_files import LOG, read_log
+from patchnet.training.run.validation import weights_errors
 
 NAMES = ["shells", "slats", "without-shells", "without-slats", "look-ahead-1", "look-ahead-3", "conv3d", "voxception"]
-SMALL = TrainSettings(passes=4 * 64, batch=64, precision="fp32", network="mixture", loss="squared")
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +33,12 @@ def octrees(tmp_path_factory):
 
 def words(octrees, out, *more):
     files = [str(path) for path in octrees.values()]
-    budget = ["--samples", "160", "--passes", "2048", "--voxels", "20", "--least-level", "3", "--threads", "1"]
+    budget = ["--samples", "160", "--passes", "4096", "--voxels", "20", "--least-level", "3", "--threads", "1"]
     return ["lab", "train-networks", *files, *budget, "--out", str(out), *more]
+
+
+def rows_of(out):
+    return json.loads((out / "errors.json").read_text(encoding="utf-8"))["errors"]
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +47,6 @@ def out(octrees, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
     assert main(words(octrees, out)) == 0
     return out
-
-
-@pytest.fixture(scope="module")
-def rows(out):
-    values = json.loads((out / "networks.json").read_text(encoding="utf-8"))
-    assert values["networks_of_paper"]["passes"] == 2048 and values["networks_of_paper"]["network"] == "mixture"
-    return {row["network"]: row for row in values["networks"]}
 
 
 def test_plan():
@@ -82,45 +76,45 @@ def test_plans_that_cannot_be(scenes, kinds, unseen, sentence):
         planned_networks(scenes, kinds, unseen)
 
 
-def test_every_network_is_trained(out, rows):
-    assert list(rows) == NAMES
-    for name, row in rows.items():
-        weights = load_weights(out / "networks" / name / "patchnet.safetensors")
-        assert weights.hash == row["hash"] and weights.lookahead == row["look_ahead"] and row["passes"] == 2048
-        assert weights.metadata["octrees"].keys() == set(row["scenes"])
-        assert weights.encoder_kind.name == row["encoder"]
-        assert row["errors"].keys() == {"shells", "slats"} - set(row["scenes"])
-    assert [rows[name]["look_ahead"] for name in ("look-ahead-1", "slats", "look-ahead-3")] == [1, 2, 3]
-    for kind in (CONV3D, VOXCEPTION):
-        assert rows[kind.name]["encoder_parameters"] == kind.parameters(2)
+def test_every_network_is_trained(out):
+    found = rows_of(out)
+    assert list(found) == NAMES
+    plans = {plan.name: plan for plan in planned_networks(NAMES[:2], KINDS)}
+    for name, row in found.items():
+        weights, plan = load_weights(out / "networks" / name / "patchnet.safetensors"), plans[name]
+        assert weights.hash == row["weights_hash"] and weights.lookahead == plan.lookahead
+        assert weights.metadata["sample_passes"] == 4096 and weights.kind.mixes
+        assert weights.metadata["octrees"].keys() == set(plan.scenes)
+        assert weights.encoder_kind.name == plan.encoder
+        assert row["scenes"].keys() == {"shells", "slats"} - set(plan.scenes)
+        for scene, errors in row["scenes"].items():
+            samples = out / "samples" / f"look-ahead-{plan.lookahead}" / f"{scene}.samples.safetensors"
+            assert errors == weights_errors(weights, load_dataset(samples), 20)
 
 
-def test_what_is_done_is_skipped(octrees, out, rows, monkeypatch):
-    monkeypatch.setattr(run_module, "train", lambda *_: pytest.fail("it is there"))
-    monkeypatch.setattr(run_module, "weights_errors", lambda *_: pytest.fail("it is there"))
-    before = (out / "networks.json").read_bytes()
+def test_what_is_done_is_kept_and_shown(octrees, out, capsys):
+    before = (out / "errors.json").read_bytes()
+    steps = {name: read_log(out / "networks" / name / LOG)[0] for name in NAMES}
     assert main(words(octrees, out)) == 0
-    assert (out / "networks.json").read_bytes() == before
+    assert (out / "errors.json").read_bytes() == before
+    assert {name: read_log(out / "networks" / name / LOG)[0] for name in NAMES} == steps
+    assert f"| slats | {shown(rows_of(out)['slats']['scenes']['shells'])} | seen |" in capsys.readouterr().out
+    assert main(words(octrees, out, "--least-level", "4")) == 2
+    assert "was drawn with other arguments: delete it" in capsys.readouterr().err
 
 
-def run_of(out):
-    notes = {"command": "patchnet lab train-networks", "versions": "these", "machine": "this"}
-    options = RunOptions(out, device="cpu", threads=1, notes=notes)
-    return NetworksRun(samples=400, least_level=3, settings=SMALL, voxels=20, options=options)
+def shown(errors):
+    return f"{errors['coverage']:.3f} ({errors['luminance_ratio']:.2f})"
 
 
-def test_interrupted_run_goes_on(octrees, tmp_path, monkeypatch):
+def test_interrupted_run_goes_on(octrees, out, tmp_path):
     """Stopped within the second of two networks, it ends with the weights of a run that was not."""
-    plans = planned_networks(list(octrees), ["scene"])
-    whole = drain(train_networks(octrees, plans, run_of(tmp_path / "whole")))
-    steps = train_networks(octrees, plans, run_of(tmp_path / "stopped"))
-    for report in steps:
-        if "slats (2 of 2)" in report.label and report.done == 2:
-            break
-    steps.close()
-    again = []
-    monkeypatch.setattr(run_module, "train", lambda *given: again.append(given[2]) or train(*given))
-    resumed = drain(train_networks(octrees, plans, run_of(tmp_path / "stopped")))
-    assert [(options.out.name, options.resume) for options in again] == [("slats", True)]
-    assert [row["hash"] for row in resumed] == [row["hash"] for row in whole]
-    assert [row["errors"] for row in resumed] == [row["errors"] for row in whole]
+    kind = ["--kinds", "scene"]
+    assert main(words(octrees, tmp_path, *kind)) == 0
+    (tmp_path / "networks" / "slats").rename(tmp_path / "finished")
+    samples = tmp_path / "samples" / "look-ahead-2" / "slats.samples.safetensors"
+    run = ["--out", str(tmp_path / "networks" / "slats"), "--passes", "4096", "--threads", "1", "--stop-after", "1"]
+    assert main(["lab", "train", str(samples), *run]) == 0
+    assert main(words(octrees, tmp_path, *kind)) == 0
+    assert [line["step"] for line in read_log(tmp_path / "networks" / "slats" / LOG)[0]] == [1, 2]
+    assert rows_of(tmp_path) == {name: row for name, row in rows_of(out).items() if name in octrees}

@@ -14,9 +14,10 @@ import numpy as np
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
-from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
+from ...patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
-from .samples import VIEW_FIELDS, Samples, SampleSettings
+from ...patchnet_addon.runtime.progress import Steps
+from .samples import VIEW_FIELDS, Samples, SampleSettings, draw_samples
 
 KIND = "samples"
 SUFFIX = ".samples.safetensors"
@@ -86,6 +87,17 @@ def sample_names(octrees: Sequence[Path]) -> dict[str, Path]:
     if len({stem.casefold() for stem in stems}) < len(stems):
         stems = [f"{number}_{stem}" for number, stem in enumerate(stems)]
     return dict(zip(stems, octrees, strict=True))
+
+
+def draw_dataset(octree_path: Path, count: int, settings: SampleSettings, path: Path) -> Steps[Samples]:
+    """Draw at least `count` samples of an octree file into `path`; raises PatchNetError that names the octree."""
+    octree = load_octree(octree_path)
+    try:
+        samples = yield from draw_samples(octree, count, settings, f"Drawing {name_of(path)}")
+    except PatchNetError as cause:
+        raise type(cause)(f"{octree_path}: {cause}") from cause
+    save_samples(samples, octree_path, octree, settings, path)
+    return samples
 
 
 def save_samples(samples: Samples, octree_path: Path, octree: Octree, settings: SampleSettings, path: Path) -> None:

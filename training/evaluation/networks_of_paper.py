@@ -1,37 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plan of a run's networks, and their folders; does not import torch."""
+"""Networks of the paper's comparison: of each scene, without one, by look-ahead and by encoder; no torch."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
 from ..encoders import ENCODERS
-from ..evaluation import WITHOUT
-from ..run.run_files import WEIGHTS
+from . import WITHOUT
 
-RECORD = "record.json"
-VALUES = "networks.json"
 SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
-
-
-def octrees_folder(out: Path) -> Path:
-    """Folder of the scenes' octrees, which `patchnet lab evaluate --out` of the same folder uses, too."""
-    return out / "octrees"
-
-
-def network_folder(out: Path, name: str) -> Path:
-    """Folder of a network's run."""
-    return out / "networks" / name
-
-
-def weights_path(out: Path, name: str) -> Path:
-    """File of a network's weights."""
-    return network_folder(out, name) / WEIGHTS
 
 
 @dataclass(frozen=True)
