@@ -3,8 +3,7 @@
 
 A bench is a module of `commands/benches/`, imported when it runs:
 
-    measure(args) -> Comparison the measurement
-    text(values) -> str         its report, from the values of the JSON; optional
+    measure(args) -> Comparison    the measurement, which `text_of` prints
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         require_torch()
     bench = import_module(f".benches.{args.bench}", __package__)
     values = bench.measure(args).as_json()
-    print(json.dumps(values) if args.json else getattr(bench, "text", text_of)(values))
+    print(json.dumps(values) if args.json else text_of(values))
     return 0
 
 
@@ -75,10 +74,10 @@ def text_of(values: Mapping[str, Any]) -> str:
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, str]:
-    """Cells of a row by column; nested values become columns of their own."""
+    """Cells of a row by column; nested values become columns of their own, such as card.trace."""
     cells: dict[str, str] = {}
     for name, value in row.items():
-        nested = value if isinstance(value, dict) else {name: value}
+        nested = {f"{name}.{key}": each for key, each in value.items()} if isinstance(value, dict) else {name: value}
         cells |= {key: _shown(each) for key, each in nested.items()}
     return cells
 
@@ -86,6 +85,8 @@ def _flat(row: Mapping[str, Any]) -> dict[str, str]:
 def _shown(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return f"[{', '.join(map(_shown, value))}]"
     if isinstance(value, float):
         return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
     return f"{value:,}" if isinstance(value, int) else str(value)

@@ -29,7 +29,6 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.render import Hits, first_hits
-from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison, timed
 from ..shared.views import view_cameras
 from .decode import camera_around
@@ -225,41 +224,3 @@ def rank_correlation(one: np.ndarray, other: np.ndarray) -> float:
     """Correlation of the places of values (N,) in their order."""
     first, second = (np.argsort(np.argsort(values)).astype(np.float64) for values in (one, other))
     return float(np.corrcoef(first, second)[0, 1]) if len(one) > 1 else 1.0
-
-
-def text(values: dict[str, Any]) -> str:
-    """Sentences about card and octree, and a Markdown table with a row for each view."""
-    head = [
-        "view", "pixels", "hit", "look-ahead", "card: Mrays/s", "CPU", "ratio", "card: M decoded/s", "CPU", "ratio",
-        "card: M estimated/s", "card: M colored/s", "frame, ms", "equal nodes", "coverage", "luminance", "order",
-        "order of estimates",
-    ]  # fmt: skip
-    return (
-        f"{values['card']} ({values['driver']}); CPU threads: {values['threads']}\n"
-        f"{values['octree']}: depth {values['depth']}, {values['nodes']:,} nodes, {values['coded']:,} coded; "
-        f"{values['card_bytes'] / 2**20:.0f} MiB on the card, packed and uploaded in {values['upload_s']:.2f} s; "
-        f"shaders compiled in {values['compile_s']:.2f} s\n\n"
-        f"{markdown_table(head, [_row(view) for view in values['views']])}"
-    )
-
-
-def _row(view: dict[str, Any]) -> list[str]:
-    card, cpu = view["card"], view["cpu"]
-    return [
-        view["name"],
-        "{} x {}".format(*view["size"]),
-        f"{view['hit_share']:.0%}",
-        f"{view['look_ahead_share']:.0%}",
-        *_rates(card["trace"], cpu["trace"]),
-        *_rates(card["decode"], cpu["decode"]),
-        f"{card['estimate'] / 1e6:.1f}" if "estimate_order" in view else "",
-        f"{card['color'] / 1e6:.1f}",
-        f"{view['frame_ms']:.1f}",
-        f"{view['same_nodes']:.4%}",
-        *("" if view[name] is None else f"{view[name]:.1e}" for name in ("coverage", "luminance")),
-        *("" if view.get(name) is None else f"{view[name]:.5f}" for name in ("order", "estimate_order")),
-    ]
-
-
-def _rates(card: float, cpu: float) -> list[str]:
-    return [f"{card / 1e6:.1f}", f"{cpu / 1e6:.1f}", f"{card / cpu:.1f}" if cpu else ""]

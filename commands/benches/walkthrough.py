@@ -12,8 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from statistics import fmean, median
-from typing import Any
+from statistics import fmean
 
 import bpy
 import numpy as np
@@ -27,7 +26,6 @@ from ...operators.settings.job_settings import JobSettings
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ...training.benchmarks.tables import markdown_table
 from ...training.benchmarks.timing import Comparison
 from ...training.evaluation.catalogue import SCENES
 from ..shared.job_arguments import depth_of
@@ -121,42 +119,3 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
     }
     ours, peer = found.ours.frame_s, rival.frame_s
     return Comparison("walkthrough", ours, peer, peer / ours, details, unit="s per frame")
-
-
-def text(values: dict[str, Any]) -> str:
-    """Table of all renderers, and the break-even of the fly-through."""
-    setup, frames, rival = sum(values["setup_s"].values()), values["frames"], values["rival_samples"]
-    how, flicker = ", denoised" if values["denoised"] else "", values["flicker"]
-    rows = [
-        [
-            "PatchNet" if name == "patchnet" else f"Cycles, {name} samples{how}",
-            f"{setup if name == 'patchnet' else 0.0:.1f}",
-            f"{median(seconds):.2f}",
-            f"{values['total_s'][name]:.0f}",
-            f"{1e4 * values['mse'][name]:.1f}",
-            "" if flicker[name] is None else f"{1e4 * flicker[name]:.1f}",
-        ]
-        for name, seconds in values["frames_s"].items()
-    ]
-    ours = values["mse"]["patchnet"]
-    equal = f"Cycles with {rival} samples, " + (
-        "its cheapest picture that is no worse" if values["mse"][str(rival)] <= ours else "which still is worse"
-    )
-    ahead = values["ahead_from"]
-    stages = ", ".join(f"{name} {seconds:.1f}" for name, seconds in values["setup_s"].items())
-    end = (
-        f"PatchNet is never ahead of {equal}"
-        if ahead is None
-        else f"PatchNet is ahead of {equal}, from {ahead} frames on; afterwards {values['ratio']:.1f} times as fast"
-    )
-    counts = [len(values["frames_s"][name]) for name in ("patchnet", str(rival))]
-    return (
-        f"{values['scene']}, {frames} frames of {values['size'][0]} x {values['size'][1]}; depth {values['depth']}, "
-        f"{values['leaves']:,} voxels ({stages} s)\n\n"
-        + markdown_table(["", "once, s", "a frame, s", f"{frames} frames, s", "mse x 10,000", "flicker"], rows)
-        + f"\n\n{end}.\n"
-        f"Frames: medians of {counts[0]} and {counts[1]} that were rendered; totals are extrapolated from these. "
-        f"Errors: all light, gloss included, of {values['judged']} frames of {values['error_size'][0]} x "
-        f"{values['error_size'][1]} against {values['truth']:,} samples. Flicker: mean squared difference of two "
-        "successive frames, less that of the truth, x 10,000."
-    )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.commands import main
-from patchnet.commands.benches import walkthrough
+from patchnet.commands.bench import text_of
 from patchnet.commands.benches.walk_path import walk_cameras
 from patchnet.commands.benches.walk_renders import frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -32,8 +32,8 @@ def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -
     mse, flicker = values["mse"], values["flicker"]
     assert 0.0 < mse["32"] < mse["1"] and mse["32"] < mse["patchnet"] < 0.1
     assert max(map(abs, flicker.values())) < 0.1 and len(set(flicker.values())) == 3
-    said = walkthrough.text(values)
-    assert "totals are extrapolated" in said and "against 64 samples" in said and "Cycles, 1 samples" in said
+    said = text_of(values)
+    assert f"mse: patchnet {mse['patchnet']:.4g}, 1 {mse['1']:.4g}, 32 " in said and "\ntruth: 64\n" in said
 
 
 def test_a_walk_passes_its_keys_without_a_halt() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.bench import text_of
-from patchnet.commands.benches import gpu
 from patchnet.commands.benches.egl_device import EglDevice
 from patchnet.commands.benches.frame import STAGES
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
@@ -94,6 +93,12 @@ def test_tracing_without_a_peer_and_frames_by_stage(tmp_path, capsys):
         assert frame["ours"] == pytest.approx(sum(frame["stage_s"][stage] for stage in STAGES)) and frame["peer"] > 0
 
 
+def test_nested_values_of_a_row_have_columns_of_their_own():
+    said = text_of({"name": "gpu", "views": [{"name": "Far", "card": {"trace": 2e9}, "cpu": {"trace": 0.5}}]})
+    head, _, row = said.split("\n")[1:]
+    assert head == "| name | card.trace | cpu.trace |" and row == "| Far | 2,000,000,000 | 0.5 |"
+
+
 def test_a_graphics_card_agrees_with_the_kernels(tmp_path, capsys):
     pytest.importorskip("moderngl")
     try:
@@ -109,7 +114,7 @@ def test_a_graphics_card_agrees_with_the_kernels(tmp_path, capsys):
         assert view["same_nodes"] >= 0.9999 and view["card"]["trace"] > 0 and view["cpu"]["trace"] > 0
     around = views["Around"]
     assert around["coverage"] < 5e-4 and around["luminance"] < 2e-3 and around["order"] >= 0.999
-    assert "| Around | " in gpu.text(values)
+    assert "| Around | " in text_of(values)
 
 
 @pytest.mark.skipif(not HAS_TORCH, reason="no torch here")
