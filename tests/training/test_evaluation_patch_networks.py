@@ -78,7 +78,7 @@ def test_every_network_has_a_predicted_picture(out, results):
     assert pictures["predicted-shells"]["mse_refined"] == pictures["predicted"]["mse_refined"], "the same weights"
     assert pictures["predicted-slats"]["mse"] != pictures["predicted"]["mse"]
     assert all(picture["ms_per_frame"] > 0 for picture in pictures.values())
-    assert "| shells | `predicted-slats` |" in (out / "tables.md").read_text(encoding="utf-8")
+    assert "| `predicted-shells` | `predicted-slats` |" in (out / "tables.md").read_text(encoding="utf-8")
 
 
 def test_generalisation_of_every_network_and_scene(results):

@@ -19,7 +19,6 @@ from .strategies import network_name
 TITLE = "# Tables of an evaluation"
 BUDGET = 30  # percent
 BUDGETS = 5, 10, 20, 30, 50, 70  # of means over scenes, and of pairs
-BUDGETS_SHOWN = 10, 13, 20, 30, 50, 70
 _LEAST = 1e-9  # of a ratio, for its logarithm
 _RATIOS = (
     "patchnet-plus-0", "plain-plus-0", "patchnet", "patchnet-plus-1", "plain-plus-1", "patchnet-behind", "fusion",
@@ -49,7 +48,7 @@ def markdown_of(tables: Tables) -> str:
 
 
 def tables_of(results: Mapping[str, Any]) -> Tables:
-    """Tables of the results of `results_of`: scenes, errors, excess areas, costs, claims, matrix, picture metrics."""
+    """Tables of the results of `results_of`: scenes, errors, strategies by rays, claims, pictures, picture metrics."""
     scenes, claims = results["scenes"], results["claims"]
     first = next(iter(scenes.values()))
     names = sorted(
@@ -58,40 +57,24 @@ def tables_of(results: Mapping[str, Any]) -> Tables:
     )
     shown = [VARIANCE, *names]
     pooled = {"pooled": results["pooled"]} if "pooled" in results else {}
-    found = [
+    return [
         ("Scenes; mean squared errors times 10,000.", _scenes(scenes)),
         (f"Error at {BUDGET}% over that of `{VARIANCE}`.",
          _by_strategy(variance_ratios(scenes | pooled, BUDGET).loc[names])),
-    ]
-    if pooled:
-        title = f"All scenes pooled: error over that of `{VARIANCE}` at several budgets."
-        ratios = pd.DataFrame({f"{at}%": variance_ratios(pooled, at)["pooled"] for at in BUDGETS_SHOWN})
-        found.append((title, _by_strategy(ratios.loc[names])))
-    found += [
         (f"Strategies by further rays: geometric mean over scenes of the error over that of `{VARIANCE}`, by budget; "
          "excess area from the best scene to the worst; milliseconds of a frame on one thread, median over scenes.",
          over_scenes(scenes, shown)),
         (f"Scenes of {len(scenes)} in which one strategy leaves less than another, by budget, and the largest ratio of "
          "both errors: at equal budgets, and in equal time where samples are own rays, or those of Cycles.",
          _ahead(scenes)),
-        ("Excess area: 0 is optimal, 1 is random.", _by_strategy(excess_areas(scenes, shown), "{:.3f}")),
-        ("Cost: rays a pixel, and milliseconds of a frame on one thread, median over scenes and by scene.",
-         _costs(scenes, shown)),
         (f"Intervals of 95 % of the ratio to `{VARIANCE}` at {BUDGET}%.",
-         _by_row("scene", claims["half"], _RATIOS, _half).replace(POOLED, "pooled")),
+         _by_scene(claims["half"], _RATIOS, _half).replace(POOLED, "pooled")),
         ("Lowest of the paper's references: from which budget on (interval), at which share of budgets from 13 % on.",
-         _by_row("scene", claims["lowest"], shipped(claims["lowest"][next(iter(scenes))]), _from)),
+         _by_scene(claims["lowest"], shipped(claims["lowest"][next(iter(scenes))]), _from)),
         ("Rays in each pixel, and what the network predicts: error times 10,000, and milliseconds.", _pictures(scenes)),
-        (f"Predicted pictures refined by their own priority: error over that of `{VARIANCE}` from the preview.",
-         _predicted(scenes)),
         (f"Picture metrics at {BUDGET}%, means over scenes.",
          _quality([values["quality"] for values in scenes.values()])),
     ]  # fmt: skip
-    for score, matrix in claims.get("generalisation", {}).items():
-        title = f"Generalisation of `{score}`, error at {BUDGET}% over that of `{VARIANCE}`"
-        table = _by_row("trained on", matrix["networks"], scenes, _learned)
-        found.append((f"{title}; bold: the scene was learned.", table))
-    return found
 
 
 def shipped(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -139,12 +122,12 @@ def _by_strategy(frame: pd.DataFrame, form: str = "{:.2f}") -> pd.DataFrame:
     return cells
 
 
-def _by_row(first: str, found: Mapping[str, Any], columns: Iterable[str], cell: Callable[[Any], str]) -> pd.DataFrame:
-    """Results by row and column as text, for the columns that all rows have."""
+def _by_scene(found: Mapping[str, Any], columns: Iterable[str], cell: Callable[[Any], str]) -> pd.DataFrame:
+    """Results by scene and column as text, for the columns that all scenes have."""
     there = [name for name in columns if all(name in values for values in found.values())]
     rows = {row: [cell(values[name]) for name in there] for row, values in found.items()}
-    quoted = [name if first == "trained on" else f"`{name}`" for name in there]
-    return pd.DataFrame.from_dict(rows, orient="index", columns=quoted).rename_axis(first).reset_index()
+    quoted = [f"`{name}`" for name in there]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=quoted).rename_axis("scene").reset_index()
 
 
 def error_ratios(scenes: Mapping[str, Any], strategy: str, rival: str, price: str | None) -> np.ndarray:
@@ -233,16 +216,6 @@ def excess_areas(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFram
     )
 
 
-def _costs(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
-    ms = pd.DataFrame({scene: values["ms_per_frame"] for scene, values in scenes.items()}).dropna()
-    ms = ms.loc[[name for name in names if name in ms.index]]
-    table = _by_strategy(ms, "{:.1f}")
-    rays = next(iter(scenes.values()))["rays_per_pixel"]
-    table.insert(1, "rays", [str(rays[name]) for name in ms.index])
-    table.insert(2, "median", ms.median(axis=1).map("{:.1f}".format))
-    return table
-
-
 def _half(values: Mapping[str, Any]) -> str:
     """Ratio to the variance, and its interval."""
     at = values["budgets"].index(BUDGET / 100)
@@ -258,12 +231,6 @@ def _from(values: Mapping[str, Any]) -> str:
     return f"{values['value']:.0%} ({values['low']:.0%} to {high}); {share}"
 
 
-def _learned(cell: Mapping[str, Any]) -> str:
-    """Ratio of a network on a scene, bold if the scene was in its training."""
-    text = "none" if cell["value"] is None else f"{cell['value']:.2f}"
-    return f"**{text}**" if cell["seen"] else text
-
-
 def _pictures(scenes: Mapping[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(
         {"scene": scene}
@@ -276,19 +243,6 @@ def _pictures(scenes: Mapping[str, Any]) -> pd.DataFrame:
         }
         for scene, values in scenes.items()
     )
-
-
-def _predicted(scenes: Mapping[str, Any]) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"scene": scene, "picture": f"`{name}`"}
-        | {f"{at}%": _ratio(picture["mse_refined"][at], values["mse"][VARIANCE][at]) for at in (0, *BUDGETS_SHOWN)}
-        for scene, values in scenes.items()
-        for name, picture in values["predicted"].items()
-    )
-
-
-def _ratio(error: float, other: float) -> str:
-    return f"{error / other:.2f}" if other else ""
 
 
 def _quality(found: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
