@@ -86,11 +86,6 @@ def check_touchable(path: Path, *texts: str) -> None:
         )
 
 
-def role_of(identity: str) -> str:
-    """Role of a library by the id in its catalogue."""
-    return ROLES.get(identity, FREE)
-
-
 def common_role(roles: Iterable[str]) -> str:
     """Role of a scene of several libraries; raises SettingError for libraries of training and of testing together."""
     found = set(roles)
@@ -102,31 +97,15 @@ def common_role(roles: Iterable[str]) -> str:
     return next((role for role in (TRAIN, TEST) if role in found), FREE)
 
 
-_PAIR = re.compile(r"((?:\\.|[^\\=:\s])+)\s*[=:\s]?\s*(.*)", re.DOTALL)
-_ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|.)", re.DOTALL)
+_ENTRY = re.compile(r"(?ms)^[ \t\f]*(?![#!])((?:\\[^\n]|[^\\=:\s])+)[ \t\f]*[=:]?[ \t\f]*((?:\\.|[^\\\n])*)")
+_ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|\n[ \t\f]*|.)", re.DOTALL)
 _LETTERS = {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}
 
 
 def read_properties(data: bytes) -> dict[str, str]:
     """Values by key of a properties file, which is Latin-1 with escapes; a missing value is empty."""
-    pairs = (_PAIR.fullmatch(line) for line in _lines(data.decode("latin-1")))
-    return {_plain(pair[1]): _plain(pair[2]).strip() for pair in pairs if pair is not None}
-
-
-def _lines(text: str) -> Iterator[str]:
-    """Lines without comments; a line that ends with an odd number of backslashes continues in the next."""
-    begun = ""
-    for line in re.split(r"\r\n|\r|\n", text):
-        line = line.lstrip()
-        if not begun and line[:1] in ("", "#", "!"):
-            continue
-        if (len(line) - len(line.rstrip("\\"))) % 2:
-            begun += line[:-1]
-            continue
-        yield begun + line
-        begun = ""
-    if begun:
-        yield begun
+    text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    return {_plain(key): _plain(value).strip() for key, value in _ENTRY.findall(text)}
 
 
 def _plain(text: str) -> str:
@@ -134,6 +113,8 @@ def _plain(text: str) -> str:
 
 
 def _letter(escape: str) -> str:
+    if escape[0] == "\n":  # the value continues in the next line
+        return ""
     return chr(int(escape[1:], 16)) if len(escape) == 5 else _LETTERS.get(escape, escape)
 
 
@@ -205,54 +186,40 @@ def read_library(path: Path) -> Library:
             pieces.append(piece)
     if not pieces:
         raise LibraryFileError(f"Furniture library {path} has no model in the format .obj: choose another library")
-    return Library(path, head["name"] or path.stem, head["license"], role_of(head["id"]), tuple(pieces))
+    return Library(path, head["name"] or path.stem, head["license"], ROLES.get(head["id"], FREE), tuple(pieces))
 
 
 def _piece(path: Path, properties: dict[str, str], number: int, licence: str) -> Piece:
     def text(key: str) -> str:
         return properties.get(f"{key}#{number}", "")
 
-    def number_of(key: str, low: float, default: float | None = None) -> float:
+    def numbers(key: str, low: float, high: float, default: tuple[float, ...] = (math.nan,)) -> tuple[float, ...]:
         try:
-            value = float(text(key)) if text(key) or default is None else default
+            values = tuple(map(float, text(key).split())) or default
         except ValueError:
-            value = math.nan
-        if not low <= value <= _LARGEST_CM:  # false for NaN, too
+            values = ()
+        if len(values) != len(default) or not all(low <= value <= high for value in values):  # false for NaN, too
             raise LibraryFileError(
                 f"Furniture library {path} has {text(key)!r} as {key} of its piece {number}: fetch it again"
             )
-        return value
+        return values
 
-    size = (number_of("width", 1e-3), number_of("depth", 1e-3), number_of("height", 1e-3))
-    drop = number_of("dropOnTopElevation", -1.0, size[2])
+    width, depth, height = (numbers(key, 1e-3, _LARGEST_CM)[0] for key in ("width", "depth", "height"))
+    drop = numbers("dropOnTopElevation", -1.0, _LARGEST_CM, (height,))[0]
     return Piece(
         name=text("name") or text("id"),
         category=text("category"),
         tags=text("tags"),
         model=text("model").removeprefix("/"),
-        size=(size[0] / 100.0, size[1] / 100.0, size[2] / 100.0),
+        size=(width / 100.0, depth / 100.0, height / 100.0),
         library=path,
-        elevation=number_of("elevation", 0.0, 0.0) / 100.0,
+        elevation=numbers("elevation", 0.0, _LARGEST_CM, (0.0,))[0] / 100.0,
         top=None if drop < 0 else drop / 100.0,
-        rotation=_rotation(path, text("modelRotation"), number),
+        rotation=numbers("modelRotation", -1.001, 1.001, UPRIGHT),
         creator=text("creator"),
         licence=text("license") or licence,
         is_opening=text("doorOrWindow") == "true",
     )
-
-
-def _rotation(path: Path, text: str, number: int) -> Rotation:
-    if not text:
-        return UPRIGHT
-    try:
-        values = tuple(float(word) for word in text.split())
-    except ValueError:
-        values = ()
-    if len(values) != 9 or not all(math.isfinite(value) and abs(value) <= 1.001 for value in values):
-        raise LibraryFileError(
-            f"Furniture library {path} has {text!r} as modelRotation of its piece {number}: fetch it again"
-        )
-    return values
 
 
 _ENCODING = "latin-1"  # keeps any bytes
@@ -265,19 +232,15 @@ def keep_own_textures(folder: Path) -> None:
     Some have absolute paths of their creators' disks, which an importer would open here.
     """
     for path in folder.iterdir():
-        if path.suffix.lower() != ".mtl":
-            continue
-        lines = path.read_text(_ENCODING).splitlines()
-        kept = [line for line in lines if not _is_texture(line) or _is_there(folder, line)]
-        path.write_text("\n".join([*kept, ""]), _ENCODING)
+        if path.suffix.lower() == ".mtl":
+            kept = [line for line in path.read_text(_ENCODING).splitlines() if not _is_foreign(folder, line)]
+            path.write_text("\n".join([*kept, ""]), _ENCODING)
 
 
-def _is_texture(line: str) -> bool:
-    return line.strip().lower().startswith(_TEXTURES)
-
-
-def _is_there(folder: Path, line: str) -> bool:
-    """Return whether a line ends, after its options, with the name of a file in the folder."""
-    words = line.split()[1:]
-    names = (" ".join(words[start:]) for start in range(len(words)))
-    return any(Path(name).name == name and (folder / name).is_file() for name in names)
+def _is_foreign(folder: Path, line: str) -> bool:
+    """Return whether a line is of a texture, and has a path or does not end with the name of a file in the folder."""
+    if not line.strip().lower().startswith(_TEXTURES):
+        return False
+    words = line.split()
+    names = (" ".join(words[start:]) for start in range(1, len(words)))  # after options
+    return re.search(r"[/\\:]", line) is not None or not any((folder / name).is_file() for name in names)

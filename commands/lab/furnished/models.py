@@ -32,7 +32,7 @@ def library_meshes(pieces: Sequence[Piece]) -> dict[Piece, bpy.types.Mesh]:
                 if piece.library == library and piece not in meshes:
                     path = unpack_folder(archive, piece.model, Path(folder))
                     keep_own_textures(path.parent)
-                    meshes[piece] = _imported(piece, path, Path(folder))
+                    meshes[piece] = _imported(piece, path)
     return meshes
 
 
@@ -53,7 +53,7 @@ def fit_mesh(mesh: bpy.types.Mesh, size: tuple[float, float, float], turned: np.
     mesh.update()
 
 
-def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
+def _imported(piece: Piece, path: Path) -> bpy.types.Mesh:
     """Import a file as one mesh without an object; its other data is removed."""
     before = set(bpy.data.objects)
     try:
@@ -73,7 +73,7 @@ def _imported(piece: Piece, path: Path, folder: Path) -> bpy.types.Mesh:
         raise _damaged(piece)
     for material in mesh.materials:
         if material is not None:
-            _keep_own_images(material, folder)
+            _pack_images(material)
     repair_mesh(mesh)
     fit_mesh(mesh, piece.size, _Z_UP @ np.array(piece.rotation).reshape(3, 3))
     mesh.name = piece.name
@@ -87,20 +87,14 @@ def _damaged(piece: Piece) -> LibraryFileError:
     )
 
 
-def _keep_own_images(material: bpy.types.Material, folder: Path) -> None:
-    """Pack the images of a library's material; images that cannot be read are removed."""
-    nodes = material.node_tree.nodes if material.node_tree is not None else ()
+def _pack_images(material: bpy.types.Material) -> None:
+    """Pack the images of a material; images that cannot be read are removed."""
+    nodes = material.node_tree.nodes
     for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
-        image = node.image
-        if image is not None and image.packed_file is None and _is_below(image, folder) and image.has_data:
-            image.pack()
-        if image is None or image.packed_file is None:
-            material.node_tree.nodes.remove(node)
-
-
-def _is_below(image: bpy.types.Image, folder: Path) -> bool:
-    path = Path(bpy.path.abspath(image.filepath)).resolve()
-    return path.is_file() and path.is_relative_to(folder.resolve()) and bool(image.size[0])
+        if node.image is not None and node.image.size[0]:
+            node.image.pack()
+        else:
+            nodes.remove(node)
 
 
 _MOST_TURNED = 0.02  # share of the edges between two faces
