@@ -67,10 +67,12 @@ def test_only_the_models_folder_is_unpacked(tmp_path: Path) -> None:
 def test_only_textures_beside_the_model_stay(tmp_path: Path) -> None:
     """Also behind options, and with spaces in their names."""
     (tmp_path / "my wood.jpg").touch()
+    (tmp_path / "wood.jpg").touch()
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "x.png").touch()
     good = ["newmtl a", "Kd 1 1 1", "map_Kd my wood.jpg", "  map_Bump -bm 0.5 my wood.jpg"]
     wrong = ["map_Kd /etc/passwd", "map_Kd ../x.png", "MAP_d C:/x.png", "bump none.png", "map_Kd below/x.png", "map_Kd"]
+    wrong += ["map_Kd /home/my wood.jpg", "map_Kd C:\\my wood.jpg"]  # their last words are the name of a file
     (tmp_path / "a.MTL").write_text("\n".join([*good[:2], *wrong, *good[2:]]))
     keep_own_textures(tmp_path)
     assert (tmp_path / "a.MTL").read_text().splitlines() == good
