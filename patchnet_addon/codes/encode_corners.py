@@ -17,13 +17,12 @@ import numpy as np
 
 from ..network.encoders import CHANNELS, LUMINANCE, octant_matrices
 from ..network.kinds import CODE_SIZE, CORNERS
-from ..network.simd import add_product
 from ..network.weights import Weights
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
-from ..runtime.vectors import LANES, load, splat, store
+from ..runtime.vectors import LANES, add_product, load, spread, store
 from .brick import covering_node, fill_block
 
 _CHUNK = 128  # corners: their lists and sums fit a core's second cache
@@ -176,7 +175,7 @@ def _add_products(lists, numbers, panels, bias, sums):  # type: ignore[no-untype
             a, b = load(bias, first), load(bias, first + LANES)
             c, d = load(bias, first + 2 * LANES), load(bias, first + 3 * LANES)
             for index in range(len(columns)):
-                row, value = (panel * depth + np.int64(columns[index])) * _PANEL, splat(values[index])
+                row, value = (panel * depth + np.int64(columns[index])) * _PANEL, spread(values, index)
                 a = add_product(a, value, load(panels, row))
                 b = add_product(b, value, load(panels, row + LANES))
                 c = add_product(c, value, load(panels, row + 2 * LANES))
