@@ -32,8 +32,8 @@ def _ranks() -> np.ndarray:
     return ranks.astype(np.int32)
 
 
-_RANKS = _ranks()
-_PARTS = (_RANKS >= 0).sum(axis=1).astype(np.uint8)
+RANKS = _ranks()
+_PARTS = (RANKS >= 0).sum(axis=1).astype(np.uint8)
 
 
 class Brick(NamedTuple):
@@ -144,7 +144,7 @@ def _write_parts(masks, first_children, node, side, half, corner, cells):  # typ
     for z in range(2):
         for y in range(2):
             for x in range(2):
-                part = first + _RANKS[mask, x + 2 * y + 4 * z]
+                part = first + RANKS[mask, x + 2 * y + 4 * z]
                 cells[corner + half * (x + side * (y + side * z))] = max(part, EMPTY)
     return np.int64(_PARTS[mask])
 

@@ -10,7 +10,6 @@ import numpy as np
 from ..network.devices import CPU, enough_memory, found_device
 from ..network.encoders import Encoder
 from ..network.kinds import CODE_SIZE, CORNERS
-from ..network.product import PackedLayers
 from ..network.weights import Weights
 from ..octree.octree import Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
@@ -21,7 +20,7 @@ from .coded_octree import CodedOctree
 from .corner_cells import corner_cells
 from .corner_rows import COLUMNS
 from .corners import corner_ranges, find_corners, write_corner_rows
-from .encode_corners import encode_corners
+from .encode_corners import PackedLayers, encode_corners
 from .patches import corner_neighbours, voxel_blocks
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..network.compiled_layers import DIRECTION, RATIO, TILE, UP
 from ..network.kinds import CODE_SIZE
-from ..network.simd import HALF_SCALE, add_product, load_halves
 from ..runtime.kernels import device
-from ..runtime.vectors import splat, store
+from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
 from .coded_nodes import CodedNodes, coded_row
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row

@@ -11,12 +11,11 @@ import numpy as np
 from ..network.compiled_decode import DecoderLayers, decode_mixture_tile, decode_tile, empty_tile
 from ..network.compiled_layers import TILE
 from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
-from ..network.simd import HALF_SCALE, load_halves
 from ..octree.octree import LUMINANCE_SCALE
 from ..octree.side_kernels import luminance_along
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
-from ..runtime.vectors import store
+from ..runtime.vectors import HALF_SCALE, load_halves, store
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 from .fine_cells import empty_fine_list

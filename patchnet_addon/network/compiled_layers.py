@@ -12,19 +12,18 @@ import numpy as np
 
 from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
-from ..runtime.vectors import larger, store
+from ..runtime.vectors import LANES, add_product, larger, load, spread, store
 from .kinds import CODE_SIZE, OUTPUT_LOW, OUTPUT_RANGE, WIDTH_STEP
-from .simd import LANES, WIDE_LANES, add_product, load, load_wide, spread_wide
 from .simd_harmonics import store_harmonics
 from .weights import MODULATED
 
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
-OUTPUTS = WIDTH_STEP  # outputs of a layer at once: 24 registers of sums of 32, or 12 of 16
+OUTPUTS = WIDTH_STEP  # outputs of a layer at once: their sums take 12 of 16 short registers
 
 _LINE = 16  # numbers that a line of the cache holds
 DIRECTION, UP, RATIO = CODE_SIZE, CODE_SIZE + 3, CODE_SIZE + 6  # rows of inputs; the first ones are the code
 FIRST_HARMONIC = RATIO + 1
-assert TILE % WIDE_LANES == 0
+assert TILE % LANES == 0
 
 _LOG2_E = np.float32(1.4426950408889634)
 _LN2_HIGH, _LN2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)
@@ -54,24 +53,20 @@ def fill_harmonics(inputs):
 @device
 def apply_layer(inputs, depth, results, hidden, weights, bias, floor):
     """Layer with ReLU from `depth` rows of inputs to `hidden` rows of results, a multiple of `OUTPUTS`."""
-    low = spread_wide(floor, 0)
+    low = spread(floor, 0)
     for output in range(0, hidden, OUTPUTS):
-        for pixel in range(0, TILE, WIDE_LANES):
-            sum0, sum1, sum2 = spread_wide(bias, output), spread_wide(bias, output + 1), spread_wide(bias, output + 2)
-            sum3, sum4, sum5 = (
-                spread_wide(bias, output + 3),
-                spread_wide(bias, output + 4),
-                spread_wide(bias, output + 5),
-            )
+        for pixel in range(0, TILE, LANES):
+            sum0, sum1, sum2 = spread(bias, output), spread(bias, output + 1), spread(bias, output + 2)
+            sum3, sum4, sum5 = spread(bias, output + 3), spread(bias, output + 4), spread(bias, output + 5)
             weight = output * depth
             for row in range(depth):
-                values = load_wide(inputs, row * TILE + pixel)
-                sum0 = add_product(sum0, values, spread_wide(weights, weight))
-                sum1 = add_product(sum1, values, spread_wide(weights, weight + 1))
-                sum2 = add_product(sum2, values, spread_wide(weights, weight + 2))
-                sum3 = add_product(sum3, values, spread_wide(weights, weight + 3))
-                sum4 = add_product(sum4, values, spread_wide(weights, weight + 4))
-                sum5 = add_product(sum5, values, spread_wide(weights, weight + 5))
+                values = load(inputs, row * TILE + pixel)
+                sum0 = add_product(sum0, values, spread(weights, weight))
+                sum1 = add_product(sum1, values, spread(weights, weight + 1))
+                sum2 = add_product(sum2, values, spread(weights, weight + 2))
+                sum3 = add_product(sum3, values, spread(weights, weight + 3))
+                sum4 = add_product(sum4, values, spread(weights, weight + 4))
+                sum5 = add_product(sum5, values, spread(weights, weight + 5))
                 weight += OUTPUTS
             at = output * TILE + pixel
             store(results, at, larger(low, sum0))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """SIMD vectors in kernels: values with a number for each of several lanes, and their arithmetic.
 
-The compiler vectorizes simple loops, but not tree traversal. There a kernel uses explicit vectors: operators work lane
-by lane, and comparisons return a bit mask of lanes, lane 0 lowest. Processors with shorter registers use several for
-one vector. Indices are flat, into C-ordered arrays, and unchecked.
+The compiler vectorizes simple loops, but neither traverses trees so, nor keeps the sums of a matrix product in
+registers. There a kernel uses explicit vectors: operators work lane by lane, and comparisons return a bit mask of
+lanes, lane 0 lowest. Processors with shorter registers use several for one vector. Indices are flat, into C-ordered
+arrays, and unchecked.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 
 LANES = 16
 OCTANTS = 8
+
+HALF_SCALE = 2.0**112
+"""Scale of `load_halves`: the ratio of the smallest half float to a float32 of the same bits."""
 
 _MASK = types.int64
 
@@ -39,6 +43,9 @@ class VectorType(types.Type):  # type: ignore[misc]
 class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: VectorType) -> None:
         super().__init__(manager, kind, kind.ir)
+
+
+_FLOATS = VectorType(types.float32, LANES)
 
 
 def _vectors(*found: Any) -> bool:
@@ -105,6 +112,43 @@ def load(_typing: Any, array: Any, _index: Any) -> Any:
 
 
 @intrinsic
+def spread(_typing: Any, array: Any, _index: Any) -> Any:
+    """Vector of one element in every lane, faster than its `splat`: spread(array, index)."""
+    kind = VectorType(array.dtype, LANES)
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        element = builder.load(array_address(context, builder, signature, *arguments))
+        return build_splat(builder, kind, element)
+
+    return kind(array, types.intp), build
+
+
+@intrinsic
+def load_halves(_typing: Any, array: Any, _first: Any, _second: Any) -> Any:
+    """Vector of 16 half floats / `HALF_SCALE`: load_halves(array, first, second).
+
+    Eight begin at the first index, eight at the second, in an array of int16. The bits of a half float, shifted to
+    those of a float32, give a value too small by this factor; infinities become numbers. So shifts suffice, and
+    processors without half floats have the same bits.
+    """
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        eight = ir.VectorType(ir.IntType(16), 8)
+        parts = []
+        for index in arguments[1:]:
+            address = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+            parts.append(builder.load(builder.bitcast(builder.gep(address, [index]), eight.as_pointer())))
+            parts[-1].align = 2
+        integers = ir.VectorType(ir.IntType(32), 16)
+        both = builder.shuffle_vector(*parts, ir.Constant(integers, list(range(16))))
+        bits = builder.shl(builder.sext(both, integers), ir.Constant(integers, [13] * 16))
+        bits = builder.and_(bits, ir.Constant(integers, [0x8FFFFFFF] * 16))  # without the sign's copies
+        return builder.bitcast(bits, _FLOATS.ir)
+
+    return _FLOATS(array, types.intp, types.intp), build
+
+
+@intrinsic
 def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
     """Store a vector from an index on: store(array, index, vector)."""
 
@@ -115,6 +159,17 @@ def store(_typing: Any, array: Any, _index: Any, vector: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, types.intp, vector), build
+
+
+@intrinsic
+def add_product(_typing: Any, total: Any, left: Any, right: Any) -> Any:
+    """Vector total + left * right, rounded once where the processor can: add_product(total, left, right)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        total, left, right = arguments
+        return builder.fadd(total, builder.fmul(left, right, flags=("contract",)), flags=("contract",))
+
+    return total(total, left, right), build
 
 
 @intrinsic

@@ -11,13 +11,13 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ...patchnet_addon.codes.brick import MIDDLE
-from ...patchnet_addon.codes.corner_cells import empty_work, write_cells_around
+from ...patchnet_addon.codes.brick import MIDDLE, child_at
+from ...patchnet_addon.codes.corner_cells import EMPTY, word_of
 from ...patchnet_addon.codes.fine_cells import empty_fine_list, list_fine, place_fine
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
 from ...patchnet_addon.codes.mixture_inputs import set_ray
 from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, measure_cells, unpack_cells
-from ...patchnet_addon.codes.ray_frame import CELLS
+from ...patchnet_addon.codes.ray_frame import CELLS, SIDE
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
@@ -57,7 +57,7 @@ def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-
     luminances = found[2].reshape((count, MIXED))
     tile, views, listed, fine = empty_footprint_tile(), empty_values(VIEW), empty_outer_list(), empty_fine_list()
     shares, lights = empty_values(COVERING), empty_values(COVERING)
-    words, work = np.empty(CELLS, np.uint32), empty_work()
+    words = np.empty(CELLS, np.uint32)
     tree, around, linear = where
     geometry, orders = tables
     last, node = np.int64(-1), np.int64(-1)  # the voxel, and its node
@@ -71,7 +71,7 @@ def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-
             here = index // of_voxel
             if here != last:
                 own, node = tree_nodes(nodes, tree[here]), np.int64(around[here, MIDDLE])
-                write_cells_around(own, light, around[here], words, work)
+                _write_words(own, light, around[here], words)
                 inside, near = list_fine(own, light, node, direction[index], fine), 0
                 for corner in range(CORNERS):
                     near = list_cells(words, CORNERS * corner, corner, geometry, listed, near)
@@ -90,6 +90,28 @@ def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-
             gain, offset = linear[index // of_voxel, 0], linear[index // of_voxel, 1]
             for k in range(MIXED):
                 luminances[index, k] = gain * luminances[index, k] + offset
+
+
+@lean_device
+def _write_words(nodes, light, around, words):  # type: ignore[no-untyped-def]
+    """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
+
+    Cells in the voxel itself count as empty: pixels read them from the octree.
+    """
+    words[:] = EMPTY
+    for neighbour in range(27):
+        x, y, z = neighbour % 3, neighbour // 3 % 3, neighbour // 9  # 1 is the voxel's own place
+        node = np.int64(around[neighbour])
+        if node < 0 or neighbour == MIDDLE:
+            continue
+        divided = nodes.child_mask[node] != 0
+        for k in range(max(2 * z - 1, 0), min(2 * z + 1, SIDE)):
+            for j in range(max(2 * y - 1, 0), min(2 * y + 1, SIDE)):
+                for i in range(max(2 * x - 1, 0), min(2 * x + 1, SIDE)):  # cells of the 4x4x4
+                    octant = (1 - (i & 1)) | (1 - (j & 1)) << 1 | (1 - (k & 1)) << 2  # they start half a voxel before
+                    cell = child_at(nodes, node, octant) if divided else node
+                    corner, inner = (i >> 1) | (j >> 1) << 1 | (k >> 1) << 2, (i & 1) | (j & 1) << 1 | (k & 1) << 2
+                    words[CORNERS * corner + inner] = word_of(nodes, light, cell)
 
 
 @lean_device

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...network.compiled_layers import OUTPUTS, TILE, apply_layer, empty_values, exponential
-from ...network.simd import WIDE_LANES, add_product, load_wide, spread_wide
 from ...runtime.kernels import device, kernel
 from ...runtime.threads import run_parts
-from ...runtime.vectors import store
+from ...runtime.vectors import LANES, add_product, load, spread, store
 from .features import HIGHEST, LOWEST
 from .forms import CENTRE, FLOOR, Form, Kind, Plane
 from .weights import HIDDEN, Estimators
@@ -218,14 +217,14 @@ def _divide(table, features, scale):  # type: ignore[no-untyped-def]
 def _apply_last(inputs, features, network, results):  # type: ignore[no-untyped-def]
     """Last layer: e^variance + mean^2 in the first row of the results, the mean in the second."""
     last, skip, bias = network.last, network.skip, network.bias
-    for pixel in range(0, TILE, WIDE_LANES):
-        variance, mean = spread_wide(bias, 2 * HIDDEN), spread_wide(bias, 2 * HIDDEN + 1)
+    for pixel in range(0, TILE, LANES):
+        variance, mean = spread(bias, 2 * HIDDEN), spread(bias, 2 * HIDDEN + 1)
         for row in range(HIDDEN):
-            values = load_wide(inputs, row * TILE + pixel)
-            variance = add_product(variance, values, spread_wide(last, row))
-            mean = add_product(mean, values, spread_wide(last, HIDDEN + row))
+            values = load(inputs, row * TILE + pixel)
+            variance = add_product(variance, values, spread(last, row))
+            mean = add_product(mean, values, spread(last, HIDDEN + row))
         for row in range(len(skip)):
-            mean = add_product(mean, load_wide(features, row * TILE + pixel), spread_wide(skip, row))
+            mean = add_product(mean, load(features, row * TILE + pixel), spread(skip, row))
         store(results, pixel, variance)
         store(results, TILE + pixel, mean)
     for index in range(TILE):
