@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.errors import SceneError, SettingError
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.overrides import changed, object_mode
 from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
@@ -36,7 +36,7 @@ _SENSOR = 36.0  # mm
 def prepared(
     context: bpy.types.Context, camera: Camera, samples: int, seed: int, path: Path
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
-    """Copy the scene, with `camera` as its camera, and its view layer."""
+    """Copy the scene, with `camera` as its camera, and its view layer; raises SceneError, SettingError."""
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
@@ -44,9 +44,13 @@ def prepared(
         stack.enter_context(new_render_results_go())
         scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
+        size = camera.width_px, camera.height_px
+        if size != (scene.render.resolution_x, scene.render.resolution_y):
+            raise SettingError(f"Blender renders no picture of {size[0]} x {size[1]} pixels: take sides of 4 to 65,536")
         stack.enter_context(_lamps_unseen(scene))
         stack.enter_context(looking_through(scene, camera))
         layer = scene.view_layers[context.view_layer.name]
+        layer.samples = 0  # the scene's
         # Instead of use_single_layer, with which Blender 5.2 cannot render a scene of many layers twice.
         scene.render.use_single_layer = False
         for other in scene.view_layers:

@@ -137,8 +137,10 @@ def _draw_bar(
     thickness: int,
     scale: int,
 ) -> None:
-    """Draw a horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels under it."""
+    """Draw a horizontal bar of colours at row `bottom`, with evenly spaced ticks and their labels; none if narrow."""
     width = page.shape[1] - 2 * margin
+    if width < 2:
+        return
     page[bottom + scale * 2 : bottom + scale * 2 + thickness, margin : margin + width] = ramp(np.linspace(0, 1, width))
     for index, label in enumerate(ticks):
         x = margin + round(index / (len(ticks) - 1) * (width - 1))

@@ -28,12 +28,12 @@ _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
-# Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds: what lies behind is
-# often hidden, as the layer under a slab is.
-_IN_FRONT = np.exp(8.0 * np.arange(-15, 16) / 32.0)
+# Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds, where a voxel holds
+# several layers: what lies behind is hidden, as the layer under a slab is.
+_IN_FRONT = np.exp(32.0 * np.arange(-15, 16) / 32.0)
 _COLUMNS = 6  # area, luminance as quotient and remainder, normal (x, y, z); each weighted by area
 _COLOR_COLUMNS = _COLUMNS + 4  # and red and blue, each as quotient and remainder
-_CHANNELS, _COLOR_CHANNELS = 3, 5  # of a face: see `leaf_sides`
+_CHANNELS, _COLOR_CHANNELS = 4, 6  # of a face: see `leaf_sides`
 _ALL_FRONT = np.empty(0, np.int8)
 _NO_COLOR = np.empty((0, 3), np.float32)
 _NO_LIGHTS = np.empty((0, 2, 1), np.float32)
@@ -160,7 +160,7 @@ class LeafAccumulator:
         sides = None
         if self._sides:
             faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, 2, FACES, -1)
-            sides = leaf_sides(faces, row, sums, self._area_unit * _AREA_UNITS)
+            sides = leaf_sides(faces, row, sums, self._area_unit * _AREA_UNITS, unpacked(boxes))
         return keys, sums, unpacked(boxes), sides
 
 
@@ -251,8 +251,9 @@ def _add_to_faces(faces, row, weight, normal, box, light, columns):  # type: ign
         front = abs(along) * _IN_FRONT[place if along > 0.0 else len(_IN_FRONT) - 1 - place]
         faces[at] += np.float32(abs(along))
         faces[at + 1] += np.float32(front)
-        for channel in range(channels - 2):
-            faces[at + 2 + channel] += np.float32(front * light[channel])
+        faces[at + 2] += np.float32(front * light[0])
+        for channel in range(channels - 3):
+            faces[at + 3 + channel] += np.float32(abs(along) * light[channel])
 
 
 @kernel

@@ -15,6 +15,7 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..surface.chroma_kernels import decode_color, encode_shares
+from .leaf_boxes import STEPS, covered_steps
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
 from .sides import FACES
 
@@ -79,23 +80,25 @@ class SidesOfNodes(NamedTuple):
     chroma: np.ndarray
 
 
-def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float) -> LeafSides:
-    """Sides of leaves with rows (l,) of `faces` and `sums` (l, 5 or 7), as `LeafSums` holds them.
+def leaf_sides(
+    faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float, boxes: np.ndarray
+) -> LeafSides:
+    """Sides of leaves with rows (l,) of `faces`, `sums` (l, 5 or 7) as `LeafSums` holds them, and boxes (l, 3).
 
-    faces: (R, 2, 6, 3 or 5) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
-    face it, over a voxel's face, the same weighted by its place, and that times luminance, with colour also red and
-    blue. face_world: area of a voxel's face.
+    faces: (R, 2, 6, 4 or 6) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
+    face it, over a voxel's face, the same weighted by its place, that times luminance, and area times luminance, with
+    colour also red and blue. face_world: area of a voxel's face.
     """
     is_back = _hide_backs(faces)
     faces = faces[:, 0]
+    _hide_layers(faces, row, boxes)
     found = np.empty(len(row), np.bool_)
     _find_different(faces, row, sums, 1.0 / face_world, found)
     leaf = np.flatnonzero(found)
     own = faces[row[leaf]]
-    area, front = own[..., 0], own[..., 1]
-    light = np.divide(own[..., 2], front, out=np.zeros_like(front), where=front > 0)
+    area, light = own[..., 0], own[..., 1].copy()
     share = np.clip(2.0 * np.ceil(area * (_UNITS / 2.0)), 0, _UNITS - 1).astype(np.uint16) | is_back[row[leaf]]
-    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 3 else 0), np.uint8)
+    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 4 else 0), np.uint8)
     if chroma.shape[2]:
         _store_chroma(own, chroma)
     return LeafSides(leaf, light, share, chroma)
@@ -210,6 +213,24 @@ def _hide_backs(faces):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _hide_layers(faces, row, boxes):  # type: ignore[no-untyped-def]
+    """Put the luminance that faces show in place of their weighted area: as far as layers hide others, the front one's.
+
+    A single surface projects to at most the face of its box. If a layer that covers a share c of it lies before one
+    that covers all, the areas are 1 + c, and c^2 mixes the mean by area and the front layer to the light that is seen.
+    """
+    for leaf in range(len(row)):
+        covered = covered_steps(boxes, leaf)
+        for face in range(FACES):
+            values = faces[row[leaf], face]
+            if values[0] > 0.0:
+                layers = values[0] * STEPS**2 / covered[face // 2]
+                hidden = min(max(layers - 1.0, 0.0), 1.0) ** 2
+                mean, front = values[3] / values[0], values[2] / values[1]
+                values[1] = np.float32(mean + hidden * (front - mean))
+
+
+@kernel
 def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyped-def]
     """Find leaves with a side that differs from the mean by more than a share of it; exposure does not change this.
 
@@ -220,8 +241,7 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
         found[leaf] = False
         for axis in range(3):
             for face in range(2 * axis, 2 * axis + 2):
-                front = faces[at, face, 1]
-                if front > 0.0 and abs(faces[at, face, 2] / front - luminance) > luminance * _DIFFERS:
+                if faces[at, face, 0] > 0.0 and abs(faces[at, face, 1] - luminance) > luminance * _DIFFERS:
                     found[leaf] = True
             upper, lower = faces[at, 2 * axis, 0], faces[at, 2 * axis + 1, 0]
             if abs(upper - lower - sums[leaf, 2 + axis] * per_face) > _TURNED * (upper + lower):
@@ -232,7 +252,7 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
 def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
     for leaf in range(len(faces)):
         for face in range(FACES):
-            _, _, luminance, red, blue = faces[leaf, face]
+            luminance, red, blue = faces[leaf, face, 3:6]
             chroma[leaf, face, 0], chroma[leaf, face, 1] = encode_shares(float(luminance), red, blue)
 
 

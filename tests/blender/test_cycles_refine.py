@@ -18,7 +18,7 @@ from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.session import results
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
 from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -200,15 +200,17 @@ def test_scattered_pixels_are_those_of_the_whole_picture(kind: str) -> None:
     assert_same(part[mask], full[mask])
 
 
-def test_a_layer_that_overrides_materials_shows_them() -> None:
+def test_a_view_layer_overrides_materials_but_not_samples() -> None:
     build()
-    bpy.context.view_layer.material_override = bpy.data.materials.new("Grey")
-    mask = np.zeros(SIZE[::-1], bool)
+    layer = bpy.context.view_layer
+    layer.material_override = bpy.data.materials.new("Grey")
+    full, layer.samples, mask = whole_picture(), 1, np.zeros(SIZE[::-1], bool)
     mask[8:16, 10:30] = True
     with renders.pixel_renders(bpy.context, eye(), COMBINED, renders.Chosen(mask, 1.0)) as cycles:
         part = drain(cycles.picture(4, 0, "Cycles"))
-    assert_same(part[mask], whole_picture()[mask])
-    assert not part[~mask].any()
+    assert_same(part, np.where(mask[..., None], full, 0.0))
+    with pytest.raises(SettingError, match="no picture of 2 x 24 pixels"):
+        whole_picture(camera=eye().with_size(2, 24))
 
 
 def test_other_samples_of_a_kept_scene_are_those_of_a_new_one() -> None:

@@ -40,6 +40,7 @@ def test_heatmap_uses_the_configured_maximum() -> None:
     np.testing.assert_allclose(view[0, 0], colormap(np.array(0.0)), atol=1e-6)
     np.testing.assert_allclose(view[-1, -1], colormap(np.array(0.4)), atol=1e-6)
     assert page.min() >= 0.0 and page.max() <= 1.0
+    assert heatmap(priority[:, :4], 0.5, "expected luminance error").shape[1] == 16, "too narrow for a legend"
     with pytest.raises(SettingError, match="positive"):
         heatmap(priority, 0.0, "x")
 

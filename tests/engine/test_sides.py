@@ -66,27 +66,27 @@ def test_a_white_cloth_hides_the_black_table_from_above_alone(depth, pixels):
         assert seen_along_z(one, DOWN, pixels).mean() < 0.7, "one mean lets the table shine through"
 
 
+@pytest.mark.parametrize("layers", [0.1, 1.5, 4.0])
 @pytest.mark.parametrize("facing", [1, -1])
-def test_sides_of_leaves_are_those_of_the_plain_sum(facing):
-    """What lies in front counts more; backs face the other way."""
+def test_sides_of_leaves_are_those_of_the_plain_sum(facing, layers):
+    """Where there is more than one layer, what lies in front counts more; backs face the other way."""
     rng = np.random.default_rng(8)
     count, size = 4000, 1.0 / 64
     keys, triangle = rng.integers(0, 64, count).astype(np.uint64), np.arange(count, dtype=np.int32)
     ends = np.sort(rng.integers(0, 16, (count, 3, 2)), axis=2)
     boxes = ((ends[..., 0] | ends[..., 1] << 4) << np.array([0, 8, 16])).sum(axis=1).astype(np.uint32)
-    area, light = rng.uniform(0, 1e-6, count), rng.random(count).astype(np.float32)
+    area, light = rng.uniform(0, layers * 1.5e-5, count), rng.random(count).astype(np.float32)
     normals = rng.normal(size=(count, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     fragments = Fragments(keys, triangle, np.zeros((count, 2), np.float32), area, boxes=boxes)
     leaves = LeafAccumulator(size, sides=True)
     leaves.add(fragments, light, np.ones(count), normals, facing=np.full(count, facing, np.int8))
     found_keys, *_, sides = leaves.take()
-    place = (ends.sum(axis=2) - 15) / 32.0
     for row, leaf in enumerate(sides.leaf):
         here = keys == found_keys[leaf]
-        wanted_light, wanted_area = leaf_reference(area[here], facing * normals[here], place[here], light[here])
-        np.testing.assert_allclose(sides.light[row], wanted_light, rtol=1e-5)
-        np.testing.assert_allclose(sides.share[row] / 65535, wanted_area / size**2, atol=5e-5)
+        wanted_light, wanted_area = leaf_reference(area[here], facing * normals[here], ends[here], light[here], size)
+        np.testing.assert_allclose(sides.light[row], wanted_light, rtol=1e-4)
+        np.testing.assert_allclose(sides.share[row] / 65535, np.minimum(wanted_area / size**2, 1.0), atol=5e-5)
     assert len(sides.leaf) == 64
 
 

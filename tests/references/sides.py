@@ -8,19 +8,25 @@ import numpy as np
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.surface.chroma import REC709, decoded_colors
 
-FRONT = 8.0  # a fragment at a voxel's near face counts e^8 times as much as one at the far face
+FRONT = 32.0  # a fragment at a voxel's near face counts e^32 times as much as one at the far face
 
 
 def leaf_reference(
-    area: np.ndarray, normals: np.ndarray, place: np.ndarray, light: np.ndarray
+    area: np.ndarray, normals: np.ndarray, ends: np.ndarray, light: np.ndarray, size: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Luminance and projected area of the six faces of a leaf from its fragments (F,); place: (F, 3) in the voxel."""
-    faces = []
+    """Luminance and projected area of the six faces of a leaf of a side from its fragments (F,).
+
+    ends: (F, 3, 2) first and last sixteenth of their boxes.
+    """
+    faces, place = [], (ends.sum(axis=2) - 15) / 32.0
+    sides = size / 16.0 * (1 + ends[..., 1].max(axis=0) - ends[..., 0].min(axis=0))
     for axis in range(3):
         for sign in (1.0, -1.0):
             along = area * np.maximum(sign * normals[:, axis], 0.0)
             front = along * np.exp(FRONT * sign * place[:, axis])
-            faces.append((front @ light / front.sum(), along.sum()))
+            hidden = np.clip(along.sum() / (sides.prod() / sides[axis]) - 1.0, 0.0, 1.0) ** 2
+            mean, first = along @ light / along.sum(), front @ light / front.sum()
+            faces.append((mean + hidden * (first - mean), along.sum()))
     found, areas = np.array(faces).T
     return found, areas
 
