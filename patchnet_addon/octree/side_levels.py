@@ -25,6 +25,8 @@ _SEEN = 1.0 / 32.0  # of the largest visible share: smaller ones do not give a n
 # Luminance difference of a face from the node's mean that is worth its bytes. Bytes per node: nodes that differ most
 # have sides, so that an octree grows by no more than this; in small octrees, all that differ have.
 _DIFFERS, _MOST_BYTES, _FREE = 0.004, 2.9, 1 << 16
+_RARE = 3  # bits by which the difference of a back that is rarely visible counts less
+_COLUMN_LEVEL = 8  # level whose columns of voxels have one lowest surface
 _TURNED = 0.01  # of the area that faces both ways: above rounding
 _PIECE = 1 << 18  # nodes whose children's faces are held at a time
 
@@ -123,6 +125,7 @@ def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNod
     Faces of the finest level, the largest, are computed in pieces, together with their parents'.
     """
     first = np.cumsum([0, *(len(level.mask) for level in levels)])
+    lowest = _lowest([level.mask for level in levels])
     found: list[list[tuple[np.ndarray, ...]]] = [[] for _ in levels]
     depth = len(levels) - 1
     kept = _faces(levels[depth], slice(0, 0), None, exposure)
@@ -134,11 +137,11 @@ def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNod
             child = children.stop
             if level + 1 == depth:
                 below = _faces(levels[depth], children, None, exposure)
-                found[depth].append(_differing(levels[depth], children, below, int(first[depth])))
+                found[depth].append(_differing(levels[depth], children, below, lowest[depth], int(first[depth])))
             else:
                 below = _Faces(*(values[children] for values in kept))
             pieces.append(_faces(nodes, here, below, exposure))
-            found[level].append(_differing(nodes, here, pieces[-1], int(first[level])))
+            found[level].append(_differing(nodes, here, pieces[-1], lowest[level], int(first[level])))
         kept = _Faces(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
     columns = zip(*(piece for of_level in found for piece in of_level), strict=True)
     joined = [np.concatenate(column) for column in columns]
@@ -168,14 +171,34 @@ def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float
     return faces
 
 
-def _differing(level: LevelNodes, here: slice, faces: _Faces, first: int) -> tuple[np.ndarray, ...]:
+def _lowest(masks: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """For the nodes of each level, (n,) bool: they, or their ancestor of `_COLUMN_LEVEL`, have none below."""
+    place: np.ndarray = np.zeros((1, 3), np.uint16)
+    found: list[np.ndarray] = []
+    for level in range(len(masks)):
+        if level > _COLUMN_LEVEL:
+            found.append(np.repeat(found[-1], POPCOUNT[masks[level - 1]]))
+            continue
+        if level:
+            parent, octant = np.nonzero(masks[level - 1][:, None] >> np.arange(8, dtype=np.uint8) & 1)
+            place = 2 * place[parent] + (octant[:, None] >> np.arange(3) & 1).astype(np.uint16)
+        column, height = place[:, 0].astype(np.int64) << level | place[:, 1], place[:, 2]
+        floor = np.full(1 << 2 * level, height.max(), np.uint16)
+        np.minimum.at(floor, column, height)
+        found.append(height <= floor[column] + (level == _COLUMN_LEVEL))  # a slope has two in a column
+    return found
+
+
+def _differing(
+    level: LevelNodes, here: slice, faces: _Faces, lowest: np.ndarray, first: int
+) -> tuple[np.ndarray, ...]:
     """Differences (s,) uint16 of visible faces from the mean, of nodes where they are large enough; and the sides of
     these.
 
-    first: first node of the level.
+    lowest: (n,) bool, of the level's nodes; first: its first node.
     """
     difference = np.empty(len(faces.share), np.uint16)
-    run_parts(_write_difference, len(difference), faces, level.luminance[here], difference)
+    run_parts(_write_difference, len(difference), faces, level.luminance[here], lowest[here], difference)
     row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
     light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
     share, is_back = faces.share[row].astype(np.float32), faces.share[row] & 1
@@ -257,15 +280,18 @@ def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write_difference(first, last, faces, luminance, difference):  # type: ignore[no-untyped-def]
-    """Write the largest difference of visible faces of nodes from their luminance (n,)."""
+def _write_difference(first, last, faces, luminance, lowest, difference):  # type: ignore[no-untyped-def]
+    """Write the largest difference of visible faces of nodes from their luminance (n,).
+
+    A back counts less where it is black, or that of a lowest node, as of a ground.
+    """
     for node in range(first, last):
         least = _SEEN * faces.share[node].max()
         difference[node] = 0
         for face in range(FACES):
             apart = abs(np.int64(faces.light[node, face]) - np.int64(luminance[node]))
-            if faces.light[node, face] == 0 and faces.share[node, face] & 1:
-                apart >>= 3  # a black back is rarely visible
+            if faces.share[node, face] & 1 and (lowest[node] or faces.light[node, face] == 0):
+                apart >>= _RARE
             if faces.share[node, face] > least and apart > difference[node]:
                 difference[node] = apart
 

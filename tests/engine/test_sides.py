@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.octree import side_levels
 from patchnet.patchnet_addon.octree.accumulate import LeafAccumulator
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save_octree
@@ -145,6 +146,25 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
         hits = first_hits(octree, camera)
         wrong = np.abs(hits.luminance[hits.hit] - (0.0 if way[2] > 0 else 0.8)) > 0.02
         assert wrong.mean() < (0.05 if way[2] > 0 else 0.005), way  # from below the walls' edges are bright
+
+
+def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monkeypatch):
+    """Where bytes do not suffice for all: who looks up from the slope sees the sheet's back, and nobody the slope's."""
+    monkeypatch.setattr(side_levels, "_FREE", 0)
+    corners = np.concatenate([quad(-0.5, 1.2, UP), quad(0.3, 0.5, UP)])
+    corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
+    tones = np.repeat(np.array([[[0.9], [0.2]], [[0.5], [0.3]]], np.float32), 2, axis=0)
+
+    def shade(_batch, fragments):
+        lights = tones[fragments.triangle]
+        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
+
+    grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 8), np.zeros(4, np.int8)
+    mesh = TriangleMesh.from_arrays(corners)
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
+    camera = replace(along_z(UP, 128), position_world=np.array([0.0, 0.0, -0.2]))
+    np.testing.assert_allclose(first_hits(octree, camera).luminance, 0.3, atol=0.01)
+    assert len(octree.side_nodes) < 0.19 * octree.node_count
 
 
 def test_light_above_white_belongs_to_the_bright_side():
