@@ -35,6 +35,8 @@ _LOST: dict[str, frozenset[str] | None] = {
     "CAMERA": None,
     "FRESNEL": None,
     "LAYER_WEIGHT": None,
+    "BSDF_HAIR": None,
+    "BSDF_HAIR_PRINCIPLED": None,
     "HAIR_INFO": None,
     "POINT_INFO": None,
     "WIREFRAME": None,
