@@ -52,6 +52,11 @@ _DIRECT, _INDIRECT, _COLOR = (
     ("DiffCol", "Diffuse Color"),
 )
 _EMISSION = ("Emit", "Emission")
+_OTHERS = (
+    (("GlossDir", "Glossy Direct"), ("GlossInd", "Glossy Indirect"), ("GlossCol", "Glossy Color")),
+    (("TransDir", "Transmission Direct"), ("TransInd", "Transmission Indirect"), ("TransCol", "Transmission Color")),
+)
+_VOLUME = (("VolumeDir", "Volume Direct"), ("VolumeInd", "Volume Indirect"))
 _NO_DIFFUSE = 0.02  # of diffuse colour, below which a surface is glossy or clear
 
 
@@ -82,15 +87,34 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
 
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:
-    """Enable the passes that this module reads in a view layer of a copied scene."""
-    for name, value in _PASSES.items():
-        if hasattr(layer, name):
-            setattr(layer, name, value)
+    """Enable the passes that this module reads in a view layer of a copied scene.
+
+    What Fast GI adds, bakes have like Combined, but no pass of diffuse light has it.
+    """
+    passes, cycles = dict(_PASSES), layer.id_data.cycles
+    if cycles.use_fast_gi and cycles.fast_gi_method == "ADD":
+        passes |= {
+            f"use_pass_{kind}_{part}": True
+            for kind in ("glossy", "transmission", "volume")
+            for part in ("direct", "indirect", "color")
+        }
+    for name, value in passes.items():
+        for owner in (layer, layer.cycles):
+            if hasattr(owner, name):
+                setattr(owner, name, value)
 
 
 def baked_light(channels: dict[str, np.ndarray]) -> np.ndarray:
-    """(H, W, 3) float32, linear and unexposed: diffuse light and emission from a file of all passes."""
+    """(H, W, 3) float32, linear and unexposed: diffuse light and emission from a file of all passes.
+
+    Of a scene with added Fast GI it is what gloss and volumes leave of Combined, reflections of the addition included.
+    """
     layers = _layers(channels)
+    if (_VOLUME[0][0], "R") in layers or (_VOLUME[0][1], "R") in layers:
+        left = _color(layers, ("Combined",)) - sum(_color(layers, names) for names in _VOLUME)
+        for direct, indirect, color in _OTHERS:
+            left = left - (_color(layers, direct) + _color(layers, indirect)) * _color(layers, color)
+        return np.maximum(np.nan_to_num(left), np.float32(0.0))
     diffuse = (_color(layers, _DIRECT) + _color(layers, _INDIRECT)) * _color(layers, _COLOR)
     return np.nan_to_num(diffuse + _color(layers, _EMISSION))
 
