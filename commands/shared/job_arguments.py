@@ -127,10 +127,7 @@ def _importance(args: argparse.Namespace) -> Importance | None:
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Values of the arguments of `add_settings`, by their flat names in `JobSettings`.
-
-    A note names those of a bake with light that is not baked, which scripts may always pass.
-    """
+    """Values of the arguments of `add_settings`, by their flat names in `JobSettings`; notes those without effect."""
     from ...operators.schema.setting import Kind
     from ...operators.schema.table import IMPORTANCE, LIGHT, TABLE
 
