@@ -40,6 +40,7 @@ LOST = [
     ("AmbientOcclusion", {"inside": True}),
     ("AmbientOcclusion", {"only_local": True}),
     ("Bevel", {}),
+    ("BsdfRayPortal", {}),
     ("LightPath", {"output": "Ray Length"}),
     ("TexCoord", {"output": "Reflection"}),
     ("VectorTransform", {"convert_from": "WORLD", "convert_to": "CAMERA"}),

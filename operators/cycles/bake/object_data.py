@@ -37,6 +37,7 @@ _LOST: dict[str, frozenset[str] | None] = {
     "LAYER_WEIGHT": None,
     "BSDF_HAIR": None,
     "BSDF_HAIR_PRINCIPLED": None,
+    "BSDF_RAY_PORTAL": None,
     "HAIR_INFO": None,
     "POINT_INFO": None,
     "WIREFRAME": None,
