@@ -55,6 +55,7 @@ def main(
     try:
         log.set_up(_log_format(words), level)
         args = make_parser(names, program).parse_args(words)
+        args.words = words
         log.start(args.command, arguments=words)
         with prompt_interrupt():
             return int(args.run(args))

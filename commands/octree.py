@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime import bounds
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
-from .shared.arguments import add_number, add_out
+from .shared.arguments import add_number, add_out, is_given
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
 from .shared.job_arguments import add_settings, depth_of, given_settings, require_blender
 from .shared.lines import make_parent, say_exposure, say_note, say_result
@@ -159,6 +159,8 @@ def _check(args: argparse.Namespace) -> None:
         depth_of(args.depth, (FIT,))
         if args.view:
             raise SettingError(f"--view requires --depth {FIT}: omit it with another depth")
+        if is_given(args, "--size"):
+            raise SettingError("--size requires --view, of whose pictures it is the size: omit it")
     elif not args.view:
         raise SettingError(f"--depth {FIT} needs at least one --view to fit to")
     elif args.rotate:

@@ -24,6 +24,12 @@ def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **
     parser.add_argument(flag, type=partial(bounds.read, what=flag), **others)
 
 
+def is_given(args: argparse.Namespace, flag: str) -> bool:
+    """Return whether an option is among the words of the command, also as its --no- form or abbreviated."""
+    words = [word.partition("=")[0] for word in getattr(args, "words", ()) if word.startswith("--")]
+    return any(form.startswith(word) for word in words for form in (flag, f"--no{flag[1:]}"))
+
+
 def add_device(parser: argparse._ActionsContainer, text: str) -> None:
     """Add `--device`: auto, cpu, cuda or cuda:N; others raise SettingError, which argparse passes on."""
     parser.add_argument(

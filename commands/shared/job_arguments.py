@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ...patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
-from .arguments import add_device, add_number
+from .arguments import add_device, add_number, is_given
+from .lines import say_note
 
 if TYPE_CHECKING:
     from ...operators.importance.painted import Importance
@@ -96,6 +97,8 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
     from ...operators.schema.table import SELECTED, VISIBLE
     from ...operators.settings.job_settings import JobSettings
 
+    if args.spp is not None and is_given(args, "--refined-samples"):
+        raise SettingError("--spp and --refined-samples exclude each other: omit one of them")
     return JobSettings.of(
         **given_settings(args),
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
@@ -124,15 +127,17 @@ def _importance(args: argparse.Namespace) -> Importance | None:
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Values of the arguments of `add_settings`, by their flat names in `JobSettings`."""
+    """Values of the arguments of `add_settings`, by their flat names in `JobSettings`; notes those without effect."""
     from ...operators.schema.setting import Kind
-    from ...operators.schema.table import IMPORTANCE, TABLE
+    from ...operators.schema.table import IMPORTANCE, LIGHT, TABLE
 
     found = {}
     for row in TABLE.values():
         name = row.argument.removeprefix("--").replace("-", "_")
         if not name or not hasattr(args, name) or row.stage == IMPORTANCE:  # sources form one value
             continue
+        if row.stage == LIGHT and not row.counts(args) and is_given(args, row.argument):
+            say_note(f"{row.argument} has no effect with --light {args.light}")
         value = getattr(args, name)
         if row.name == "memory" and value is not None:
             value = round(value * 2**30)
@@ -160,14 +165,17 @@ def _add_cycles(parser: argparse.ArgumentParser) -> None:
         "highest priority, that Cycles renders (none)",
     )  # fmt: skip
     add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
+    group.set_defaults(cycles_samples=None, cycles_light=None)  # those of CyclesSettings
 
 
 def _cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:
     """Cycles settings, None without a budget; raises SettingError for values outside their range."""
     from ...operators.settings.cycles_settings import CyclesSettings
 
+    given = {name: getattr(args, f"cycles_{name}") for name in ("budget", "samples", "light", "compare")}
+    given = {name: value for name, value in given.items() if value is not None and value is not False}
     if args.cycles_budget is not None:
-        return CyclesSettings(args.cycles_budget, args.cycles_samples, args.cycles_light, args.cycles_compare)
-    if args.cycles_compare:
-        raise SettingError("--cycles-compare requires --cycles-budget: add it")
+        return CyclesSettings(**given)
+    if given:
+        raise SettingError(f"--cycles-{next(iter(given))} requires --cycles-budget: add it")
     return None

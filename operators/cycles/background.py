@@ -79,6 +79,8 @@ def seen_world(depsgraph: bpy.types.Depsgraph, *, baked: bool, daylight: bool | 
     if baked and (not has_light(depsgraph) if daylight is None else daylight):
         return SeenWorld(DAYLIGHT, None, frame)
     world = getattr(depsgraph.view_layer, "world_override", None) or scene.world
+    if not depsgraph.view_layer.use_sky:
+        world = None
     if world is not None:  # the graph of a render names the original
         world = world.original.evaluated_get(depsgraph)
     return SeenWorld(world_color(world), world, frame)

@@ -36,21 +36,14 @@ def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> S
     return first, second
 
 
-_PASSES = {
-    "use_pass_combined": True,
-    "use_pass_z": True,
-    "use_pass_normal": True,
-    "use_pass_diffuse_direct": True,
-    "use_pass_diffuse_indirect": True,
-    "use_pass_diffuse_color": True,
-    "use_pass_emit": True,
-}
-# Blender 4.5's name of a pass, Blender 5's.
-_DIRECT, _INDIRECT, _COLOR = (
-    ("DiffDir", "Diffuse Direct"),
-    ("DiffInd", "Diffuse Indirect"),
-    ("DiffCol", "Diffuse Color"),
-)
+_PASSES = (
+    "use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_diffuse_direct", "use_pass_diffuse_indirect",
+    "use_pass_diffuse_color", "use_pass_emit",
+)  # fmt: skip
+# What Fast GI adds is in Combined and in bakes, but in no pass: it is what these passes leave of Combined.
+_OTHERS = [f"use_pass_{kind}_{part}" for kind in ("glossy", "transmission", "volume")
+           for part in ("direct", "indirect", "color")]  # fmt: skip
+_COLOR = ("DiffCol", "Diffuse Color")  # Blender 4.5's name of a pass, Blender 5's
 _EMISSION = ("Emit", "Emission")
 _NO_DIFFUSE = 0.02  # of diffuse colour, below which a surface is glossy or clear
 
@@ -83,16 +76,30 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:
     """Enable the passes that this module reads in a view layer of a copied scene."""
-    for name, value in _PASSES.items():
-        if hasattr(layer, name):
-            setattr(layer, name, value)
+    cycles = layer.id_data.cycles
+    others = _OTHERS if cycles.use_fast_gi and cycles.fast_gi_method == "ADD" else ()
+    for name in (*_PASSES, *others):
+        for owner in (layer, layer.cycles):
+            if hasattr(owner, name):
+                setattr(owner, name, True)
 
 
 def baked_light(channels: dict[str, np.ndarray]) -> np.ndarray:
     """(H, W, 3) float32, linear and unexposed: diffuse light and emission from a file of all passes."""
     layers = _layers(channels)
-    diffuse = (_color(layers, _DIRECT) + _color(layers, _INDIRECT)) * _color(layers, _COLOR)
-    return np.nan_to_num(diffuse + _color(layers, _EMISSION))
+    if any(name.startswith("Volume") for name, _ in layers):  # those of _OTHERS are there
+        others = _reflected(layers, "Gloss", "Glossy") + _reflected(layers, "Trans", "Transmission")
+        left = _color(layers, ("Combined",)) - others - _arriving(layers, "Volume", "Volume")
+        return np.maximum(np.nan_to_num(left), np.float32(0.0))
+    return np.nan_to_num(_reflected(layers, "Diff", "Diffuse") + _color(layers, _EMISSION))
+
+
+def _reflected(layers: dict[tuple[str, ...], np.ndarray], old: str, new: str) -> np.ndarray:
+    return _arriving(layers, old, new) * _color(layers, (f"{old}Col", f"{new} Color"))
+
+
+def _arriving(layers: dict[tuple[str, ...], np.ndarray], old: str, new: str) -> np.ndarray:
+    return _color(layers, (f"{old}Dir", f"{new} Direct")) + _color(layers, (f"{old}Ind", f"{new} Indirect"))
 
 
 def baked_light_with_gloss(channels: dict[str, np.ndarray]) -> np.ndarray:

@@ -84,7 +84,7 @@ class SceneFingerprint:
         inputs are covered), single files of image sequences, and children of particle hair beyond their settings.
         """
         digest, scene, layer = Digest(), self._depsgraph.scene, self._depsgraph.view_layer
-        digest.text(scene.frame_current_final)
+        digest.text(scene.frame_current_final, layer.use_sky, layer.use_strand, layer.use_volumes)
         digest.block(scene.world)
         for settings in (scene.cycles, scene.render, layer.cycles):
             digest.struct(settings, _OUTPUT)

@@ -22,6 +22,7 @@ _SHARP = 0.25  # roughness below which a reflection is sharp and depends on the 
 _CLEAR = 0.5  # least transmitted share of light of a clear pane
 _FRESNEL = 0.04  # of glass at normal incidence
 _METALS = frozenset({"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"})
+_HAIR = frozenset({"BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"})  # light along strands depends on the view, rough or not
 _CLEAR_ONES = frozenset({"BSDF_GLASS", "BSDF_REFRACTION"})
 
 
@@ -105,6 +106,8 @@ class _Walk:
         if kind in _CLEAR_ONES:
             passes = self._color(found.input("Color")) * (1.0 - _FRESNEL)
             return Gloss(glossy=_FRESNEL, clear=passes, roughness=self._roughness(found))
+        if kind in _HAIR or (kind == "BSDF_TOON" and found.node.component == "GLOSSY"):
+            return Gloss(glossy=self._color(found.input("Color")) if "Color" in found.node.inputs else 0.5)
         if kind in ("BSDF_TRANSPARENT", "HOLDOUT"):
             return Gloss()
         return Gloss(diffuse=0.8)

@@ -44,19 +44,23 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     """
     if scope not in _NOTHING:
         raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
-    reader = _Reader(depsgraph.scene.frame_current_final, hair=depsgraph.view_layer.use_strand)
+    layer = depsgraph.view_layer
+    reader = _Reader(depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid)
     with render_geometry(depsgraph):
         for instance in shown_instances(depsgraph, scope, chosen):
             reader.add(instance)
     parts, notes = reader.parts()
     notes += reader.left_out()
+    if not layer.use_solid:  # bakes of Cycles take all meshes
+        notes.append(f"View layer '{layer.name}' shows no Surfaces: meshes have no voxels, but still shadow hair")
     if not parts:
         raise EmptySelectionError(". ".join([_NOTHING[scope], *notes, *missing_libraries()]))
     readings, gloss = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
     warnings += _partly_transparent([reading.material for reading in readings])
-    warnings += notes + _unlike_renders(depsgraph) + _not_found(reader.instance_reader.unknown)
+    warnings += notes + _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
+    warnings += _not_found(reader.instance_reader.unknown)
     warnings += [reading.note for reading in readings if reading.note]
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
@@ -71,10 +75,17 @@ def _partly_transparent(materials: Sequence[Material]) -> list[str]:
     return [f"{begun} {what}; Refine with Cycles shows it"] if begun else []
 
 
-def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
-    """Sentences about differences to Cycles."""
-    said = []
-    if behind := depsgraph.scene.background_set:
+def _unlike_renders(depsgraph: bpy.types.Depsgraph, names: set[str]) -> list[str]:
+    """Sentences about differences to Cycles, of the voxelized objects `names`."""
+    scene, said = depsgraph.scene, []
+    items = [item for item in bpy.data.objects if item.name in names and hasattr(item, "cycles")]
+    if diced := named_list(item.name for item in items if _is_diced(item, scene)):
+        said.append(f"Adaptive Subdivision of {diced} is left out: raise Levels Render, which voxels have")
+    kinds = ("use_camera_cull", "use_distance_cull") if scene.render.use_simplify and items else ()
+    on = [name for name in kinds if getattr(scene.cycles, name)]
+    if culled := named_list(item.name for item in items if any(getattr(item.cycles, name) for name in on)):
+        said.append(f"Voxels show {culled} everywhere, also where Culling of Simplify leaves it out: turn that off")
+    if behind := scene.background_set:
         said.append(
             f"Objects of the background scene '{behind.name}' are left out of the voxels, though Cycles shows them: "
             "link its collections into this scene"
@@ -87,6 +98,16 @@ def _unlike_renders(depsgraph: bpy.types.Depsgraph) -> list[str]:
     if asking and depsgraph.mode != "RENDER":
         said.append(f"Geometry nodes {', '.join(asking)} ask Is Viewport, and are voxelized as a viewport shows them")
     return said
+
+
+def _is_diced(item: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Return whether Cycles subdivides an object by its distance; Blender 4.5 has this among experimental features."""
+    last = item.modifiers[-1] if item.modifiers else None
+    if last is None or last.type != "SUBSURF" or not last.show_render:
+        return False
+    trial = getattr(scene.cycles, "feature_set", "") == "EXPERIMENTAL"
+    old = trial and getattr(item.cycles, "use_adaptive_subdivision", False)
+    return bool(getattr(last, "use_adaptive_subdivision", old))
 
 
 def _not_found(names: set[str]) -> list[str]:
@@ -109,11 +130,11 @@ class _Placed(NamedTuple):
 class _Reader:
     """Collector of instances; each mesh and each material once.
 
-    hair: whether the view layer shows strands.
+    hair, solid: whether the view layer shows strands, and meshes.
     """
 
-    def __init__(self, frame: float, *, hair: bool = True) -> None:
-        self._hair = hair
+    def __init__(self, frame: float, *, hair: bool = True, solid: bool = True) -> None:
+        self._hair, self._solid = hair, solid
         self.material_names: dict[str, int] = {}
         self.light_links = LightLinks()
         self.instance_reader = InstanceReader(frame)
@@ -128,7 +149,8 @@ class _Reader:
         layers = self._needs_of(item)[0]
         shared = item.data and item.data.as_pointer(), layers  # objects with the same key share a mesh
         if shows_mesh(instance):
-            self._add(instance, shared, partial(_read_mesh, instance, layers))
+            if self._solid:
+                self._add(instance, shared, partial(_read_mesh, instance, layers))
         elif shows_itself(instance) and item.type in STRANDS and (self._hair or item.type != "CURVES"):
             self._add(instance, shared, partial(read_strands, item, layers))
         elif shows_itself(instance) and item.type in LEFT_OUT:

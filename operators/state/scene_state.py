@@ -244,7 +244,8 @@ def _unreported(item: bpy.types.Object) -> Iterator[object]:
 def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
     """Settings of Cycles, and overrides of the view layer."""
     surface, light = OwnDigest(), OwnDigest()
-    surface.text(layer.use_strand)
+    surface.text(layer.use_strand, layer.use_solid)
+    light.text(layer.use_sky, layer.use_volumes)
     light.block(scene.world)
     for owner, keys in ((scene.render, _OF_RENDERS), (getattr(scene, "cycles", None), _OF_CYCLES)):
         light.text(*(getattr(owner, key, None) for key in keys))

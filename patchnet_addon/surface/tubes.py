@@ -40,7 +40,8 @@ def tubes(points: np.ndarray, radii: np.ndarray, first: np.ndarray, sides: int) 
     vertices = (points[:, None] + around * wide[:, None, None]).reshape(-1, 3)
     side, ring = np.arange(sides), np.arange(count)[:, None] * sides
     a, b = ring + side, ring + (side + 1) % sides
-    walls = np.stack([a, b, b + sides, a, b + sides, a + sides], axis=-1)[segments(first)]
+    # From its first corner both edges of a triangle lead along the strand, whose direction hair shaders take from them.
+    walls = np.stack([b + sides, a, b, a, b + sides, a + sides], axis=-1)[segments(first)]
     fan = np.stack([np.zeros(sides - 2, int), side[1:-1], side[2:]], axis=-1)
     tips, roots = ring[first[1:] - 1][:, None] + fan, ring[first[:-1]][:, None] + fan[:, [0, 2, 1]]
     triangles = np.concatenate([each.reshape(-1, 3) for each in (walls, tips, roots)])

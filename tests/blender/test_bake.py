@@ -8,6 +8,7 @@ from mathutils import Euler, Vector
 
 from patchnet.operators.cycles.bake import bake, bake_luminance, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
+from patchnet.operators.cycles.bake.page_mesh import geometric_normals
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
@@ -80,11 +81,7 @@ def test_closed_box_under_the_sun_is_lambertian() -> None:
     source, atlas = baked()
     towards = np.array(light.matrix_world.to_3x3() @ Vector((0, 0, 1)))
     (batch,) = source.batches()
-    normals = np.cross(
-        batch.corners_world[:, 1] - batch.corners_world[:, 0], batch.corners_world[:, 2] - batch.corners_world[:, 0]
-    )
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    expected = np.maximum(normals @ towards, 0.0) * 3.0 * 0.5 / np.pi
+    expected = np.maximum(geometric_normals(batch.corners_world) @ towards, 0.0) * 3.0 * 0.5 / np.pi
     values = shaded(source, atlas)["Cube"]
     np.testing.assert_allclose(values, np.broadcast_to(expected[:, None], values.shape), atol=1e-3)
 

@@ -40,6 +40,7 @@ LOST = [
     ("AmbientOcclusion", {"inside": True}),
     ("AmbientOcclusion", {"only_local": True}),
     ("Bevel", {}),
+    ("BsdfRayPortal", {}),
     ("LightPath", {"output": "Ray Length"}),
     ("TexCoord", {"output": "Reflection"}),
     ("VectorTransform", {"convert_from": "WORLD", "convert_to": "CAMERA"}),
@@ -71,10 +72,7 @@ def test_what_is_kept_is_not(kind: str, settings: dict) -> None:
 
 @pytest.mark.parametrize(
     "surface",
-    [
-        ("SubsurfaceScattering", {"Scale": 0.3}),
-        ("BsdfPrincipled", {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.3}),
-    ],
+    [("SubsurfaceScattering", {"Scale": 0.3}), ("BsdfPrincipled", {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.3})],
 )
 def test_scattering_under_surfaces_on_several_pages(surface: tuple[str, dict], monkeypatch: pytest.MonkeyPatch) -> None:
     kind, inputs = surface

@@ -161,18 +161,8 @@ def test_glass_is_see_through_unless_it_is_all_there_is() -> None:
 
 def test_regions_by_cycles_show_metals_as_the_voxels_do() -> None:
     """Where there is no diffuse colour, all light: the other pixel has gloss, too, and shows its diffuse light."""
-    values = {
-        "Combined": (0.9, 0.7),
-        "DiffDir": (0.0, 0.5),
-        "DiffInd": (0.0, 0.5),
-        "DiffCol": (0.0, 0.4),
-        "Emit": (0, 0),
-    }
-    channels = {
-        f"ViewLayer.{name}.{letter}": np.array([pixels], np.float32)
-        for name, pixels in values.items()
-        for letter in "RGB"
-    }
+    values = {"Combined": (0.9, 0.7), "DiffDir": (0, 0.5), "DiffInd": (0, 0.5), "DiffCol": (0, 0.4), "Emit": (0, 0)}
+    channels = {f"ViewLayer.{name}.{c}": np.array([two], np.float32) for name, two in values.items() for c in "RGB"}
     np.testing.assert_allclose(baked_light(channels)[0, :, 0], [0.0, 0.4])
     np.testing.assert_allclose(baked_light_with_gloss(channels)[0, :, 0], [0.9, 0.4])
 

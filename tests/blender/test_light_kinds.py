@@ -62,6 +62,17 @@ def test_environment_picture(tmp_path: Path) -> None:
     assert_agrees(compare(512), contrast=0.3)
 
 
+@pytest.mark.parametrize("method", ["REPLACE", "ADD"])
+def test_fast_gi(method: str) -> None:
+    """What it adds is in no pass of diffuse light."""
+    slab()
+    pane("Roof", grey())
+    world()
+    cycles, light = bpy.context.scene.cycles, bpy.context.scene.world.light_settings
+    cycles.use_fast_gi, cycles.fast_gi_method, light.distance, light.ao_factor = True, method, 1.0, 0.7
+    assert_agrees(compare(256), contrast=0.1)
+
+
 def transparent_pane(kind: str) -> bpy.types.Material:
     """Materials that let light through, each in its way."""
     if kind == "holes":

@@ -14,6 +14,7 @@ from patchnet.operators.scene.materials import read_material
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.session import results
 from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.engine_scene import build_for_engine
 from patchnet.tests.blender.job_scene import box, build
 from patchnet.tests.blender.objects import collection_instance, geometry_nodes, moved_to
@@ -100,6 +101,26 @@ def test_geometry_nodes_that_ask_for_the_viewport_are_named() -> None:
     bpy.context.view_layer.update()
     (warning,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
     assert warning.startswith("Geometry nodes 'Two Faces' ask Is Viewport")
+
+
+def test_what_is_not_as_cycles_shows_it_is_named(small: bpy.types.Scene) -> None:
+    """Adaptive Subdivision, culling, and a view layer without Surfaces."""
+    lath, cycles = bpy.data.objects["Lath 0"], small.cycles
+    modifier = lath.modifiers.new("Finer", "SUBSURF")
+    owner = modifier if hasattr(modifier, "use_adaptive_subdivision") else lath.cycles
+    owner.use_adaptive_subdivision = small.render.use_simplify = True
+    if owner is not modifier:
+        cycles.feature_set = "EXPERIMENTAL"
+    cycles.use_camera_cull = lath.cycles.use_camera_cull = lath.cycles.use_distance_cull = True
+    bpy.context.view_layer.update()
+    graph = bpy.context.evaluated_depsgraph_get()
+    finer, culled = read_scene(graph).warnings
+    assert finer.startswith("Adaptive Subdivision of 'Lath 0'") and culled.startswith("Voxels show 'Lath 0' everywhere")
+    modifier.show_render = cycles.use_camera_cull = False
+    assert read_scene(graph).warnings == []
+    bpy.context.view_layer.use_solid = False
+    with pytest.raises(EmptySelectionError, match="View layer 'ViewLayer' shows no Surfaces"):
+        read_scene(graph)
 
 
 def test_objects_of_a_background_scene_are_mentioned(small: bpy.types.Scene) -> None:

@@ -30,17 +30,17 @@ def test_run_writes_what_it_promises(
     scene_file: Path, tmp_path: Path, weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert (
-        run(scene_file, out, weights, "--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5", "--reference")
-        == 0
-    )
+    words = ["--cameras", "all", "--strategy", "ss-variance", "--budget", "0.5", "--reference", "--no-denoise"]
+    assert run(scene_file, out, weights, *words, "--gloss=auto") == 0
     report = json.loads((out / "report.json").read_text())
     assert report["strategy"] == "ss-variance"
     assert [frame["camera"] for frame in report["frames"]] == ["Eye"]
     assert report["frames"][0]["budget"] == 0.5
     assert {"nodes", "leaves", "bytes", "depth"} <= set(report["octree"])
-    printed = capsys.readouterr().out
-    assert "ss-variance" in printed and "Octree: depth 5" in printed and "Fra:" not in printed
+    printed, noted = capsys.readouterr()
+    assert all(f"Note: {flag} has no effect with --light two-lights" in noted for flag in ("--denoise", "--gloss"))
+    assert "--samples has" not in noted and "Fra:" not in printed
+    assert "ss-variance" in printed and "Octree: depth 5" in printed
     assert f"Results are in {out}: look at {out / 'overview.png'}" in printed and (out / "overview.png").is_file()
     for name, error in report["frames"][0]["mse"].items():
         assert f"  {name:<24} {error_text(error):>6}  {STRATEGIES[name].cost}" in printed
@@ -111,17 +111,15 @@ def test_bad_scenes_end_with_one_sentence(
         (["--cameras", "Nobody"], "'Eye'"),
         (["--colormap", "jet"], "viridis"),
         (["--exposure=0"], "--exposure 0.0 is outside"),
+        (["--cycles-samples", "64"], "--cycles-samples requires --cycles-budget"),
+        (["--cycles-light", "diffuse"], "--cycles-light requires --cycles-budget"),
+        (["--spp", "4", "--refined-samples", "64"], "exclude each other"),
     ],
 )
 def test_bad_arguments_end_with_one_sentence(
-    arguments: list[str],
-    message: str,
-    scene_file: Path,
-    tmp_path: Path,
-    weights: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    arguments: list[str], message: str, scene_file: Path, tmp_path: Path, weights: Path,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     monkeypatch.setattr("patchnet.patchnet_addon.lod.depth.available_memory", lambda: 1 << 30)
     assert run(scene_file, tmp_path / "out", weights, *arguments) == 2
     assert_one_sentence(capsys.readouterr().err, message)
@@ -162,6 +160,7 @@ def assert_one_sentence(text: str, message: str) -> None:
         (["--depth", "fit"], "--view"),
         (["--depth", "7", "--view", "1", "0", "0", "0", "0", "0"], "--view"),
         (["--depth", "deep"], "'deep'"),
+        (["--depth", "7", "--size", "64", "48"], "--size requires --view"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
         (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
         (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is not an axis"),

@@ -143,8 +143,7 @@ def test_mix_with_transparent_groups_reroutes_and_muted_nodes() -> None:
     tree.links.new(muted.outputs[0], reroute.inputs[0])
     tree.links.new(reroute.outputs[0], user.inputs[0])
     tree.links.new(node.outputs[0], user.inputs[1])
-    output = next(each for each in tree.nodes if each.type == "OUTPUT_MATERIAL")
-    tree.links.new(user.outputs[0], output.inputs["Surface"])
+    tree.links.new(user.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
     result, warning = read(material)
     assert warning is None
     assert result.base_color == pytest.approx((0.2, 0.4, 0.6))
@@ -153,14 +152,10 @@ def test_mix_with_transparent_groups_reroutes_and_muted_nodes() -> None:
 
 def test_diffuse_plus_emission_and_no_shader() -> None:
     material, _ = principled()
-    tree = material.node_tree
-    diffuse = add(material, "ShaderNodeBsdfDiffuse", Color=(0.3, 0.3, 0.3, 1))
-    emission = add(material, "ShaderNodeEmission", Color=(1, 1, 0, 1), Strength=2.0)
-    both = add(material, "ShaderNodeAddShader")
-    tree.links.new(diffuse.outputs[0], both.inputs[0])
-    tree.links.new(emission.outputs[0], both.inputs[1])
-    output = next(each for each in tree.nodes if each.type == "OUTPUT_MATERIAL")
-    tree.links.new(both.outputs[0], output.inputs["Surface"])
+    tree, both = material.node_tree, add(material, "ShaderNodeAddShader")
+    link(material, add(material, "ShaderNodeBsdfDiffuse", Color=(0.3, 0.3, 0.3, 1)).outputs[0], both.inputs[0])
+    link(material, add(material, "ShaderNodeEmission", Color=(1, 1, 0, 1), Strength=2.0).outputs[0], both.inputs[1])
+    link(material, both.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
     result, _ = read(material)
     assert result.base_color == pytest.approx((0.3, 0.3, 0.3))
     assert result.emission == pytest.approx((2.0, 2.0, 0.0))
@@ -213,6 +208,16 @@ def test_what_is_not_understood_is_said_once() -> None:
     assert "opacity" in note and "base color" in color_note and "vertex colors" in color_note
 
 
+@pytest.mark.parametrize(("kind", "said"), [("TILED", "which is tiled"), ("SEQUENCE", "whose frames are not read")])
+def test_opacity_by_many_pictures_is_said(kind: str, said: str) -> None:
+    material, node = principled("Leaf")
+    picture = image("Leaf", PIXELS)
+    picture.source = kind
+    link(material, texture(material, picture).outputs["Alpha"], node.inputs["Alpha"])
+    result, note, _ = read_material(material, ImageReader())
+    assert result.alpha == 1.0 and f"its opacity depends on image 'Leaf', {said}" in str(note)
+
+
 def test_missing_images_are_said(tmp_path: Path) -> None:
     lost = image("Gone", PIXELS)
     lost.filepath_raw, lost.file_format = str(tmp_path / "gone.png"), "PNG"
@@ -241,17 +246,12 @@ def write_gltf(path: Path, materials: list[dict], pixels: np.ndarray) -> None:
     picture.save()
     content = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
     document = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
+        "asset": {"version": "2.0"}, "scene": 0,
         "scenes": [{"nodes": list(range(len(materials)))}],
         "nodes": [{"mesh": index, "translation": [2 * index, 0, 0]} for index in range(len(materials))],
-        "meshes": [
-            {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": index}]}
-            for index in range(len(materials))
-        ],
-        "materials": materials,
-        "textures": [{"source": 0}],
-        "images": [{"uri": "pixels.png"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": index}]}
+                   for index in range(len(materials))],
+        "materials": materials, "textures": [{"source": 0}], "images": [{"uri": "pixels.png"}],
         "buffers": [{"byteLength": len(data), "uri": content}],
         "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
         "accessors": [
@@ -294,9 +294,8 @@ def test_gltf_importers_materials(tmp_path: Path) -> None:
     assert found["Mask"].alpha_threshold == pytest.approx(0.3)
     assert found["Blend"].alpha_threshold == 0.5
     np.testing.assert_allclose(found["Blend"].alpha_texture.pixels[..., 0], alpha * 0.5, atol=1e-5)
-    cut = (
-        found["Half mask"].alpha_texture.pixels[..., 0] * found["Half mask"].alpha >= found["Half mask"].alpha_threshold
-    )
+    half = found["Half mask"]
+    cut = half.alpha_texture.pixels[..., 0] * half.alpha >= half.alpha_threshold
     np.testing.assert_array_equal(cut, alpha * 0.5 >= 0.25)
     assert found["Lamp"].emission == pytest.approx((1.0, 0.5, 0.0))
     batch = next(source.batches())

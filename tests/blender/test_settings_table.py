@@ -10,12 +10,7 @@ from patchnet.operators.render_engine.frame_octree import surface_key
 from patchnet.operators.schema.setting import Effect
 from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, rows
 from patchnet.operators.settings.cycles_settings import CyclesSettings
-from patchnet.operators.settings.groups import (
-    ComputeSettings,
-    LightSettings,
-    SurfaceSettings,
-    ViewSettings,
-)
+from patchnet.operators.settings.groups import ComputeSettings, LightSettings, SurfaceSettings, ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings, recorded
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.job_scene import build

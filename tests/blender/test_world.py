@@ -24,16 +24,8 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, rendered
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.worlds import (
-    SIZE,
-    backdrop,
-    camera_of,
-    gradient,
-    nodes_of_world,
-    photograph,
-    shown_by_cycles,
-    sky,
-)
+from patchnet.tests.blender.shaders import world
+from patchnet.tests.blender.worlds import SIZE, backdrop, camera_of, gradient, photograph, shown_by_cycles, sky
 
 
 def seen_by(camera: Camera) -> np.ndarray:
@@ -68,6 +60,8 @@ def test_a_world_that_cameras_do_not_see_is_black(scene: bpy.types.Scene) -> Non
     gradient(scene)
     scene.world.cycles_visibility.camera = False
     camera = camera_of(scene)
+    assert not seen_by(camera).any() and not shown_by_cycles(camera, 1).any()
+    scene.world.cycles_visibility.camera, bpy.context.view_layer.use_sky = True, False
     assert not seen_by(camera).any() and not shown_by_cycles(camera, 1).any()
 
 
@@ -188,6 +182,6 @@ def test_the_engine_renders_the_world_and_follows_film(registered: None, weights
 
 
 def test_a_plain_colour_needs_no_cycles(scene: bpy.types.Scene) -> None:
-    _, shine = nodes_of_world(scene)
+    shine = world().nodes["Background"]
     shine.inputs["Color"].default_value, shine.inputs["Strength"].default_value = (0.1, 0.2, 0.4, 1.0), 0.5
     np.testing.assert_allclose(world_color(scene.world), (0.05, 0.1, 0.2), rtol=1e-6)
