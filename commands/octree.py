@@ -37,10 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--color", action=argparse.BooleanOptionalAction, default=False,
         help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",
     )  # fmt: skip
-    add_number(
-        parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
-        help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
-    )  # fmt: skip
+    text = "turn the lit surface by a random rotation, 0: upright; two-lights then shines from a random direction"
+    add_number(parser, "--rotate", bounds.SEED, text, 0, metavar="SEED")
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )

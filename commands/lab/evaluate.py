@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     add_scenes(parser)
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate every Nth frame of a track (10)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, "evaluate every Nth frame of a track", 10)
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     parser.add_argument(
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
         "evaluated as well, as pn-NAME and pn-NAME-behind; NAME is the scene that was trained on, or without-SCENE",
     )  # fmt: skip
-    add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
+    add_number(parser, "--processes", bounds.THREADS, "processes of one thread each (one for each core)")
     share = parser.add_mutually_exclusive_group()
     share.add_argument(
         "--prepare", action="store_true", help="only create octrees and codes, before several machines run --part"

@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--octree", type=named_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
         "(created in --out); may be repeated",
     )  # fmt: skip
-    add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
-    add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
+    add_number(parser, "--cameras", bounds.TRACK_FRAMES, "cameras of each scene", 3)
+    add_number(parser, "--samples", bounds.RENDER_SAMPLES, "Cycles samples per pixel", 256)
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     add_out(parser, "folder for results and figures, for example that of `patchnet lab evaluate`", required=True)

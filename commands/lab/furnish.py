@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("libraries", nargs="+", type=Path, metavar="LIBRARY", help=".sh3f files")
     parser.add_argument("--kind", choices=_KINDS, default=_KINDS[0], help="a room or a garden (interior)")
-    add_number(parser, "--seed", bounds.SEED, default=1, help="random seed (1)")
+    add_number(parser, "--seed", bounds.SEED, "random seed", 1)
     add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
 
 

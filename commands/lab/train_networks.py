@@ -54,21 +54,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unseen", metavar="NAME", help="held-out scene of look-ahead and encoders (the last one)"
     )
-    add_number(
-        parser, "--samples", bounds.DATASET_SAMPLES, default=_SAMPLES, help=f"samples of each scene ({_SAMPLES:,})"
-    )
-    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels (5)")
-    add_number(parser, "--passes", bounds.PASSES, default=_PASSES, help=f"passes of each network ({_PASSES:,})")
+    add_number(parser, "--samples", bounds.DATASET_SAMPLES, "samples of each scene", _SAMPLES)
+    add_number(parser, "--least-level", bounds.LEVEL, "coarsest level of voxels", 5)
+    add_number(parser, "--passes", bounds.PASSES, "passes of each network", _PASSES)
     parser.add_argument("--preset", choices=tuple(PRESETS), default="improved", help="preset of settings (improved)")
     parser.add_argument("--network", choices=tuple(NETWORK_KINDS), help="kind of network; paper, with --loss absolute")
     parser.add_argument("--loss", choices=LOSSES, help="error to minimize")
-    add_number(parser, "--seed", bounds.SEED, default=0, help="random seed of samples and trainings (0)")
-    add_number(
-        parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of a scene for errors ({_VOXELS:,})"
-    )
+    add_number(parser, "--seed", bounds.SEED, "random seed of samples and trainings", 0)
+    add_number(parser, "--voxels", bounds.DATASET_SAMPLES, "voxels of a scene for errors", _VOXELS)
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
-    add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU (all cores)")
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    add_number(parser, "--threads", bounds.THREADS, "threads of the CPU (all cores)")
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
     add_out(parser, "folder for octrees, samples and networks", required=True)
 
 

@@ -34,14 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--references-folder", type=Path, metavar="FOLDER", help="folder of references (references in --out)"
     )
-    add_number(parser, "--steps", bounds.STOP_AFTER, default=20_000, help="steps of training (20,000)")
-    add_number(parser, "--batch", bounds.BATCH, default=2048, help="pixels per step (2048)")
-    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=2000, help="pixels per frame (2,000)")
-    add_number(parser, "--rate", bounds.LEARNING_RATE, default=3e-3, help="learning rate (0.003)")
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="train on every Nth frame of a track (40)")
-    add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")
+    add_number(parser, "--steps", bounds.STOP_AFTER, "steps of training", 20_000)
+    add_number(parser, "--batch", bounds.BATCH, "pixels per step", 2048)
+    add_number(parser, "--pixels", bounds.FRAME_PIXELS, "pixels per frame", 2000)
+    add_number(parser, "--rate", bounds.LEARNING_RATE, "learning rate", 3e-3)
+    add_number(parser, "--every", bounds.TRACK_FRAMES, "train on every Nth frame of a track", 40)
+    add_number(parser, "--rays", bounds.RAYS, "rays per pixel side of references", 16)
     add_track(parser, "tracks, pixels and weights")
-    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that train (1)")
+    add_number(parser, "--threads", bounds.THREADS, "threads that train", 1)
 
 
 def run(args: argparse.Namespace) -> int:

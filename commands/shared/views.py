@@ -21,15 +21,12 @@ if TYPE_CHECKING:
 
 def add_views(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the views for `--depth fit`."""
-    add_number(
-        parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
-        metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
-        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
-    )  # fmt: skip
-    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
-    add_number(
-        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="memory limit for building, with --depth fit (all)"
-    )
+    text = "with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated"
+    axes = ("X", "Y", "Z", "TX", "TY", "TZ")
+    add_number(parser, "--view", bounds.COORDINATE, text, nargs=6, action="append", metavar=axes)
+    parser.set_defaults(view=[])
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels of the views", (1920, 1080))
+    add_number(parser, "--memory", bounds.MEMORY_GIB, "memory limit of the build with --depth fit (all)", metavar="GIB")
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:
