@@ -59,20 +59,6 @@ class TrainSettings:
     encoder_width: int = 0
 
     def __post_init__(self) -> None:
-        for row, value in (
-            (bounds.PASSES, self.passes),
-            (bounds.BATCH, self.batch),
-            (bounds.LEARNING_RATE, self.learning_rate),
-            (bounds.LUMINANCE_WEIGHT, self.luminance_weight),
-            (bounds.SEED, self.seed),
-        ):
-            row.check(value)
-        for name, known in (
-            ("schedule", SCHEDULES), ("network", KINDS), ("encoder", ENCODERS), ("loss", LOSSES),
-            ("precision", PRECISIONS),
-        ):  # fmt: skip
-            if (value := getattr(self, name)) not in known:
-                raise SettingError(f"{name.capitalize()} '{value}' is unknown: use one of {', '.join(known)}")
         own = KINDS[self.network]
         if not self.decoder_width:
             object.__setattr__(self, "decoder_width", own.width)  # as in checkpoints

@@ -89,7 +89,7 @@ def test_sets_of_a_run(upright: Dataset, turned: Dataset, other: Dataset) -> Non
 def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:
     """Those of the guesses from the samples themselves, with untrained weights."""
     corpus, _ = corpus_of([upright])
-    errors = validate(PatchNet(Weights.random(0)), {"sponza": corpus})["sponza"]
+    errors = validate(PatchNet(Weights.random(0)), corpus)
     coverage, luminance = corpus.views[..., 10] / 4096, corpus.views[..., 11] / 65535
     seen = coverage > 0
     own = voxel_luminance(corpus.forest, corpus.tree, corpus.voxel)[:, None]

@@ -74,9 +74,8 @@ class FreshCorpus:
         views = np.empty((count, self.settings.views, VIEW_FIELDS), np.uint16)
         start = np.random.SeedSequence([seed, _DRAWS, step]).generate_state(1, np.uint64)[0]
         where = self.lists.voxel, self.lists.start, self.lists.below
-        how = self.settings.first_hit, self.settings.lookahead
         octrees = self.forest.nodes, self.forest.light, self.forest.root
-        if not _draw(start, places.start, octrees, where, how, tree, voxel, views):
+        if not _draw(start, places.start, octrees, where, self.settings.lookahead, tree, voxel, views):
             raise PatchNetError("No voxel of an octree is visible from outside: give a deeper octree")
         return tree, voxel, views
 
@@ -140,10 +139,9 @@ def _held_out_samples(
 
 
 @kernel
-def _draw(start, first, octrees, lists, how, tree, voxel, views):
+def _draw(start, first, octrees, lists, lookahead, tree, voxel, views):
     nodes, light, root = octrees
     candidates, starts, below = lists
-    first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for place in range(len(tree)):
         begin_random(state, start, first + place)
@@ -159,7 +157,7 @@ def _draw(start, first, octrees, lists, how, tree, voxel, views):
             here = candidates[starts[octree, level] + min(np.int64(uniform(state) * count), count - 1)]
             node = here.astype(np.int64)
             own = tree_nodes(nodes, octree)
-            if draw_voxel_views(state, own, light, root[octree], node, first_hit, lookahead, views[place]):
+            if draw_voxel_views(state, own, light, root[octree], node, lookahead, views[place]):
                 found = True
                 break
         if not found:

@@ -15,7 +15,7 @@ from ...patchnet_addon.codes.brick import MIDDLE, check_nodes, empty_brick, fill
 from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.kernels import device, kernel
 from ...patchnet_addon.runtime.progress import Progress, Steps
@@ -35,19 +35,14 @@ class SampleSettings:
     """Settings of drawing samples.
 
     views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
-    validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
-    lookahead: levels between a voxel and the cells that are seen, 1 to 3; SettingError for others.
+    validation (methods 7.21). lookahead: levels between a voxel and the cells that are seen, 1 to 3.
     """
 
     views: int = VIEWS
     min_level: int = 5
     held_out: float = 0.05
-    first_hit: bool = True
     seed: int = 0
     lookahead: int = DEFAULT_LOOKAHEAD
-
-    def __post_init__(self) -> None:
-        LOOKAHEAD.check(self.lookahead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +99,7 @@ def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number:
     good = np.zeros(len(voxels), np.bool_)
     start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
     scene = octree.boxed_nodes, NodeLight(octree.luminance, NO_SIDES)
-    how = settings.first_hit, settings.lookahead
-    run_parts(_draw_views, len(voxels), scene, voxels.astype(np.int32), start, how, views, good)
+    run_parts(_draw_views, len(voxels), scene, voxels.astype(np.int32), start, settings.lookahead, views, good)
     return views, good
 
 
@@ -173,10 +167,11 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @device
-def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, views):
+def draw_voxel_views(state, nodes, light, root, voxel, lookahead, views):
     """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
 
-    state: (1,) uint64 of the random numbers, which is advanced.
+    A view whose centre ray meets a neighbour first is rejected (methods 7.17). state: (1,) uint64 of the random
+    numbers, which is advanced.
     """
     brick = empty_brick(lookahead)
     viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
@@ -188,7 +183,7 @@ def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, vie
             break
         _draw_line(state, origin, direction, up)
         enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
-        if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
+        if enter > 1e29 or not _is_first_hit(brick.counts, origin, direction, enter):
             continue
         # Rounds before rendering, so that the stored view is exact.
         ratio = np.uint16(np.rint((0.5 + 0.5 * uniform(state)) * UNIT))
@@ -212,10 +207,9 @@ def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, vie
 
 
 @kernel
-def _draw_views(first, last, scene, voxels, start, how, views, good):
+def _draw_views(first, last, scene, voxels, start, lookahead, views, good):
     nodes, light = scene
-    first_hit, lookahead = how
     state = np.empty(1, np.uint64)
     for group in range(first, last):
         begin_random(state, start, group)
-        good[group] = draw_voxel_views(state, nodes, light, 0, voxels[group], first_hit, lookahead, views[group])
+        good[group] = draw_voxel_views(state, nodes, light, 0, voxels[group], lookahead, views[group])

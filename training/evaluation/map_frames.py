@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.octree.file import load_octree, octree_hash
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
@@ -27,11 +26,6 @@ class FrameSettings:
     every: int = 10
     size_px: tuple[int, int] = (130, 130)
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        bounds.TRACK_FRAMES.check(self.frames)
-        bounds.TRACK_FRAMES.check(self.every)
-        bounds.SEED.check(self.seed)
 
 
 def rendered_frames(

@@ -14,7 +14,6 @@ from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import FileFormatError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
@@ -42,10 +41,6 @@ class TrackSettings(FrameSettings):
 
     every: int = 40
     side: int = 16
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        bounds.RAYS.check(self.side)
 
 
 def views_of(path: Path, weights: Weights, settings: TrackSettings, folder: Path) -> Steps[Iterator[PixelBuffers]]:

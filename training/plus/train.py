@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.plus.forms import FORMS
@@ -44,13 +43,6 @@ class PlusSettings:
     pixels: int = 2000
     rate: float = 3e-3
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        bounds.STOP_AFTER.check(self.steps)
-        bounds.BATCH.check(self.batch)
-        bounds.FRAME_PIXELS.check(self.pixels)
-        bounds.LEARNING_RATE.check(self.rate)
-        bounds.SEED.check(self.seed)
 
 
 def pixels_of(

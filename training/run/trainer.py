@@ -153,7 +153,7 @@ class _Keeper:
         if learner.steps % options.log_steps == 0 or ends:
             self._log.write_means(learner.steps, passes, rate, learner.seconds)
         if learner.steps % options.validate_steps == 0 or ends:
-            errors = validate(learner.mean, {name: each.corpus for name, each in self._sets.items()})
+            errors = {name: validate(learner.mean, each.corpus) for name, each in self._sets.items()}
             why = {name: each.not_held_out for name, each in self._sets.items() if each.not_held_out}
             self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
         if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:

@@ -18,8 +18,7 @@ import numpy as np
 import torch
 
 from ....patchnet_addon.network.devices import enough_memory, found_device
-from ....patchnet_addon.runtime import bounds
-from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ....patchnet_addon.runtime.errors import PatchNetError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
@@ -81,16 +80,6 @@ class MapSettings:
     crop: int = 0
     rate: float = 1e-4
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.network not in _NETWORKS:
-            raise SettingError(f"Unknown network {self.network!r}: choose one of {', '.join(_NETWORKS)}")
-        bounds.STOP_AFTER.check(self.steps)
-        bounds.LEARNING_RATE.check(self.rate)
-        bounds.SEED.check(self.seed)
-        for row, value in ((bounds.BATCH, self.batch), (bounds.CROP, self.crop)):
-            if value:
-                row.check(value)
 
 
 class MapLearner(Resumable):
