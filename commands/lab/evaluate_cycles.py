@@ -96,7 +96,7 @@ def _measured(
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.surface.shading import AXES
     from ...training.evaluation.catalogue import scene_octree
-    from ...training.evaluation.codes import codes_path, kept_codes
+    from ...training.evaluation.codes import kept_codes
     from ...training.evaluation.cycles_reference import spread_cameras
     from ...training.evaluation.tracks import camera_track
     from ..shared.quiet import quiet_stdout
@@ -108,7 +108,7 @@ def _measured(
     hide_from_renders(scene.without)
     bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
     with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
-        coded = yield from kept_codes(octree, weights, codes_path(args.out / "scenes" / scene.name, weights.hash))
+        coded = yield from kept_codes(octree, weights, args.out / "scenes" / scene.name)
         track = yield from camera_track(
             octree, frames=args.frames, size_px=tuple(args.size), lookahead=weights.lookahead, seed=args.seed
         )

@@ -16,15 +16,15 @@ from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.octree.file import load_octree, octree_hash
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
-from .codes import SceneCodes, SceneFiles, codes_path, load_scene, make_codes
+from .codes import SceneCodes, SceneFiles, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
@@ -73,12 +73,9 @@ class SceneResult:
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
     """Evaluate all strategies on octree files by name of the scene; existing parts in `out` are skipped."""
-    weights = load_weights(settings.weights)
     lpips_weights(settings.lpips)  # raises before the long work
     strategies = strategies_in_use(settings.maps, settings.networks)
-    scenes = []
-    for name, path in octrees.items():
-        scenes.append((yield from _prepare(name, path, settings, weights, out)))
+    scenes = yield from prepare(octrees, settings, out)
     yield from _run([block for scene in scenes for block in scene.blocks], settings.processes or usable_cores())
     results = []
     for number, scene in enumerate(scenes):
@@ -87,11 +84,13 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     return results
 
 
-def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[None]:
+def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[_Prepared]]:
     """Encode octrees and create their tracks, so that several machines can continue."""
     weights = load_weights(settings.weights)
+    scenes = []
     for name, path in octrees.items():
-        yield from _prepare(name, path, settings, weights, out)
+        scenes.append((yield from _prepare(name, path, settings, weights, out)))
+    return scenes
 
 
 def evaluate_part(
@@ -101,11 +100,8 @@ def evaluate_part(
 
     Machines that share `out` may run this at the same time; `evaluate` then reads their results.
     """
-    weights = load_weights(settings.weights)
-    blocks: list[FrameBlock] = []
-    for name, path in octrees.items():
-        blocks += (yield from _prepare(name, path, settings, weights, out)).blocks
-    mine = blocks[part - 1 :: parts]
+    scenes = yield from prepare(octrees, settings, out)
+    mine = [block for scene in scenes for block in scene.blocks][part - 1 :: parts]
     yield from _run(mine, settings.processes or usable_cores())
     return len(mine)
 
@@ -121,11 +117,9 @@ class _Prepared:
 
 
 def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weights, out: Path) -> Steps[_Prepared]:
-    octree = load_octree(path)
     folder = out / "scenes" / name
-    folder.mkdir(parents=True, exist_ok=True)
-    files = SceneFiles(path, codes_path(folder, weights.hash), settings.weights, settings.networks)
-    yield from make_codes(files, octree)
+    files = SceneFiles(path, folder, settings.weights, settings.networks)
+    octree = (yield from scene_codes(files)).coded.octree
     track = yield from camera_track(
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
@@ -175,7 +169,7 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
 
 def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> SceneResult:
     found = [block for block in map(load_block, scene.blocks) if block is not None]
-    codes = load_scene(scene.files)
+    codes = drain(scene_codes(scene.files))
     costs = _costs(scene, codes, strategies, out / "scenes" / scene.name / "costs.json")
     return SceneResult(scene.name, strategies, BlockResult.joined(found), costs, codes.coded)
 

@@ -25,7 +25,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from .codes import SceneCodes, SceneFiles, load_scene
+from .codes import SceneCodes, SceneFiles, scene_codes
 from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
@@ -141,7 +141,7 @@ def _scores(
 @lru_cache(maxsize=1)
 def _load(files: SceneFiles) -> SceneCodes:
     """Scene of the last block; its codes are mapped, so that processes share memory."""
-    return load_scene(files)
+    return drain(scene_codes(files))
 
 
 def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:
