@@ -36,15 +36,15 @@ class Interval:
     high: np.ndarray
 
 
-def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
-    """Length of the blocks of a track: `wanted` frames, or fewer for at least ten blocks if the track has ten frames.
+def block_frames(frames: int) -> int:
+    """Length of the blocks of a track: 50 frames, or fewer for at least ten blocks if the track has ten frames.
     Raises SettingError for less than two frames.
     """
     if frames < 2:
         raise SettingError(
             f"An interval needs at least two frames, and the track has {frames}: evaluate more (--frames, --every)"
         )
-    return max(min(wanted, frames // LEAST_BLOCKS), 1)
+    return max(min(BLOCK_FRAMES, frames // LEAST_BLOCKS), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +63,13 @@ class Bootstrap:
     left: np.ndarray
 
     @classmethod
-    def of(
-        cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0, wanted: int = BLOCK_FRAMES
-    ) -> Self:
-        """Draw `resamples` times as many blocks of `wanted` frames as each track has; all tracks have the same
-        strategies.
+    def of(cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0) -> Self:
+        """Draw `resamples` times as many blocks as each track has; all tracks have the same strategies.
 
         Raises SettingError as `block_frames`.
         """
         rng = np.random.default_rng(seed)
-        lengths = tuple(block_frames(len(track.active), wanted) for track in tracks)
+        lengths = tuple(block_frames(len(track.active)) for track in tracks)
         starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
         parts = list(zip(tracks, starts, strict=True))
         return cls(

@@ -55,7 +55,7 @@ class FrameBlock:
 class BlockResult:
     """Results of F frames, S strategies and U uniform pictures, which have SIDES.
 
-    active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
+    active, left: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
     over active pixels. predicted: (F, N, 101) float64, N predicted pictures, see `predicted_left`.
     quality: (F, Q, B, M) float64, see `quality_of`.
@@ -63,7 +63,6 @@ class BlockResult:
 
     active: np.ndarray
     left: np.ndarray
-    variance: np.ndarray
     hits: np.ndarray
     ahead: np.ndarray
     uniform: np.ndarray
@@ -78,7 +77,7 @@ class BlockResult:
 
     def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
         """Errors of the track."""
-        return TrackErrors(scene, tuple(strategies), self.active, self.left, self.variance)
+        return TrackErrors(scene, tuple(strategies), self.active, self.left)
 
 
 def evaluate_block(block: FrameBlock) -> None:
@@ -104,9 +103,7 @@ def evaluate_block(block: FrameBlock) -> None:
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
-            rows.append(
-                (errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, *pictures, quality)
-            )
+            rows.append((errors.active, errors.left, int(buffers.hit.sum()), ahead, *pictures, quality))
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)
