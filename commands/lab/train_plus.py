@@ -18,6 +18,7 @@ from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
 from ..shared.arguments import add_number, add_out, check_octrees
@@ -46,9 +47,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Render missing references, train, and print the path of the weights; returns 0; raises PatchNetError."""
-    from ...training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
-
-    check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
     check_octrees(args.octrees)
     if len({path.resolve() for path in args.octrees}) < len(args.octrees):
         raise SettingError("An octree is named twice: name each file once")
@@ -60,12 +58,14 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
-    from ...training.plus.train import PlusSettings, pixels_of, train_plus
+    from ...training.plus.train import REFERENCES, RUN_FILES, PlusSettings, pixels_of, train_plus
     from ...training.run.provenance import describe_commit, run_notes
-    from ...training.run.run_files import WEIGHTS, log_lines
+    from ...training.run.run_files import LOG, WEIGHTS, log_lines
     from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
+    inputs = [*args.octrees, *filter(None, [args.weights])]
+    check_outputs({args.out / name: kind for name, kind in RUN_FILES.items()}, inputs, folder=args.out)
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)

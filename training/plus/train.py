@@ -16,16 +16,22 @@ import numpy as np
 
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.plus.forms import FORMS
-from ...patchnet_addon.sampling.plus.weights import Estimators, save_estimators
+from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, save_estimators
+from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions
 from .frames import TrackSettings, views_of
 from .learner import FormLearner
 from .pixel_table import SYMMETRIES, PixelTable
-from .run_files import ESTIMATORS, LOG, check_plus_run
 
+ESTIMATORS = "plus.safetensors"
+REFERENCES = "references"  # folder of references
+RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
+"""The weights file contains PatchNet's weights and the estimator."""
 _WARM_UP = 200  # steps
 _LAST_RATE = 0.01  # of the first
 _SCALED_BY = 20_000  # pixels
@@ -61,11 +67,10 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
     """Train the networks of all forms on a table, and return the path of their weights.
 
     Updates `log.jsonl` in `options.out` and writes `plus.safetensors` at the end. Raises PatchNetError without pixels
-    or if the loss is not finite, OutputError for files that cannot be written.
+    or if the loss is not finite.
     """
     if len(table) == 0:
         raise PatchNetError("The octrees' tracks show no surface to train on: give octrees with surfaces")
-    check_plus_run(options.out)
     options.out.mkdir(parents=True, exist_ok=True)
     log, began = Log(options.out / LOG, 0), time.monotonic()
     random = np.random.default_rng(settings.seed)
