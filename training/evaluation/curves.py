@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves of mean squared error over budgets, figures derived from them, and consistency checks (methods 5)."""
+"""Curves of mean squared error over budgets, and figures derived from them (methods 5)."""
 
 from __future__ import annotations
 
@@ -9,21 +9,16 @@ from typing import Self
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import errors, optimal
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
-from ..strategies.registry import STAGED
 
 OPTIMAL = optimal.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
 BUDGETS.setflags(write=False)
-# Relative rounding error of sums of the same pixels in another order.
-ROUNDING = 1e-9
-# `optimal` ranks by differences in float32, so that pixels with equal errors to 24 bits may be in any order.
-RANKING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,36 +132,3 @@ def crossing(mse: np.ndarray, others: np.ndarray) -> np.ndarray:
     stays = below | ((mse == 0) & (least == 0))
     stays = np.logical_and.accumulate(stays[..., ::-1], axis=-1)[..., ::-1]
     return np.where((stays & below).any(axis=-1), BUDGETS[stays.argmax(axis=-1)], np.inf)
-
-
-class CheckError(PatchNetError):
-    """Measured errors that contradict their definition, with scene, strategy, frame and budget."""
-
-
-def check_track(track: TrackErrors) -> None:
-    """Check the errors of a track, which includes `optimal`.
-
-    Every error is finite, 0 at budget 1, and the same for all strategies at budget 0; curves do not increase, except of
-    staged strategies; none is below `optimal` in any frame. Raises CheckError for the first violation.
-    """
-    best = track.left[:, track.strategies.index(OPTIMAL), None]
-    begin = best[..., :1]  # (F, 1, 1)
-    left = track.left
-    _require(track, np.isfinite(left) & (left >= 0), "has a negative or undefined error")
-    _require(track, left[..., -1:] <= ROUNDING * begin, "has an error although all is refined", 100)
-    same = np.abs(left[..., :1] - begin) <= ROUNDING * begin
-    _require(track, same, f"has an initial error other than that of {OPTIMAL!r}")
-    falls = np.diff(left) <= ROUNDING * begin
-    falls[:, [row for row, name in enumerate(track.strategies) if name in STAGED]] = True
-    _require(track, falls, "has an error that increases with the budget", 1)
-    _require(track, left >= best - RANKING * begin, f"is below {OPTIMAL!r}, the least possible error")
-
-
-def _require(track: TrackErrors, holds: np.ndarray, what: str, first_budget: int = 0) -> None:
-    """Raise CheckError for the first false entry of (F, S, B); its first budget is `first_budget` %."""
-    if not holds.all():
-        frame, row, budget = np.argwhere(~holds)[0]
-        raise CheckError(
-            f"Scene {track.scene!r}, strategy {track.strategies[row]!r}, frame {frame}, budget {budget + first_budget} "
-            f"%: it {what}: its scores or errors are wrong"
-        )

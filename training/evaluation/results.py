@@ -13,7 +13,7 @@ from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.sampling.uniform import SIDES
 from .bootstrap import Bootstrap, finite, number_with_interval
 from .claims import claims_of, generalisation_of
-from .curves import BUDGETS, OPTIMAL, TrackErrors, check_track, excess_area, pooled_mse
+from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, pooled_mse
 from .evaluate import SceneResult
 from .picture_metrics import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
 from .strategies import PatchNetwork
@@ -25,14 +25,12 @@ PREDICTED_RAYS = 2  # per pixel: its own, and the one behind the patch
 def results_of(
     scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
 ) -> dict[str, Any]:
-    """Results of scenes, and of all of them pooled; every track is checked first.
+    """Results of scenes, and of all of them pooled.
 
-    networks: further networks of the scenes' strategies, for generalisation. Raises CheckError for an inconsistent
-    track, and SettingError for less than two frames.
+    networks: further networks of the scenes' strategies, for generalisation. Raises SettingError for less than two
+    frames.
     """
     tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
-    for track in tracks:
-        check_track(track)
     draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
     results: dict[str, Any] = {
         "scenes": {
