@@ -12,13 +12,13 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
-from ...patchnet_addon.tracing.viewpoints import FOV, grown, occupied_cells, viewpoints
+from ...patchnet_addon.tracing.viewpoints import FOV, viewpoints
 from ...training.evaluation.explorations import catmull_rom
+from ...training.evaluation.poses import FreeSpace
 
 _VIEWS = 16  # candidates
 _SKY = 0.02  # least open share of the sky, below which a place may be inside a hollow wall
 _SKY_FOV, _SKY_PX = float(np.radians(120.0)), (32, 32)
-_LEVEL = 6  # deepest level of free cells
 _STEPS = 256  # sampled places along a way
 _MOST = 0.6  # longest way, as a share of the surface's extent
 _TURN = float(np.radians(20.0))  # left at the start, right at the end
@@ -31,22 +31,17 @@ def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
     slightly left, the last slightly right. Raises SceneError without free space.
     """
     views = yield from viewpoints(octree, _VIEWS, size_px)
-    ways = [_way(octree, view) for view in views]
+    space = FreeSpace(octree)
+    ways = [_way(space, view) for view in views]
     lengths = np.array([float(np.linalg.norm(end - start)) for start, end in ways])
     under = np.array([_sky(octree, (start + end) / 2.0) > _SKY for start, end in ways])
     best = int(np.argmax(np.where(under | ~under.any(), lengths, -1.0)))
     (start, end), view = ways[best], views[best]
-    forward = _level(view)
+    heading = np.arctan2(view.forward[1], view.forward[0])
     keys = []
     for share, turn in ((0.0, _TURN), (0.5, 0.0), (1.0, -_TURN)):
         place = start + share * (end - start)
-        ahead = np.array(
-            [
-                np.cos(turn) * forward[0] - np.sin(turn) * forward[1],
-                np.sin(turn) * forward[0] + np.cos(turn) * forward[1],
-                float(np.asarray(view.forward)[2]),
-            ]
-        )
+        ahead = np.array([np.cos(heading + turn), np.sin(heading + turn), view.forward[2]])
         keys.append(replace(Camera.look_at(place, place + ahead, fov=FOV, size_px=size_px), name="Walk"))
     return keys
 
@@ -64,20 +59,14 @@ def _level(view: Camera) -> np.ndarray:
     return result
 
 
-def _way(octree: Octree, view: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _way(space: FreeSpace, view: Camera) -> tuple[np.ndarray, np.ndarray]:
     """End points (3,) of the free way through a view's position, backward and forward, in world units."""
-    level = min(_LEVEL, octree.depth)
-    occupied = occupied_cells(octree, level)
-    blocked, where = grown(occupied), np.argwhere(occupied)
-    extent = float((where.max(axis=0) + 1 - where.min(axis=0)).max()) / (1 << level) * octree.grid.side_world
+    low, high = space.bounds_world
+    steps = np.linspace(0.0, _MOST * float((high - low).max()), _STEPS)[:, None]
     ends = []
     for way in (-_level(view), _level(view)):
-        steps = np.linspace(0.0, _MOST * extent, _STEPS)[:, None]
         points = np.asarray(view.position_world) + steps * way
-        cells = np.floor(octree.grid.to_unit(points) * (1 << level)).astype(np.int64)
-        inside = ((cells >= where.min(axis=0)) & (cells <= where.max(axis=0))).all(axis=1)
-        x, y, z = np.where(inside[:, None], cells, 0).T
-        free = inside & ~blocked[x, y, z]
+        free = space.contains(points) & ((points >= low) & (points < high)).all(axis=1)
         last = int(np.argmin(free)) - 1 if not free.all() else _STEPS - 1
         ends.append(points[max(last, 0)])
     return ends[0], ends[1]

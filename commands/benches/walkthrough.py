@@ -35,7 +35,7 @@ from ..shared.scene_argument import open_or_build
 from .walk_path import walk_cameras, walk_keys
 from .walk_renders import Plan, Walk, walk
 
-_PATH_DEPTH = 7  # of the octree for path finding
+_PATH_DEPTH = 8  # of the octree for path finding
 
 
 def measure(args: argparse.Namespace) -> Comparison:
