@@ -115,8 +115,7 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     from ...patchnet_addon.network.devices import found_device
     from ...patchnet_addon.network.weights import save_weights
-    from ...training.data.dataset import fresh_datasets, load_dataset
-    from ...training.data.held_out import why_not_held_out
+    from ...training.data.dataset import fresh_datasets, load_dataset, why_not_held_out
     from ...training.run.processes import Processes
     from ...training.run.provenance import run_notes
     from ...training.run.trainer import RunOptions, train

@@ -15,9 +15,8 @@ from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
-from patchnet.training.data.dataset import Dataset
+from patchnet.training.data.dataset import Dataset, why_not_held_out
 from patchnet.training.data.forest import voxel_luminance
-from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import validation_sets
 

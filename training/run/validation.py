@@ -14,9 +14,8 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.augmentation import Augmentation
 from ..data.corpus import Corpus
-from ..data.dataset import Dataset, check_names
+from ..data.dataset import Dataset, check_names, why_not_held_out
 from ..data.forest import concatenate, voxel_luminance
-from ..data.held_out import why_not_held_out
 from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
