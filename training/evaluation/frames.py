@@ -81,9 +81,7 @@ class BlockResult:
 
 
 def evaluate_block(block: FrameBlock) -> None:
-    """Evaluate the frames of a block on one thread and write them, unless they exist."""
-    if load_block(block) is not None:
-        return
+    """Evaluate the frames of a block on one thread and write them."""
     codes = _load(block.files)
     coded = codes.coded
     strategies = strategies_in_use(block.maps, block.files.networks)

@@ -69,15 +69,13 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "octree_hash": octree_hash(scene.coded.octree),
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
         "group": {name: strategy.group for name, strategy in scene.strategies.items()},
-        "ms_per_frame": costs.ms_per_frame,
-        "ms_by_budget": costs.ms_by_budget,
-        "reference_ms_per_pixel": costs.reference_ms_per_pixel,
+        **{name: costs[name] for name in ("ms_per_frame", "ms_by_budget", "reference_ms_per_pixel")},
         "quality": _quality(frames.quality),
         "uniform": {
             str(side): {
                 "rays_per_pixel": side * side,
                 "mse": float(frames.uniform[:, index].sum() / active),
-                "ms_per_frame": costs.uniform_ms[side],
+                "ms_per_frame": costs["uniform_ms"][str(side)],
             }
             for index, side in enumerate(SIDES)
         },
@@ -89,7 +87,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
                 "ms_per_frame": milliseconds,
             }
             for curve, (name, milliseconds) in zip(
-                (frames.predicted.sum(axis=0) / active).tolist(), costs.predicted_ms.items(), strict=True
+                (frames.predicted.sum(axis=0) / active).tolist(), costs["predicted_ms"].items(), strict=True
             )
         },
     }
