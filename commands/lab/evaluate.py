@@ -23,7 +23,8 @@ from ..shared.lines import say_result
 from .scene_arguments import add_scenes, add_track, scenes_named, stated
 
 if TYPE_CHECKING:
-    from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
+    from ...training.evaluation.codes import EvaluationSettings
+    from ...training.evaluation.evaluate import SceneResult
 
 RESULTS, TABLES, FIGURES = "results.json", "tables.md", "figures"
 OUTPUTS = {RESULTS: EVALUATION, TABLES: EVALUATION_TABLES}
@@ -96,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
     """Settings of the evaluation; raises PatchNetError for conflicting networks."""
     from ...training.encoders import load_weights
-    from ...training.evaluation.evaluate import EvaluationSettings
+    from ...training.evaluation.codes import EvaluationSettings
     from ...training.evaluation.strategies import patch_networks
 
     return EvaluationSettings(

@@ -42,15 +42,22 @@ def coded_octree(path: Path, weights: Weights) -> Steps[CodedOctree]:
 
 
 @dataclass(frozen=True)
-class SceneFiles:
-    """Files of a scene for the evaluation of frames.
+class EvaluationSettings:
+    """Settings of an evaluation.
 
-    folder: of codes. weights: None for the shipped ones. networks: further networks.
+    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
+    the shipped ones. processes: None for one per core. lpips: files of its trunk and heads. maps: weights files of map
+    networks to evaluate as well, networks: further networks of the kind of `weights`.
     """
 
-    octree: Path
-    folder: Path
+    frames: int = 2000
+    every: int = 10
+    size_px: tuple[int, int] = (130, 130)
+    seed: int = 0
     weights: Path | None = None
+    processes: int | None = None
+    lpips: tuple[Path, Path] | None = None
+    maps: tuple[Path, ...] = ()
     networks: tuple[PatchNetwork, ...] = ()
 
 
@@ -66,10 +73,13 @@ class SceneCodes:
         return self.networks[strategy.network] if isinstance(strategy, NetworkStrategy) else self.coded
 
 
-def scene_codes(files: SceneFiles) -> Steps[SceneCodes]:
-    """Octree and codes by all networks, see `kept_codes`; raises PatchNetError for an octree or weights file."""
-    octree = load_octree(files.octree)
+def scene_codes(octree: Path, folder: Path, settings: EvaluationSettings) -> Steps[SceneCodes]:
+    """Octree of a file and codes by all networks in `folder`, see `kept_codes`.
+
+    Raises PatchNetError for an octree or weights file.
+    """
+    tree = load_octree(octree)
     found = []
-    for path in (files.weights, *(network.weights for network in files.networks)):
-        found.append((yield from kept_codes(octree, load_weights(path), files.folder)))
-    return SceneCodes(found[0], dict(zip(files.networks, found[1:], strict=True)))
+    for path in (settings.weights, *(network.weights for network in settings.networks)):
+        found.append((yield from kept_codes(tree, load_weights(path), folder)))
+    return SceneCodes(found[0], dict(zip(settings.networks, found[1:], strict=True)))

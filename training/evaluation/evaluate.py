@@ -24,37 +24,17 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
-from .codes import SceneCodes, SceneFiles, scene_codes
+from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
 from .picture_metrics import lpips_weights
-from .strategies import PatchNetwork, strategies_in_use
+from .strategies import strategies_in_use
 from .tracks import camera_track
 
 _BLOCK = 8  # frames
 _COST_FRAMES, _COST_REPEATS = 5, 3
 _LABEL = "Evaluating"
-
-
-@dataclass(frozen=True)
-class EvaluationSettings:
-    """Settings of an evaluation.
-
-    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
-    the shipped ones. processes: None for one per core. lpips: files of its trunk and heads. maps: weights files of map
-    networks to evaluate as well, networks: further networks of the kind of `weights`.
-    """
-
-    frames: int = 2000
-    every: int = 10
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
-    weights: Path | None = None
-    processes: int | None = None
-    lpips: tuple[Path, Path] | None = None
-    maps: tuple[Path, ...] = ()
-    networks: tuple[PatchNetwork, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +60,7 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     results = []
     for number, scene in enumerate(scenes):
         yield Progress(number, len(scenes), "Measuring costs")
-        results.append(_result(scene, strategies, out))
+        results.append(_result(scene, strategies))
     return results
 
 
@@ -108,31 +88,26 @@ def evaluate_part(
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """Scene with its files, cameras and blocks of frames."""
+    """Scene with its cameras and blocks of frames."""
 
     name: str
-    files: SceneFiles
     cameras: list[Camera]
     blocks: list[FrameBlock]
 
 
 def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weights, out: Path) -> Steps[_Prepared]:
     folder = out / "scenes" / name
-    files = SceneFiles(path, folder, settings.weights, settings.networks)
-    octree = (yield from scene_codes(files)).coded.octree
+    octree = (yield from scene_codes(path, folder, settings)).coded.octree
     track = yield from camera_track(
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
     cameras = track[:: settings.every]
     key = _key(settings, octree_hash(octree), weights.whole_hash)
     blocks = [
-        FrameBlock(
-            files, cameras[first : first + _BLOCK], first,
-            folder / "frames" / f"{first:05}.safetensors", key, settings.lpips, settings.maps,
-        )
+        FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
         for first in range(0, len(cameras), _BLOCK)
-    ]  # fmt: skip
-    return _Prepared(name, files, cameras, blocks)
+    ]
+    return _Prepared(name, cameras, blocks)
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
@@ -167,10 +142,11 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     pool.shutdown()
 
 
-def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> SceneResult:
+def _result(scene: _Prepared, strategies: Mapping[str, Strategy]) -> SceneResult:
     found = [block for block in map(load_block, scene.blocks) if block is not None]
-    codes = drain(scene_codes(scene.files))
-    costs = _costs(scene, codes, strategies, out / "scenes" / scene.name / "costs.json")
+    block = scene.blocks[0]
+    codes = drain(scene_codes(block.octree, block.folder, block.settings))
+    costs = _costs(scene, codes, strategies, block.folder / "costs.json")
     return SceneResult(scene.name, strategies, BlockResult.joined(found), costs, codes.coded)
 
 

@@ -25,7 +25,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from .codes import SceneCodes, SceneFiles, scene_codes
+from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
@@ -37,18 +37,20 @@ KIND = "frames"
 class FrameBlock:
     """Block of F frames of a scene, the unit of work and storage.
 
-    path: file of the results. key: hash of all dependencies; a file with another key is computed again. maps: weights
-    files of map networks, whose strategies precede those of the networks of `files`. lpips: files of its trunk and
-    heads.
+    folder: of the scene's codes and results. key: hash of all dependencies; a file with another key is computed again.
     """
 
-    files: SceneFiles
+    octree: Path
+    folder: Path
+    settings: EvaluationSettings
     cameras: Sequence[Camera]
     first: int
-    path: Path
     key: str
-    lpips: tuple[Path, Path] | None = None
-    maps: tuple[Path, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """File of the results."""
+        return self.folder / "frames" / f"{self.first:05}.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +84,9 @@ class BlockResult:
 
 def evaluate_block(block: FrameBlock) -> None:
     """Evaluate the frames of a block on one thread and write them."""
-    codes = _load(block.files)
+    codes = _load(block.octree, block.folder, block.settings)
     coded = codes.coded
-    strategies = strategies_in_use(block.maps, block.files.networks)
+    strategies = strategies_in_use(block.settings.maps, block.settings.networks)
     rows = []
     with limit_threads(1):
         for number, camera in enumerate(block.cameras):
@@ -96,7 +98,7 @@ def evaluate_block(block: FrameBlock) -> None:
             errors = frame_errors(buffers, orders)
             rank_staged(errors, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
-            quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
+            quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
@@ -134,9 +136,9 @@ def _scores(
 
 
 @lru_cache(maxsize=1)
-def _load(files: SceneFiles) -> SceneCodes:
+def _load(octree: Path, folder: Path, settings: EvaluationSettings) -> SceneCodes:
     """Scene of the last block; its codes are mapped, so that processes share memory."""
-    return drain(scene_codes(files))
+    return drain(scene_codes(octree, folder, settings))
 
 
 def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:
