@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,8 @@ import numpy as np
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from .arguments import add_number
-from .lines import say_note
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.octree.octree import Octree
     from ...patchnet_addon.tracing.camera import Camera
 
 
@@ -43,11 +40,3 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
         Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
         for number, values in enumerate(args.view, 1)
     ]
-
-
-def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
-    """Print for each camera the reason why its picture is empty or black."""
-    from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-    for text in why_unseen_by(octree, cameras):
-        say_note(text)

@@ -161,12 +161,9 @@ def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, sty
         axes.plot(x, error, style, color=color, lw=1.8, label=strategy, zorder=3)
         return
     label, style = ("other scores", "-") if network_name(strategy) is None else ("other networks", "-.")
-    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, label))
-
-
-def _first_of(axes: Axes, label: str) -> str:
-    """Label for the first of several curves only."""
-    return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
+    if label in axes.get_legend_handles_labels()[1]:
+        label = "_hidden"
+    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=label)
 
 
 def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:

@@ -75,12 +75,11 @@ class PatchNet(nn.Module):
         apart = corner_codes[:, None].expand(-1, batch.ratio.shape[1], -1, -1)
         return self.decode_mixture(codes, apart, batch.nearby, batch.direction, batch.up, batch.ratio)
 
-    def seen_channels(self, blocks: Tensor) -> Tensor:
-        """Channels of blocks (U, B) that the encoder uses."""
-        return _without_luminance(blocks) if self.kind.mixes else blocks
-
     def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Codes (C, 10) of patches (C, 8, B); products run in `dtype`, those of the last layer in float32."""
+        """Codes (C, 10) of patches (C, 8, B); products run in `dtype`, those of the last layer in float32.
+
+        Patches of a mixture may have luminance, too, if its encoder convolves: its weights of it are 0.
+        """
         with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             values = self._hidden(patches)
         codes: Tensor = self.encoder[-1](values.float())
@@ -91,7 +90,7 @@ class PatchNet(nn.Module):
         if not isinstance(self.encoder_kind, ConvolvingKind):
             return torch.relu(_run_layers(self.encoder[:-1], patches.flatten(1)))
         *layers, hidden = self.encoder[:-1]
-        cells = _cells(_with_luminance(patches) if self.kind.mixes else patches)
+        cells = _cells(patches if patches.shape[2] == CHANNELS * 8**self.lookahead else _with_luminance(patches))
         cells = cells.contiguous(memory_format=torch.channels_last_3d)
         left = iter(layers)
         for stage in self.encoder_kind.stages(self.lookahead):
@@ -152,11 +151,6 @@ def _ray_inputs(codes: Tensor, direction: Tensor, up: Tensor, ratio: Tensor) -> 
 
 def _bounded(outputs: Tensor) -> Tensor:
     return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
-
-
-def _without_luminance(blocks: Tensor) -> Tensor:
-    """Inverse of `_with_luminance`."""
-    return blocks.unflatten(-1, (-1, CHANNELS))[..., _SHAPE].flatten(-2)
 
 
 def _with_luminance(blocks: Tensor) -> Tensor:

@@ -43,7 +43,7 @@ class _ModelEncoder:
         """Encode, see `Encoder`."""
         import torch
 
-        seen = self._model.seen_channels(torch.from_numpy(blocks))
+        patches = torch.from_numpy(blocks)[torch.from_numpy(rows.astype(np.int64))]
         with torch.inference_mode():
-            codes: np.ndarray = self._model.encode(seen[torch.from_numpy(rows.astype(np.int64))]).numpy()
+            codes: np.ndarray = self._model.encode(patches).numpy()
         return codes

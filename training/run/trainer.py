@@ -162,7 +162,8 @@ class _Keeper:
     def save(self) -> None:
         """Write the checkpoint and the present weights."""
         notes = self._notes | _extent(self._learner, self._per_step)
-        save_checkpoint(self._options.out, self._learner, self._run, notes)
+        write_checkpoint(self._options.out, self._run, self._learner.state())
+        save_weights(self._learner.mean.to_weights(notes), self._options.out / WEIGHTS)
         self._saved = time.monotonic()
 
 
@@ -183,12 +184,6 @@ def has_fast_bf16() -> bool:
     """Return whether this processor multiplies bf16 matrices in hardware."""
     capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
     return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
-
-
-def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
-    """Write the state of a run and its present weights, each atomically."""
-    write_checkpoint(out, run, learner.state())
-    save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
 
 
 def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
