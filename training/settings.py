@@ -33,8 +33,8 @@ class TrainSettings:
     encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or "auto": fp32 on a GPU, on a CPU bf16 if the
     processor has it natively, and fp32 for the last fiftieth. network: its kind (`network/kinds.py`). loss: "absolute"
     errors, minimized by medians, or "squared" ones, minimized by means, which pictures and mean squared errors need.
-    encoder: its architecture (`encoders.py`). fresh: each step draws new voxels and views from the octrees (`fresh.py`)
-    instead of reading sample files. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0
+    encoder: its architecture (`encoders.py`). fresh: each step draws new voxels and views from the octrees instead of
+    reading sample files. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0
     for the default of the kind. encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for
     the paper's, and for convolutional encoders.
     """

@@ -14,8 +14,8 @@ from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import rays_of
+from patchnet.training.data.corpus import FreshCorpus, fresh_corpus_of
 from patchnet.training.data.dataset import Dataset
-from patchnet.training.data.fresh import FreshCorpus, fresh_corpus_of
 from patchnet.training.data.samples import Samples, SampleSettings
 from patchnet.training.data.voxel_choice import held_out_voxels
 from patchnet.training.settings import TrainSettings

@@ -33,7 +33,7 @@ DATASET_SEEDS = 1000  # distance between the seeds of two octrees of a data set
 class Dataset:
     """Samples of one octree; `name` identifies them in logs and in metadata of weights.
 
-    With fresh samples (`fresh.py`) a data set has none of its own.
+    With fresh samples (`corpus.py`) a data set has none of its own.
     """
 
     name: str

@@ -18,8 +18,7 @@ import torch
 from ...patchnet_addon.network.devices import CPU, enough_memory
 from ..data.augmentation import Augmentation
 from ..data.batches import Batch
-from ..data.corpus import Corpus
-from ..data.fresh import FreshCorpus
+from ..data.corpus import Corpus, FreshCorpus
 from ..data.tensor_batch import TensorBatch, tensor_batch
 from ..settings import TrainSettings
 from .processes import Processes

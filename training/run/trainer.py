@@ -25,9 +25,8 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.threads import usable_cores
-from ..data.corpus import Corpus, corpus_of
+from ..data.corpus import Corpus, corpus_of, fresh_corpus_of
 from ..data.dataset import Dataset
-from ..data.fresh import fresh_corpus_of
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
 from .learner import Learner, Resumable, learning_rate, mean_errors
 from .processes import Processes
