@@ -20,9 +20,8 @@ import bpy  # noqa: TID251
 import numpy as np
 
 from patchnet.__main__ import leave
-from patchnet.commands.benches.walk_path import walk_cameras
 from patchnet.commands.benches.walk_renders import FIT_EVERY
-from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of
+from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of, walk_cameras
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.cycles.daylight import daylight, has_light
