@@ -49,9 +49,7 @@ class Open3DVoxels:
         self._voxels: Any = None
 
     def voxelize(self, voxel_size_world: float) -> None:
-        """Create the grid with voxels of this side; call `clear` first, so that the time excludes freeing the last
-        grid.
-        """
+        """Create the grid with voxels of this side; call `clear` first, so that freeing the last one is not timed."""
         self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_size_world)
 
     @property

@@ -181,10 +181,7 @@ def _way(space: FreeSpace, view: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
-    """Cameras from key to key at even intervals of time, with the lens of the first key.
-
-    Positions, and targets at distance 1, follow a Catmull-Rom spline.
-    """
+    """Cameras at even intervals of time on a Catmull-Rom spline through the keys, with the lens of the first."""
     times = np.linspace(0.0, len(keys) - 1.0, frames)
     places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])
     along = catmull_rom(np.arange(float(len(keys))), places, times)

@@ -158,10 +158,7 @@ def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.ty
 
 
 def _cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float) -> None:
-    """Make a material transparent for camera rays beyond a plane across an axis.
-
-    A camera ray behind a transparent surface is still a camera ray.
-    """
+    """Make a material transparent for camera rays beyond a plane; behind it they still are camera rays."""
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Surface"].is_linked:
         return  # invisible anyway

@@ -53,10 +53,7 @@ class Corpus:
 
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
-    """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none.
-
-    nearby: as in `Corpus`.
-    """
+    """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none."""
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}

@@ -55,10 +55,7 @@ class Dataset:
 
 
 def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:
-    """Data sets of octree files for fresh samples, with the held-out parts of `patchnet lab dataset --seed`.
-
-    Raises OctreeFileError for other files.
-    """
+    """Data sets of octree files for fresh samples, parts held out as by `lab dataset`; raises OctreeFileError."""
     datasets = []
     for number, (name, path) in enumerate(sample_names(paths).items()):
         settings = SampleSettings(seed=seed + DATASET_SEEDS * number)

@@ -43,10 +43,7 @@ class VoxelLists:
 
 
 def level_chances(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Probabilities (L,) of levels of `sizes` voxels (L,), of which `count` are drawn.
-
-    Half is uniform over voxels, half uniform over levels.
-    """
+    """Chances (L,) of levels of `sizes` voxels (L,) for `count` draws: half even over voxels, half over levels."""
     even = np.minimum(count // (2 * len(sizes)), _REPEATS * sizes)
     return np.asarray((even + (count - even.sum()) * sizes / sizes.sum()) / count)
 

@@ -64,10 +64,7 @@ class Bootstrap:
 
     @classmethod
     def of(cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0) -> Self:
-        """Draw `resamples` times as many blocks as each track has; all tracks have the same strategies.
-
-        Raises SettingError as `block_frames`.
-        """
+        """Draw as many blocks as each track has, all of the same strategies; raises as `block_frames`."""
         rng = np.random.default_rng(seed)
         lengths = tuple(block_frames(len(track.active)) for track in tracks)
         starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
@@ -85,10 +82,7 @@ class Bootstrap:
         return _interval(self._curves(strategy, _budget_indices(budgets)))
 
     def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
-        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,).
-
-        NaN where `second` has no error left.
-        """
+        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,); NaN over 0."""
         at = _budget_indices(budgets)
         errors, others = self._curves(first, at), self._curves(second, at)
         return _interval(errors / np.where(others > 0, others, np.nan))
@@ -98,9 +92,7 @@ class Bootstrap:
         return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
 
     def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
-        """Interval of X*, the budget from which a strategy stays below all others; infinite if it never does (see
-        `curves`).
-        """
+        """Interval of X*, the budget from which a strategy stays below all others, see `curves`."""
         # One minimum at a time, to keep at most three sets of curves in memory.
         least = self._curves(others[0])
         for other in others[1:]:
@@ -126,10 +118,7 @@ def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
 
 
 def _interval(figures: np.ndarray) -> Interval:
-    """Interval of figures (1 + R, ...), the first of which belongs to the data.
-
-    Its ends are order statistics, which work for infinite figures.
-    """
+    """Interval of figures (1 + R, ...), the data's first; ends are order statistics, since some are infinite."""
     resamples = np.sort(figures[1:], axis=0)  # NaN sorts last
     outside = round((1 - LEVEL) / 2 * (len(resamples) - 1))
     undefined = np.isnan(resamples[-1])

@@ -67,10 +67,7 @@ class Scene:
     composed: str = ""
 
     def path(self) -> Path:
-        """Path of the file, or the name of a built-in scene.
-
-        Raises SceneError if PATCHNET_SCENES is not set or not a folder, or does not contain the file.
-        """
+        """Path of the file, or the name of a built-in scene; raises SceneError if PATCHNET_SCENES does not have it."""
         if self.file in OWN_SCENES:
             return Path(self.file)
         path = self._folder() / self.file

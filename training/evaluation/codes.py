@@ -74,10 +74,7 @@ class SceneCodes:
 
 
 def scene_codes(octree: Path, folder: Path, settings: EvaluationSettings) -> Steps[SceneCodes]:
-    """Octree of a file and codes by all networks in `folder`, see `kept_codes`.
-
-    Raises PatchNetError for an octree or weights file.
-    """
+    """Octree of a file with its codes by all networks, see `kept_codes`; raises PatchNetError for a missing file."""
     tree = load_octree(octree)
     found = []
     for path in (settings.weights, *(network.weights for network in settings.networks)):

@@ -92,10 +92,7 @@ def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
 
 
 def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]) -> dict[str, Callable[[], object]]:
-    """Measured work of a frame: strategies, staged ones at each budget; pictures; samples of the reference.
-
-    Names of strategies have no spaces.
-    """
+    """Measured work of a frame by name: strategies, staged ones at each budget; pictures; samples of the reference."""
     coded, octree = codes.coded, codes.coded.octree
     runs: dict[str, Callable[[], object]] = {}
     for name, strategy in strategies.items():

@@ -69,10 +69,7 @@ def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dic
 
 
 def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> FrameErrors:
-    """Errors of a frame under strategies with the given `orders` (A,).
-
-    The view has a reference, and no importance, which would redefine budgets.
-    """
+    """Errors of a frame under strategies with `orders` (A,); the view has a reference, and no importance."""
     assert buffers.reference is not None and buffers.importance is None
     budgets = BUDGETS.tolist()
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
@@ -92,10 +89,7 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
 
 
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
-    """(S, 101) float64: mean squared error over all active pixels of all frames of all tracks (methods 5).
-
-    All tracks have the same strategies.
-    """
+    """(S, 101) float64: mean squared error over all active pixels of tracks with the same strategies (methods 5)."""
     left = np.sum([track.left.sum(axis=0) for track in tracks], axis=0)
     return left / max(sum(int(track.active.sum()) for track in tracks), 1)
 

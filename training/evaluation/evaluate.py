@@ -39,10 +39,7 @@ _LABEL = "Evaluating"
 
 @dataclass(frozen=True, eq=False)
 class SceneResult:
-    """Results of a scene: frames of its track, and costs.
-
-    strategies: by name, in the order of the results. coded: the octree with its codes.
-    """
+    """Results of a scene: strategies by name in the order of results, frames, costs, octree with its codes."""
 
     name: str
     strategies: Mapping[str, Strategy]

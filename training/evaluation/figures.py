@@ -69,10 +69,7 @@ def draw_budgets(
 
 
 def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
-    """Draw error over budget of all scenes, a small diagram each, with the highlighted strategies.
-
-    Returns the files; raises PatchNetError if one cannot be written.
-    """
+    """Draw error over budget of all scenes, a diagram each, with the highlighted strategies; returns the files."""
     from matplotlib.figure import Figure
 
     rows = -(-len(scenes) // _COLUMNS)

@@ -30,11 +30,7 @@ class FrameSettings:
 def rendered_frames(
     octrees: Sequence[Path], settings: FrameSettings, folder: Path
 ) -> Steps[tuple[list[RenderedFrame], str]]:
-    """Frames of all octrees' tracks, and a hash of their dependencies; existing ones in `folder` are not rendered
-    again.
-
-    Raises OctreeFileError, and SettingError or SceneError as `camera_track`.
-    """
+    """Frames of all octrees' tracks, existing ones from `folder`, and a hash of their dependencies."""
     folder.mkdir(parents=True, exist_ok=True)
     frames: list[RenderedFrame] = []
     keys = ""

@@ -17,10 +17,7 @@ SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahe
 
 @dataclass(frozen=True)
 class NetworkPlan:
-    """Network to train.
-
-    scenes: names of its training scenes, in order. encoder: its name.
-    """
+    """Network to train, with the names of its training scenes and of its encoder."""
 
     name: str
     scenes: tuple[str, ...]

@@ -26,10 +26,7 @@ PATTERN_BUDGET = 0.3
 
 
 def show_picture(axes: Axes, picture: np.ndarray, title: str, *, interpolation: str = "nearest") -> None:
-    """Show a picture (H, W, 3), lowest row first, without axes; enlarged pixels are squares.
-
-    interpolation: "antialiased" for reduced pictures.
-    """
+    """Show a picture (H, W, 3), lowest row first, without axes; enlarged pixels are squares, unless interpolated."""
     axes.imshow(np.clip(picture[::-1], 0.0, 1.0), interpolation=interpolation)
     hide_axes(axes, title)
 

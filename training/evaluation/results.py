@@ -25,11 +25,7 @@ PREDICTED_RAYS = 2  # per pixel: its own, and the one behind the patch
 def results_of(
     scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
 ) -> dict[str, Any]:
-    """Results of scenes, and of all of them pooled.
-
-    networks: further networks of the scenes' strategies, for generalisation. Raises SettingError for less than two
-    frames.
-    """
+    """Results of scenes and of all pooled; networks: for generalisation. Raises SettingError for a single frame."""
     tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
     draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
     results: dict[str, Any] = {

@@ -15,10 +15,7 @@ _CHUNK = 512  # corners per batch
 
 
 def research_encoder(weights: Weights) -> Encoder | None:
-    """Encoder on torch for weights with a convolutional encoder; None for `mlp`, which the engine implements.
-
-    Raises SettingError without torch.
-    """
+    """Encoder on torch for weights whose encoder convolves; None for `mlp`. Raises SettingError without torch."""
     if not isinstance(weights.encoder_kind, ConvolvingKind):
         return None
     if not has_torch():

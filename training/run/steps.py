@@ -56,10 +56,7 @@ class StepPlan:
 def batches_ahead(
     plan: StepPlan, first: int, end: int, device: torch.device, threads: int
 ) -> Generator[TensorBatch, None, None]:
-    """Batches of steps `first` to `end` (exclusive) on a device, prefetched by threads.
-
-    One thread for training on the CPU, `threads` for a GPU.
-    """
+    """Batches of steps `first` to `end` on a device, prefetched by one thread on the CPU, `threads` for a GPU."""
     ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
 
     def gathered(step: int) -> TensorBatch:

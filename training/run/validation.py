@@ -85,10 +85,7 @@ def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
 
 
 def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str, float | None]:
-    """Errors of the first `voxels` of a data set, see `validate`.
-
-    Raises SettingError if samples and weights have another look-ahead.
-    """
+    """Errors of the first `voxels` of a data set, see `validate`; raises SettingError for another look-ahead."""
     if weights.lookahead != dataset.lookahead:
         raise SettingError(
             f"{dataset.name} looks {dataset.lookahead} levels ahead, the weights {weights.lookahead}: draw the samples "

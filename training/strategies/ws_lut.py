@@ -94,10 +94,7 @@ def child_errors(directions: np.ndarray) -> np.ndarray:
 
 @cache
 def child_error_table() -> np.ndarray:
-    """Coefficients (256, 9) float64 of `child_errors` in real harmonics up to degree 2, by least squares.
-
-    Fitted over 4096 directions at the first call.
-    """
+    """Coefficients (256, 9) float64 of `child_errors` in real harmonics up to degree 2, fitted over 4096 directions."""
     directions = fibonacci_directions(DIRECTIONS)
     table = np.linalg.lstsq(real_harmonics(directions, DEGREE), child_errors(directions).T, rcond=None)[0].T
     table.flags.writeable = False  # shared by all callers

@@ -115,10 +115,7 @@ def own_piece(kind: str) -> Piece | None:
 
 
 class Stock:
-    """Stock of libraries' pieces; raises SettingError for libraries that must not be mixed.
-
-    role: role of a scene of these libraries.
-    """
+    """Stock of libraries' pieces for a scene of `role`; raises SettingError for libraries that must not be mixed."""
 
     def __init__(self, libraries: Sequence[Library], rng: np.random.Generator) -> None:
         self.role = common_role(library.role for library in libraries)

@@ -42,10 +42,7 @@ def make_split(octree: Path, network: Weights, out: Path) -> Steps[list[Path]]:
 
 
 def make_look_ahead(octree: Path, networks: Mapping[str, Weights], out: Path) -> Steps[list[Path]]:
-    """Draw the figure of the table from its octree file; returns its files.
-
-    networks: by name, whose scores are shown beside the exact ones, one for each look-ahead.
-    """
+    """Draw the figure of the table, scores of `networks` by name beside the exact ones; returns its files."""
     coded: list[CodedOctree] = []
     for network in networks.values():
         coded.append((yield from coded_octree(octree, network)))
