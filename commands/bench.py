@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,25 +25,13 @@ from .shared.job_arguments import require_blender
 from .shared.training_run import require_torch
 from .shared.views import add_views
 
-BENCHES = {
-    "voxelize": "octree against Open3D's voxel grid",
-    "trace": "rays per second against Embree's, thread for thread",
-    "encode": "the whole encoder against torch's",
-    "decode": "the whole decoder against torch's layers alone",
-    "gpu": "rays and decoded pixels on a graphics card against the CPU's kernels",
-    "frame": "a frame, from camera to priority and picture, against four rays in each pixel",
-    "bake": "the bake against camera renders: paths per second, filling of pages",
-    "walkthrough": "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
-    "train": "training samples per second, on a GPU against the CPU",
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the benches, each with --json."""
     benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
-    for name, text in BENCHES.items():
+    for name, (text, add) in BENCHES.items():
         single = benches.add_parser(name, help=text, description=f"Measure {text}.")
-        _ARGUMENTS[name](single)
+        add(single)
         add_log_format(single)
         single.add_argument("--json", action="store_true", help="print one line of JSON")
 
@@ -145,7 +133,7 @@ def _bake(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, "side of a texel in finest voxels", 2.0)
 
 
-def _walkthrough(parser: argparse.ArgumentParser) -> None:
+def _walk(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", default="room",
         help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
@@ -181,14 +169,17 @@ def _train(parser: argparse.ArgumentParser) -> None:
     _repeats(parser, 9)
 
 
-_ARGUMENTS = {
-    "voxelize": lambda parser: _triangles(parser, 3, "Open3D"),
-    "trace": _trace,
-    "encode": lambda parser: _network(parser, 600_000, 5),
-    "decode": _decode,
-    "gpu": _gpu,
-    "frame": _frame,
-    "bake": _bake,
-    "walkthrough": _walkthrough,
-    "train": _train,
+BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
+    "trace": ("rays per second against Embree's, thread for thread", _trace),
+    "encode": ("the whole encoder against torch's", lambda parser: _network(parser, 600_000, 5)),
+    "decode": ("the whole decoder against torch's layers alone", _decode),
+    "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
+    "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
+    "bake": ("the bake against camera renders: paths per second, filling of pages", _bake),
+    "walkthrough": (
+        "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
+        _walk,
+    ),
+    "train": ("training samples per second, on a GPU against the CPU", _train),
 }
