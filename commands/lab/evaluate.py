@@ -64,15 +64,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write results and print their path; returns 0; raises PatchNetError."""
-    from ...training.evaluation import require_reports
+    from ...training.evaluation import REPORTS, require
     from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
     from ..shared.progress_bars import ProgressBars
 
     settings = _evaluation(args)
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
-    if not (args.prepare or args.part):
-        require_reports()
+    require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps or args.lpips else [])])
     check_octrees(args.octrees)
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw figures and print their paths; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
-    from ...training.evaluation import require_reports
+    from ...training.evaluation import require
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
     shown = _networks(args)
     check_outputs(files, [path for _, path in shown], folder=args.out)
-    require_reports()
+    require()
     args.out.mkdir(parents=True, exist_ok=True)
     networks = {name: load_weights(path) for name, path in shown}  # raises before octrees are created
     if LOOK_AHEAD in names:

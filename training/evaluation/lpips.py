@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError
+from ...patchnet_addon.runtime.errors import SettingError, WeightsFileError
 
 if TYPE_CHECKING:
     import torch
@@ -37,7 +37,7 @@ class LpipsWeights:
     def load(cls, trunk_path: Path, heads_path: Path) -> Self:
         """Load torchvision's state dict of AlexNet, and the package lpips' v0.1 linear heads.
 
-        Raises PatchNetError without torch, and WeightsFileError for a missing or different file.
+        Raises WeightsFileError for a missing or different file.
         """
         trunk_file, heads_file = _read(trunk_path), _read(heads_path)
         trunk = _trunk()
@@ -100,11 +100,9 @@ def _features(weights: LpipsWeights, gray: np.ndarray) -> list[torch.Tensor]:
 
 def _read(path: Path) -> Any:
     """Read a state dict without executing its contents."""
-    try:
-        import torch
-    except ImportError as cause:
-        raise PatchNetError(f"LPIPS needs torch ({cause}): install patchnet-blender[train]") from cause
     from pickle import UnpicklingError
+
+    import torch
 
     try:
         return torch.load(path, map_location="cpu", weights_only=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....patchnet_addon.runtime.errors import PatchNetError, WeightsFileError
+from ....patchnet_addon.runtime.errors import WeightsFileError
 from ....patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ....patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
 from ....patchnet_addon.runtime.files import content_hash, read_arrays, write_arrays
@@ -64,13 +64,10 @@ def check_map_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> No
 def map_strategy(path: Path) -> Strategy:
     """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file of `patchnet lab train-maps`.
 
-    Raises PatchNetError without torch, and WeightsFileError for a file that is missing, damaged, or of another network
-    or version.
+    Raises WeightsFileError for a file that is missing, damaged, or of another network or version.
     """
-    try:
-        import torch
-    except ImportError as cause:
-        raise PatchNetError(f"Sampling maps need torch ({cause}): install patchnet-blender[train]") from cause
+    import torch
+
     weights, notes = read_map(path)
     network = map_networks().get(notes.get("network", ""))
     if network is None:
