@@ -33,13 +33,7 @@ _PRESET = "improved"
 
 
 def description() -> str:
-    """Description of the command with the numbers of the presets and of the shipped weights."""
-    presets = "\n".join(
-        f"    {name:<9} {settings.passes:>11,} passes in batches of {settings.batch:,}, "
-        f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}, "
-        f"network {settings.network}, {settings.loss} errors"
-        for name, settings in PRESETS.items()
-    )
+    """Description of the command with the numbers of the shipped weights."""
     return f"""Train PatchNet on sample files.
 
 A pass is one sample seen once. Samples are those of files, gone through again and again:
@@ -52,10 +46,6 @@ shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.s
 
     patchnet lab train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\
         --passes {SHIPPED_PASSES} --out run
-
-Presets:
-
-{presets}
 
 Errors of an unseen scene are those of --validate, of scenes that are not in training in any pose. Parts that `dataset`
 held out of scenes in training are validated on too, and reported apart."""
@@ -77,9 +67,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--validate", nargs="+", type=Path, default=[], metavar="DATASET",
         help="sample files of held-out scenes, or folders of them, for validation",
     )  # fmt: skip
-    parser.add_argument(
-        "--preset", choices=tuple(PRESETS), default=_PRESET, help=f"default of the other options ({_PRESET})"
-    )
+    passes = ", ".join(f"{name} {settings.passes:,}" for name, settings in PRESETS.items())
+    text = f"default of the other options ({_PRESET}); passes: {passes}"
+    parser.add_argument("--preset", choices=tuple(PRESETS), default=_PRESET, help=text)
     add_number(parser, "--passes", bounds.PASSES, "sample passes in all")
     add_number(parser, "--batch", bounds.BATCH, "samples per step")
     add_number(parser, "--rate", bounds.LEARNING_RATE, "highest learning rate", dest="learning_rate", metavar="RATE")
