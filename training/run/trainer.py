@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,7 +71,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
     processes = Processes.joined()
-    corpus, held_out = _corpora(datasets, settings)
+    read: Callable[..., tuple[AnyCorpus, dict[str, Corpus]]] = fresh_corpus_of if settings.fresh else corpus_of
+    corpus, held_out = read(datasets, nearby=settings.kind.mixes)
     sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
     notes = describe_data(datasets, options.validation) | options.notes
     voxels = max(1, settings.batch // corpus.views_per_voxel)
@@ -113,56 +114,46 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     return learner.mean.to_weights(notes | _extent(learner, per_step))
 
 
-def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
-    """Training data of a run, and its held-out parts by data set."""
-    nearby = settings.kind.mixes
-    if not settings.fresh:
-        return corpus_of(datasets, nearby=nearby)
-    return fresh_corpus_of(datasets, nearby=nearby)
-
-
 def _draw_of(dataset: Dataset) -> list[Any]:
     """Identity of a draw of an octree's samples."""
     return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
 
 
+@dataclass
 class _Keeper:
     """Files of a run in progress: log, validations, checkpoints."""
 
-    def __init__(
-        self,
-        learner: Learner,
-        options: RunOptions,
-        run: dict[str, Any],
-        notes: dict[str, Any],
-        sets: Mapping[str, ValidationSet],
-        per_step: int,
-        end: int,
-    ) -> None:
-        self._learner, self._options, self._run, self._notes, self._sets = learner, options, run, notes, sets
-        self._per_step, self._end = per_step, end
-        self._log = Log(options.out / LOG, learner.steps, board=options.tensorboard)
+    learner: Learner
+    options: RunOptions
+    run: dict[str, Any]
+    notes: dict[str, Any]
+    sets: Mapping[str, ValidationSet]
+    per_step: int
+    end: int
+
+    def __post_init__(self) -> None:
+        self._log = Log(self.options.out / LOG, self.learner.steps, board=self.options.tensorboard)
         self._saved = time.monotonic()
 
     def keep_step(self, sums: torch.Tensor, rate: float) -> None:
         """Log a step's errors, from their sums (3,); validate and save at their intervals."""
-        learner, options = self._learner, self._options
+        learner, options = self.learner, self.options
         self._log.add(mean_errors(sums))
-        passes, ends = learner.steps * self._per_step, learner.steps == self._end
+        passes, ends = learner.steps * self.per_step, learner.steps == self.end
         if learner.steps % options.log_steps == 0 or ends:
             self._log.write_means(learner.steps, passes, rate, learner.seconds)
         if learner.steps % options.validate_steps == 0 or ends:
-            errors = {name: validate(learner.mean, each.corpus) for name, each in self._sets.items()}
-            why = {name: each.not_held_out for name, each in self._sets.items() if each.not_held_out}
+            errors = {name: validate(learner.mean, each.corpus) for name, each in self.sets.items()}
+            why = {name: each.not_held_out for name, each in self.sets.items() if each.not_held_out}
             self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
         if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
             self.save()
 
     def save(self) -> None:
         """Write the checkpoint and the present weights."""
-        notes = self._notes | _extent(self._learner, self._per_step)
-        write_checkpoint(self._options.out, self._run, self._learner.state())
-        save_weights(self._learner.mean.to_weights(notes), self._options.out / WEIGHTS)
+        notes = self.notes | _extent(self.learner, self.per_step)
+        write_checkpoint(self.options.out, self.run, self.learner.state())
+        save_weights(self.learner.mean.to_weights(notes), self.options.out / WEIGHTS)
         self._saved = time.monotonic()
 
 
