@@ -3,7 +3,7 @@
 
 A bench is a module of `commands/benches/`, imported when it runs:
 
-    measure(args) -> Comparison    the measurement, which `text_of` prints
+    measure(args) -> dict    the measurement as JSON values, which `text_of` prints
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     if args.bench == "train":
         require_torch()
     bench = import_module(f".benches.{args.bench}", __package__)
-    values = bench.measure(args).as_json()
+    values = bench.measure(args)
     print(json.dumps(values) if args.json else text_of(values))
     return 0
 

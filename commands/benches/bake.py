@@ -14,7 +14,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -36,7 +36,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.surface.shading import two_lights_shade
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from ...training.benchmarks.timing import Comparison
+from ...training.benchmarks.timing import comparison
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
@@ -45,7 +45,7 @@ _VIEWS = 8
 _MIN_PX, _MAX_PX = 64, 2048
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates of bake and renders, and occupancy of the pages; raises PatchNetError."""
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
@@ -74,7 +74,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "clock": "processor",
     }
     ours, peer = rate(pages) / 1e6, rate(renders) / 1e6
-    return Comparison.of_rates("bake", ours, peer, details, "million paths per processor second")
+    return comparison("bake", ours, peer, details, "million paths per processor second")
 
 
 def own_texels(charts: Charts) -> np.ndarray:

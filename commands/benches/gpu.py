@@ -29,7 +29,7 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.render import Hits, first_hits
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
 from .decode import camera_around
 from .egl_device import EglDevice
@@ -40,7 +40,7 @@ ESTIMATE_OFF = 1e-3  # of luminance
 _AROUND = "Around"  # so far away that all pixels have look-ahead
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates in all views, the geometric mean of rays over that of the CPU's kernels; raises PatchNetError."""
     device = EglDevice()
     octree, name = given_octree(args)
@@ -67,7 +67,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "views": views,
     }
     ours, peer = (geometric_mean([view[who]["trace"] for view in views]) for who in ("card", "cpu"))
-    return Comparison.of_rates("gpu", ours, peer, details, "rays per second")
+    return comparison("gpu", ours, peer, details, "rays per second")
 
 
 def _seconds(run: Callable[[], Any], device: EglDevice) -> float:

@@ -28,7 +28,7 @@ from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_pe
 from ...patchnet_addon.tracing.supersample import supersample_pixels
 from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
 from .inputs import SHELLS, read_triangles, voxelized
 
@@ -66,7 +66,7 @@ class EmbreeScene:
         return partial(self._scene.run, origin, direction, query="INTERSECT")
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates in all views; the ratio is the geometric mean over Embree's.
 
     Raises PatchNetError without Embree, except for an octree file alone, which has no triangles.
@@ -96,7 +96,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     }
     ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
     peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
-    return Comparison.of_rates("trace", ours, peer, details, "rays per second")
+    return comparison("trace", ours, peer, details, "rays per second")
 
 
 def _octree(args: argparse.Namespace, triangles: np.ndarray | None) -> Octree:

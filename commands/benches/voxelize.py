@@ -19,7 +19,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import TriangleMesh
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from .inputs import SHELLS, read_triangles, voxelized
 
 _WARM_DEPTH = 5
@@ -62,7 +62,7 @@ class Open3DVoxels:
         self._voxels = None
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds of both; raises PatchNetError without Open3D, GeometryError without a surface."""
     import_open3d()  # before reading a large scene
     corners_world = read_triangles(args.scene)
@@ -87,4 +87,4 @@ def measure(args: argparse.Namespace) -> Comparison:
         "peer_name": theirs.name,
     }
     ours, peer = seconds["ours"], seconds["peer"]
-    return Comparison("voxelize", ours, peer, peer / max(ours, 1e-9), details)
+    return comparison("voxelize", ours, peer, details, "s", higher_is_better=False)

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from statistics import fmean
+from typing import Any
 
 import bpy
 import numpy as np
@@ -30,7 +31,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
 from ...patchnet_addon.tracing.viewpoints import FOV, viewpoints
-from ...training.benchmarks.timing import Comparison
+from ...training.benchmarks.timing import comparison
 from ...training.evaluation.catalogue import SCENES
 from ...training.evaluation.explorations import catmull_rom
 from ...training.evaluation.poses import FreeSpace
@@ -49,7 +50,7 @@ _MOST = 0.6  # longest way, as a share of the surface's extent
 _TURN = float(np.radians(20.0))  # left at the start, right at the end
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds and errors of both; raises PatchNetError, also for a missing scene file."""
     size = tuple(args.size)
     settings = JobSettings.of(
@@ -105,7 +106,7 @@ def _spread(frames: int, count: int) -> list[int]:
     return [int((index + 0.5) * frames / count) for index in range(count)]
 
 
-def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
+def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
     ways = {"patchnet": found.ours, **{str(samples): each for samples, each in found.cycles.items()}}
     setup, rival = sum(found.setup_s.values()), found.cycles[found.rival]
     details = {
@@ -129,7 +130,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
         "judged": len(found.ours.mse),
     }
     ours, peer = found.ours.frame_s, rival.frame_s
-    return Comparison("walkthrough", ours, peer, peer / ours, details, unit="s per frame")
+    return comparison("walkthrough", ours, peer, details, "s per frame", higher_is_better=False)
 
 
 def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
