@@ -55,9 +55,9 @@ def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Compose
     scene = bpy.context.scene
     shell, furniture, light = (_part(scene, name) for name in ("Shell", "Furniture", "Light"))
     if kind == INTERIOR:
-        room = plan_interior(stock, layout)
-        plan, own = room.plan, "floor, ceiling, walls, windows, door frame"
-        build_shell(shell, room, looks)
+        plan, openings = plan_interior(stock, layout)
+        own = "floor, ceiling, walls, windows, door frame"
+        build_shell(shell, plan, openings, looks)
     else:
         plan, own = plan_garden(stock, layout), "lawn, path, grass, fence"
         build_yard(shell, plan, looks)
