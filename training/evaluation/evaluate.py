@@ -22,7 +22,6 @@ from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
-from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
 from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
@@ -53,20 +52,20 @@ def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Pat
     lpips_weights(settings.lpips)  # raises before the long work
     strategies = strategies_in_use(settings.maps, settings.networks)
     scenes = yield from prepare(octrees, settings, out)
-    yield from _run([block for scene in scenes for block in scene.blocks], settings.processes or usable_cores())
+    yield from _run([block for blocks in scenes.values() for block in blocks], settings.processes or usable_cores())
     results = []
-    for number, scene in enumerate(scenes):
+    for number, (name, blocks) in enumerate(scenes.items()):
         yield Progress(number, len(scenes), "Measuring costs")
-        results.append(_result(scene, strategies))
+        results.append(_result(name, blocks, strategies))
     return results
 
 
-def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[_Prepared]]:
-    """Encode octrees and create their tracks, so that several machines can continue."""
+def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[dict[str, list[FrameBlock]]]:
+    """Encode octrees and create their tracks, so that several machines can continue; blocks of frames by scene."""
     weights = load_weights(settings.weights)
-    scenes = []
+    scenes = {}
     for name, path in octrees.items():
-        scenes.append((yield from _prepare(name, path, settings, weights, out)))
+        scenes[name] = yield from _prepare(path, settings, weights, out / "scenes" / name)
     return scenes
 
 
@@ -78,33 +77,22 @@ def evaluate_part(
     Machines that share `out` may run this at the same time; `evaluate` then reads their results.
     """
     scenes = yield from prepare(octrees, settings, out)
-    mine = [block for scene in scenes for block in scene.blocks][part - 1 :: parts]
+    mine = [block for blocks in scenes.values() for block in blocks][part - 1 :: parts]
     yield from _run(mine, settings.processes or usable_cores())
     return len(mine)
 
 
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """Scene with its cameras and blocks of frames."""
-
-    name: str
-    cameras: list[Camera]
-    blocks: list[FrameBlock]
-
-
-def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weights, out: Path) -> Steps[_Prepared]:
-    folder = out / "scenes" / name
+def _prepare(path: Path, settings: EvaluationSettings, weights: Weights, folder: Path) -> Steps[list[FrameBlock]]:
     octree = (yield from scene_codes(path, folder, settings)).coded.octree
     track = yield from camera_track(
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
     cameras = track[:: settings.every]
     key = _key(settings, octree_hash(octree), weights.whole_hash)
-    blocks = [
+    return [
         FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
         for first in range(0, len(cameras), _BLOCK)
     ]
-    return _Prepared(name, cameras, blocks)
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
@@ -139,21 +127,20 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     pool.shutdown()
 
 
-def _result(scene: _Prepared, strategies: Mapping[str, Strategy]) -> SceneResult:
-    found = [block for block in map(load_block, scene.blocks) if block is not None]
-    block = scene.blocks[0]
-    codes = drain(scene_codes(block.octree, block.folder, block.settings))
-    costs = _costs(scene, codes, strategies, block.folder / "costs.json")
-    return SceneResult(scene.name, strategies, BlockResult.joined(found), costs, codes.coded)
+def _result(name: str, blocks: Sequence[FrameBlock], strategies: Mapping[str, Strategy]) -> SceneResult:
+    found = [block for block in map(load_block, blocks) if block is not None]
+    codes = drain(scene_codes(blocks[0].octree, blocks[0].folder, blocks[0].settings))
+    return SceneResult(name, strategies, BlockResult.joined(found), _costs(blocks, codes, strategies), codes.coded)
 
 
-def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strategy], path: Path) -> Costs:
+def _costs(blocks: Sequence[FrameBlock], codes: SceneCodes, strategies: Mapping[str, Strategy]) -> Costs:
     """Costs from their file, or measured on frames all over the track and stored."""
-    key = scene.blocks[0].key
+    path, key = blocks[0].folder / "costs.json", blocks[0].key
     kept = read_costs(path, key)
     if kept is not None:
         return kept
-    step = max(len(scene.cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(codes, scene.cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
+    cameras = [camera for block in blocks for camera in block.cameras]
+    step = max(len(cameras) // _COST_FRAMES, 1)
+    costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
     write_costs(costs, path, key)
     return costs
