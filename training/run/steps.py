@@ -47,7 +47,10 @@ class StepPlan:
     def batch(self, step: int) -> Batch:
         """Batch of this process's share of a step."""
         own = self.processes.part(self.voxels)
-        augmentation = augmentation_of_step(self.settings, self.voxels, step).part(own.start, own.stop)
+        augmentation = Augmentation.none(self.voxels)
+        if self.settings.augment:
+            augmentation = Augmentation.random(self.voxels, np.random.default_rng([self.settings.seed, 2, step]))
+        augmentation = augmentation.part(own.start, own.stop)
         if isinstance(self.corpus, FreshCorpus):
             return self.corpus.batch_of_step(self.settings.seed, step, own, augmentation)
         return self.corpus.batch(rows_of_step(self.corpus, self.settings, self.voxels, step)[own], augmentation)
@@ -73,13 +76,6 @@ def batches_ahead(
                 yield batch
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
-    """Augmentation of the voxels of a step, by seed and step."""
-    if not settings.augment:
-        return Augmentation.none(voxels)
-    return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:
