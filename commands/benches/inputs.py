@@ -6,7 +6,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
@@ -24,6 +27,14 @@ from ..shared.job_arguments import require_blender
 from ..shared.quiet import quiet_stdout
 
 SHELLS = "shells"  # nested bumpy spheres, without a scene
+
+
+def imported(title: str, module: str, advice: str = "patchnet-blender[peers]") -> ModuleType:
+    """Import a module of another program; raises PatchNetError with the command to install it."""
+    try:
+        return import_module(module)
+    except (ImportError, OSError) as cause:
+        raise PatchNetError(f"{title} cannot be imported ({cause}): install {advice}") from cause
 
 
 @contextmanager

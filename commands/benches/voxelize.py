@@ -16,24 +16,17 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import TriangleMesh
 from ...training.benchmarks.timing import comparison, timed
-from .inputs import SHELLS, read_triangles, voxelized
+from .inputs import SHELLS, imported, read_triangles, voxelized
 
 _WARM_DEPTH = 5
 
 
 def import_open3d() -> ModuleType:
     """Open3D; raises PatchNetError with the command to install it."""
-    try:
-        import open3d
-    except (ImportError, OSError) as cause:
-        raise PatchNetError(
-            f"Open3D cannot be imported ({cause}): install patchnet-blender[peers], and on Debian libusb-1.0-0"
-        ) from cause
-    return open3d
+    return imported("Open3D", "open3d", "patchnet-blender[peers], and on Debian libusb-1.0-0")
 
 
 class Open3DVoxels:
