@@ -17,7 +17,7 @@ from typing import Any
 
 from ..patchnet_addon.network.encoders import MLP
 from ..patchnet_addon.runtime import bounds
-from ..training.benchmarks.tables import markdown_table
+from ..training.benchmarks import markdown_table
 from ..training.settings import AUTO, BF16, FP32
 from . import add_log_format
 from .shared.arguments import add_device, add_number

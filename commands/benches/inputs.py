@@ -22,7 +22,7 @@ from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from ...training.benchmarks.shells import octree_of_shells, shell_triangles
-from ...training.run.torch_threads import torch_threads
+from ...training.run import torch_threads
 from ..shared.job_arguments import require_blender
 from ..shared.quiet import quiet_stdout
 

@@ -22,10 +22,10 @@ from ...training.benchmarks.timing import comparison
 from ...training.data.corpus import corpus_of
 from ...training.data.dataset import Dataset, load_dataset, sample_files
 from ...training.data.samples import SampleSettings, draw_samples
+from ...training.run import torch_threads
 from ...training.run.learner import Learner
 from ...training.run.provenance import describe_machine, describe_versions
 from ...training.run.steps import StepPlan, batches_ahead
-from ...training.run.torch_threads import torch_threads
 from ...training.run.trainer import encoder_type
 from ...training.settings import IMPROVED, PAPER, TrainSettings
 

@@ -27,7 +27,7 @@ from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
-from ...training.benchmarks.tables import markdown_table
+from ...training.benchmarks import markdown_table
 from ...training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
 from ...training.run.run_files import CHECKPOINT
 from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with

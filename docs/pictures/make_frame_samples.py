@@ -36,7 +36,7 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
-from patchnet.training.benchmarks.tables import markdown_table
+from patchnet.training.benchmarks import markdown_table
 
 FRAMES, MEASURED = 250, (25, 125, 225)
 ERROR_SIZE, TRUTH = (240, 135), 256

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..benchmarks.tables import markdown_table
+from ..benchmarks import markdown_table
 from .claims import VARIANCE
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .results import POOLED

@@ -28,13 +28,13 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ..data.corpus import Corpus, corpus_of, fresh_corpus_of
 from ..data.dataset import Dataset
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
+from . import torch_threads
 from .learner import Learner, Resumable, learning_rate, mean_errors
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
-from .torch_threads import torch_threads
 from .validation import ValidationSet, validate, validation_sets
 
 

@@ -16,8 +16,8 @@ from ....patchnet_addon.runtime.files import content_hash, read_arrays, write_ar
 from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
+from ...run import torch_threads
 from ...run.run_files import CHECKPOINT, LOG, check_run
-from ...run.torch_threads import torch_threads
 from . import NAMES
 from .frames import NEEDS, gbuffer
 
