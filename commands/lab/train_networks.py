@@ -18,17 +18,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
 from ...training.benchmarks import markdown_table
-from ...training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
+from ...training.encoders import ENCODERS
+from ...training.evaluation import WITHOUT
 from ...training.run.run_files import CHECKPOINT
 from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
     from ...training.data.dataset import Dataset
 
 TABLE = "errors.json"
+SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
 _SAMPLES, _PASSES, _VOXELS = 2_000_000, 16_000_000, 4096
 
 
@@ -154,3 +158,56 @@ def _cell(errors: Mapping[str, Any] | None) -> str:
         return "seen"
     ratio = errors["luminance_ratio"]
     return f"{errors['coverage']:.3f} ({'' if ratio is None else f'{ratio:.2f}'})"
+
+
+@dataclass(frozen=True)
+class NetworkPlan:
+    """Network to train, with the names of its training scenes and of its encoder."""
+
+    name: str
+    scenes: tuple[str, ...]
+    encoder: str = MLP.name
+    lookahead: int = DEFAULT_LOOKAHEAD
+
+
+def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | None = None) -> list[NetworkPlan]:
+    """Networks of these kinds for scenes, in the order of training, without duplicates.
+
+    kinds: "scene": one of each scene alone, named after it. "without": one of all but each scene, without-SCENE.
+    "look-ahead": look-ahead-1 and look-ahead-3, "encoders": one named after each other encoder; both are trained on all
+    scenes but `unseen` (the last one), and include without-UNSEEN for comparison. Raises SettingError for an unknown
+    kind or scene, duplicate scenes, and without a scene to hold out.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise SettingError(f"Unknown kind of networks '{kind}': choose from {', '.join(KINDS)}")
+    twice = [scene for scene in scenes if list(scenes).count(scene) > 1]
+    if twice:
+        raise SettingError(f"Scene {twice[0]!r} is named twice: name each scene once")
+    if set(kinds) - {SCENE} and len(scenes) < 2:
+        raise SettingError("A single scene has no held-out scene: name two scenes at least")
+    if unseen is not None and unseen not in scenes:
+        raise SettingError(f"Scene {unseen!r} is not among the scenes: hold out one of {', '.join(scenes)}")
+    plans = [NetworkPlan(scene, (scene,)) for scene in scenes if SCENE in kinds]
+    plans += [_without(scene, scenes) for scene in scenes if WITHOUT_ONE in kinds]
+    if LOOK_AHEAD in kinds or ENCODER in kinds:
+        usual = _without(unseen or scenes[-1], scenes)
+        plans += [] if usual in plans else [usual]
+        others = [lookahead for lookahead in LOOKAHEADS if lookahead != usual.lookahead and LOOK_AHEAD in kinds]
+        for each in others:
+            plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each))
+        for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
+            plans.append(NetworkPlan(name, usual.scenes, name))
+    _check_names(plans)
+    return plans
+
+
+def _without(scene: str, scenes: Sequence[str]) -> NetworkPlan:
+    return NetworkPlan(WITHOUT + scene, tuple(other for other in scenes if other != scene))
+
+
+def _check_names(plans: Sequence[NetworkPlan]) -> None:
+    names = [plan.name for plan in plans]
+    for name in names:
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks would be called {name!r}: rename the octree file of that scene")

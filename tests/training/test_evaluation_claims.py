@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from patchnet.training.evaluation.bootstrap import Bootstrap
-from patchnet.training.evaluation.claims import claims_of
 from patchnet.training.evaluation.curves import BUDGETS, TrackErrors
+from patchnet.training.evaluation.results import claims_of
 
 GROUPS = {
     "patchnet": "network",

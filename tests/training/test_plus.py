@@ -26,8 +26,7 @@ from patchnet.training.plus.pixel_table import SYMMETRIES, PixelTable, symmetrie
 
 torch = pytest.importorskip("torch")
 
-from patchnet.training.plus.learner import FormLearner  # noqa: E402
-from patchnet.training.plus.train import PlusSettings, train_plus  # noqa: E402
+from patchnet.training.plus.train import FormLearner, PlusSettings, train_plus  # noqa: E402
 from patchnet.training.run.trainer import RunOptions  # noqa: E402
 
 ALL = Strategy("all", "All", "All that estimators see", NEEDS, lambda buffers: buffers.preview, "luminance", 1.0)

@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from ..benchmarks import markdown_table
-from .claims import VARIANCE
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
-from .results import POOLED
+from .results import POOLED, VARIANCE
 from .strategies import network_name
 
 TITLE = "# Tables of an evaluation"
