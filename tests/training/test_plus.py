@@ -22,7 +22,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.plus import frames
-from patchnet.training.plus.pixel_table import SYMMETRIES, PixelTable, symmetries
+from patchnet.training.plus.frames import SYMMETRIES, PixelTable, symmetries
 
 torch = pytest.importorskip("torch")
 

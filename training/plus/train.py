@@ -27,8 +27,7 @@ from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, Network, l
 from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions
-from .frames import TrackSettings, views_of
-from .pixel_table import SYMMETRIES, PixelTable
+from .frames import SYMMETRIES, PixelTable, TrackSettings, views_of
 
 ESTIMATORS = "plus.safetensors"
 REFERENCES = "references"  # folder of references
