@@ -76,7 +76,8 @@ def draw_samples(
     """
     forest, groups = concatenate([octree]), -(-count // settings.views)
     training, validation = settings.candidates(octree)
-    held_out = min(round(settings.held_out * groups), groups - 1) if sum(map(len, validation)) else 0
+    counts = [sum(map(len, voxels)) for voxels in (training, validation)]
+    held_out = min(-(-groups * counts[1] // sum(counts)), groups - 1)
     parts = [(training, groups - held_out)] + ([(validation, held_out)] if held_out else [])
     drawn: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for number, (voxels, share) in enumerate(parts):
