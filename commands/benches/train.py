@@ -21,7 +21,8 @@ from ...training.benchmarks.shells import octree_of_shells
 from ...training.benchmarks.timing import comparison
 from ...training.data.corpus import corpus_of
 from ...training.data.dataset import Dataset, load_dataset, sample_files
-from ...training.data.samples import SampleSettings, draw_samples
+from ...training.data.samples import draw_samples
+from ...training.data.voxel_choice import SampleSettings
 from ...training.run import torch_threads
 from ...training.run.learner import Learner
 from ...training.run.provenance import describe_machine, describe_versions

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...patchnet_addon.runtime.progress import drain
     from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, sample_names
-    from ...training.data.samples import SampleSettings
+    from ...training.data.voxel_choice import SampleSettings
     from ..shared.lines import say_result
     from ..shared.progress_bars import ProgressBars
 

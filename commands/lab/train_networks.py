@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
 def _samples(args: argparse.Namespace, octrees: Mapping[str, Path], lookahead: int) -> Steps[dict[str, Dataset]]:
     """Samples by scene; missing files are drawn. Raises SettingError for a file of other arguments."""
     from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, load_dataset
-    from ...training.data.samples import SampleSettings
+    from ...training.data.voxel_choice import SampleSettings
 
     folder, found = args.out / "samples" / f"look-ahead-{lookahead}", {}
     folder.mkdir(parents=True, exist_ok=True)

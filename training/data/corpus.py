@@ -21,8 +21,8 @@ from .augmentation import Augmentation
 from .batches import Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, concatenate
-from .samples import SampleSettings, draw
-from .voxel_choice import VoxelLists
+from .samples import draw
+from .voxel_choice import SampleSettings, VoxelLists, candidates
 
 _DRAWS, _HELD_OUT = 4, 5  # purposes of random numbers, beside the seed
 
@@ -123,7 +123,7 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
     free: list[list[np.ndarray]] = []
     held_out = {}
     for dataset, how in zip(datasets, settings, strict=True):
-        training, validation = how.candidates(dataset.octree)
+        training, validation = candidates(dataset.octree, how)
         free.append(training)
         if sum(map(len, validation)):
             held_out[dataset.name] = _held_out_samples(dataset.octree, validation, how, nearby)
@@ -133,10 +133,10 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
 
 
 def _held_out_samples(
-    octree: Octree, candidates: Sequence[np.ndarray], settings: SampleSettings, nearby: bool
+    octree: Octree, voxels: Sequence[np.ndarray], settings: SampleSettings, nearby: bool
 ) -> Corpus:
     """Samples of held-out voxels, as many as a validation uses."""
     forest = concatenate([octree])
-    corpus = FreshCorpus(forest, VoxelLists.of([candidates], VALIDATION_VOXELS), settings)
+    corpus = FreshCorpus(forest, VoxelLists.of([voxels], VALIDATION_VOXELS), settings)
     drawn = corpus.draw(settings.seed, _HELD_OUT, slice(0, VALIDATION_VOXELS))
     return Corpus(forest, *drawn, settings.lookahead, nearby)

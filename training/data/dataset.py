@@ -18,11 +18,11 @@ import numpy as np
 
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import Steps
-from .samples import VIEW_FIELDS, Samples, SampleSettings, draw_samples
+from .samples import VIEW_FIELDS, Samples, draw_samples
+from .voxel_choice import SampleSettings
 
 KIND = "samples"
 SUFFIX = ".samples.safetensors"
@@ -44,7 +44,7 @@ class Dataset:
     @property
     def lookahead(self) -> int:
         """Levels between the voxels and the cells that their views show; two by default."""
-        return int(self.metadata.get("settings", {}).get("lookahead", DEFAULT_LOOKAHEAD))
+        return self.sample_settings.lookahead
 
     @property
     def sample_settings(self) -> SampleSettings:

@@ -15,14 +15,12 @@ import numpy as np
 from ...patchnet_addon.codes.brick import MIDDLE, empty_brick, fill_brick
 from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.kernels import device, kernel
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.threads import run_parts
-from ..settings import VIEWS
 from .forest import Forest, concatenate, tree_nodes
-from .voxel_choice import VoxelLists, candidates
+from .voxel_choice import SampleSettings, VoxelLists, candidates
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
 UNIT, SIGNED = 65535.0, 32767.0
@@ -31,25 +29,6 @@ _VOXELS = 1000  # tries per place, before the octree counts as hidden
 _CHUNK = 32768
 _FILES = 6  # purpose of random numbers, beside the seed
 COVERAGE_SCALE = 4096.0
-
-
-@dataclass(frozen=True)
-class SampleSettings:
-    """Settings of drawing samples.
-
-    views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
-    validation (methods 7.21). lookahead: levels between a voxel and the cells that are seen, 1 to 3.
-    """
-
-    views: int = VIEWS
-    min_level: int = 5
-    held_out: float = 0.05
-    seed: int = 0
-    lookahead: int = DEFAULT_LOOKAHEAD
-
-    def candidates(self, octree: Octree) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Voxels of an octree for training and for validation, see `voxel_choice.candidates`."""
-        return candidates(octree, self.min_level, self.lookahead, self.held_out, self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +54,7 @@ def draw_samples(
     nodes.
     """
     forest, groups = concatenate([octree]), -(-count // settings.views)
-    training, validation = settings.candidates(octree)
+    training, validation = candidates(octree, settings)
     counts = [sum(map(len, voxels)) for voxels in (training, validation)]
     held_out = min(-(-groups * counts[1] // sum(counts)), groups - 1)
     parts = [(training, groups - held_out)] + ([(validation, held_out)] if held_out else [])

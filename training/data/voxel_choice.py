@@ -10,10 +10,27 @@ import numpy as np
 
 from ...patchnet_addon.cells.morton import morton_decode
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
+from ..settings import VIEWS
 
 BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
 _REPEATS = 16  # most draws per voxel of a level
+
+
+@dataclass(frozen=True)
+class SampleSettings:
+    """Settings of drawing samples.
+
+    views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
+    validation (methods 7.21). lookahead: levels between a voxel and the cells that are seen, 1 to 3.
+    """
+
+    views: int = VIEWS
+    min_level: int = 5
+    held_out: float = 0.05
+    seed: int = 0
+    lookahead: int = DEFAULT_LOOKAHEAD
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,28 +65,27 @@ def level_chances(sizes: np.ndarray, count: int) -> np.ndarray:
     return np.asarray((even + (count - even.sum()) * sizes / sizes.sum()) / count)
 
 
-def candidates(
-    octree: Octree, min_level: int, lookahead: int, held_out: float, seed: int
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def candidates(octree: Octree, settings: SampleSettings) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Voxels (n, 4) uint16 with look-ahead by level, for training and for validation, see `held_out_voxels`.
 
     Raises PatchNetError if there are none for training.
     """
+    first, lookahead = settings.min_level, settings.lookahead
     ahead = octree.look_ahead(lookahead)
     training, validation = [], []
-    for level in range(min_level, octree.depth - lookahead + 1):
+    for level in range(first, octree.depth - lookahead + 1):
         nodes = np.flatnonzero(ahead[octree.level(level)])
         if not len(nodes):
             continue
         cells = morton_decode(octree.keys(level)[nodes])
         voxel = np.column_stack([np.full(len(nodes), level), cells]).astype(np.uint16)
-        outside, inside = held_out_voxels(octree, voxel, held_out, seed)
+        outside, inside = held_out_voxels(octree, voxel, settings.held_out, settings.seed)
         training.append(voxel[outside])
         validation.append(voxel[inside])
     if not sum(map(len, training + validation)):
         raise PatchNetError(
-            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {min_level} on: "
-            f"use one of depth {min_level + lookahead} or more"
+            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {first} on: "
+            f"use one of depth {first + lookahead} or more"
         )
     if not sum(map(len, training)):
         raise PatchNetError("All voxels of an octree are held out for validation: lower the held-out share")

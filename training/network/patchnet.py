@@ -34,7 +34,7 @@ class PatchNet(nn.Module):
         super().__init__()
         self.lookahead, self.kind, self.encoder_kind = weights.lookahead, weights.kind, weights.encoder_kind
         self.encoder = nn.ModuleList(_encoder_layers(self.encoder_kind, self.lookahead))
-        self.decoder = nn.ModuleList(_linear_layers(self.kind.decoder))
+        self.decoder = nn.ModuleList(nn.Linear(*sizes) for sizes in itertools.pairwise(self.kind.decoder))
         arrays = weights.arrays()
         if not isinstance(self.encoder_kind, ConvolvingKind):
             columns = self._columns()
@@ -171,10 +171,6 @@ def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
         for branch, shape in zip(branches, shapes, strict=False)
     ]
     return layers + [nn.Linear(shape[1], shape[0]) for shape in shapes[len(branches) :]]
-
-
-def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:
-    return [nn.Linear(first, second) for first, second in itertools.pairwise(sizes)]
 
 
 def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:

@@ -165,15 +165,11 @@ def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
 
 def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:
     """Number type of the encoder's products on a device after `share` of the run."""
-    if settings.precision == AUTO:
-        return torch.bfloat16 if device == CPU and has_fast_bf16() and share < 0.98 else torch.float32
-    return torch.bfloat16 if settings.precision == BF16 else torch.float32
-
-
-def has_fast_bf16() -> bool:
-    """Return whether this processor multiplies bf16 matrices in hardware."""
-    capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
-    return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
+    if settings.precision != AUTO:
+        return torch.bfloat16 if settings.precision == BF16 else torch.float32
+    units = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+    is_fast = units.get("amx_bf16") or units.get("avx512_bf16")  # products in hardware
+    return torch.bfloat16 if device == CPU and is_fast and share < 0.98 else torch.float32
 
 
 def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:
