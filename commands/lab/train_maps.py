@@ -18,6 +18,7 @@ from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
 from ...training.evaluation.networks import NAMES
+from ...training.run.run_files import check_run
 from ..shared.arguments import add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import add_run_arguments, require_torch
@@ -43,9 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Render missing frames, train, and print the path of the weights; returns 0; raises PatchNetError."""
-    from ...training.evaluation.networks.maps import FRAMES, check_map_run
+    from ...training.evaluation.networks.maps import FRAMES, RUN_FILES
 
-    check_map_run(args.out, args.octrees, resume=args.resume)
+    check_run(args.out, args.octrees, resume=args.resume, kinds=RUN_FILES)
     check_octrees(args.octrees)
     require_torch()
     import torch

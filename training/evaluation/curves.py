@@ -37,7 +37,7 @@ class FrameErrors:
 class TrackErrors:
     """Errors of the F frames of a camera track through a scene, in the order of time, under S named strategies.
 
-    scene: its name, for messages. active: (F,) int64, left: (F, S, 101) float64, as in `FrameErrors`.
+    scene: its name. active: (F,) int64, left: (F, S, 101) float64, as in `FrameErrors`.
     """
 
     scene: str

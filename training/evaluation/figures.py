@@ -49,7 +49,7 @@ def draw_budgets(
     """Draw error over budget of a scene, a diagram for each number of rays per pixel, with optimal and random.
 
     The first four further networks have their own lines. levels: errors that do not depend on strategies, as horizontal
-    lines, by label. Returns the files; raises PatchNetError if one cannot be written.
+    lines, by label. Returns the files.
     """
     from matplotlib.figure import Figure
 
@@ -92,8 +92,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     """Draw mean squared error over the total time of a frame: the strategy and its refinement samples.
 
     Left, samples are 32x32 rays of the octree in each refined pixel; right, 64 paths of Cycles at a stated cost.
-    Pictures with the same number of rays in every pixel are points. Returns the files; raises PatchNetError if one
-    cannot be written.
+    Pictures with the same number of rays in every pixel are points. Returns the files.
     """
     from matplotlib.figure import Figure
 

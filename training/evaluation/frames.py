@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +21,6 @@ from ...patchnet_addon.sampling.errors import sum_left_after
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
@@ -94,7 +93,8 @@ def evaluate_block(block: FrameBlock) -> None:
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
             buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
             views = _views(buffers, codes)
-            orders = frame_orders(buffers, _scores(strategies, views, codes))
+            scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
+            orders = frame_orders(buffers, scores)
             errors = frame_errors(buffers, orders)
             rank_staged(errors, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
@@ -126,13 +126,6 @@ def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelB
     return {codes.coded: buffers} | {
         coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
     }
-
-
-def _scores(
-    strategies: Mapping[str, Strategy], views: Mapping[CodedOctree, PixelBuffers], codes: SceneCodes
-) -> dict[str, np.ndarray]:
-    """Scores (P,) by strategy."""
-    return {name: strategy.scores(views[codes.of(strategy)]) for name, strategy in strategies.items()}
 
 
 @lru_cache(maxsize=1)

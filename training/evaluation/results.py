@@ -51,16 +51,11 @@ def results_of(
     if networks:
         octrees = {name: values["octree_hash"] for name, values in results["scenes"].items()}
         claims["generalisation"] = generalisation_of(draws, networks, octrees)
-    return results | {"networks": {network.name: _network(network) for network in networks}, "claims": claims}
-
-
-def _network(network: PatchNetwork) -> dict[str, Any]:
-    """Description of a network by its weights."""
-    return {
-        "weights_hash": network.hash,
-        "sample_passes": network.sample_passes,
-        "octrees": sorted(network.octrees),
+    described = {
+        each.name: {"weights_hash": each.hash, "sample_passes": each.sample_passes, "octrees": sorted(each.octrees)}
+        for each in networks
     }
+    return results | {"networks": described, "claims": claims}
 
 
 def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
 from ...run import torch_threads
-from ...run.run_files import CHECKPOINT, LOG, check_run
+from ...run.run_files import CHECKPOINT, LOG
 from . import NAMES
 from .frames import NEEDS, gbuffer
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 KIND = "sampling-map"
 MAP = "sampling_map.safetensors"
 FRAMES = "frames"  # folder of rendered frames
-_KINDS = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)}
+RUN_FILES = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)}
 
 
 def save_map(path: Path, network: str, weights: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
@@ -54,11 +54,6 @@ def map_networks() -> dict[str, MapNetwork]:
     from .weiss import WEISS
 
     return dict(zip(NAMES, (WEISS, KUZNETSOV, UNET), strict=True))
-
-
-def check_map_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> None:
-    """Check that a run can start or resume in `out`; raises as `check_run`."""
-    check_run(out, inputs, resume=resume, kinds=_KINDS)
 
 
 def map_strategy(path: Path) -> Strategy:

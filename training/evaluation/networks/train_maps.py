@@ -23,12 +23,12 @@ from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.learner import Resumable
-from ...run.run_files import CHECKPOINT, LOG
+from ...run.run_files import CHECKPOINT, LOG, check_run
 from ...run.run_log import Log
 from ...run.trainer import RunOptions, load_checkpoint, write_checkpoint
 from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
-from .maps import MAP, check_map_run, map_networks, save_map
+from .maps import MAP, RUN_FILES, map_networks, save_map
 
 _NETWORKS = map_networks()
 
@@ -111,11 +111,11 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
 
     key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
     `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is not finite, and as
-    `check_map_run` and `load_checkpoint`.
+    `check_run` and `load_checkpoint`.
     """
     if not frames:
         raise PatchNetError("There is nothing to train on: name at least one octree")
-    check_map_run(options.out, resume=options.resume)
+    check_run(options.out, resume=options.resume, kinds=RUN_FILES)
     options.out.mkdir(parents=True, exist_ok=True)
     with enough_memory("training"):
         learner = MapLearner(settings, found_device(options.device))
