@@ -103,9 +103,7 @@ def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
 
 
 def _trace(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)"
-    )
+    parser.add_argument("file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)")
     _triangles(parser, 5, "Embree")
     add_views(parser)
 

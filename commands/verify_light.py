@@ -29,9 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
-    add_number(
-        parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H")
-    )
+    add_number(parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H"))
     add_settings(parser, "sides", "light", "denoise", "texel_voxels")
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(

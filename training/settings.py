@@ -66,9 +66,7 @@ class TrainSettings:
         if self.decoder_width % WIDTH_STEP:
             raise SettingError(f"Decoder width {self.decoder_width} is not a multiple of {WIDTH_STEP}: choose one")
         if self.decoder_width != own.width and not own.mixes:
-            raise SettingError(
-                f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width"
-            )
+            raise SettingError(f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width")
         if not self.encoder_width:
             object.__setattr__(self, "encoder_width", ENCODERS[self.encoder].width)
         self._check_encoder_width()

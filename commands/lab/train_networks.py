@@ -55,9 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kinds", default=",".join(KINDS), metavar="KIND,KIND", help=f"kinds of networks ({','.join(KINDS)})"
     )
-    parser.add_argument(
-        "--unseen", metavar="NAME", help="held-out scene of look-ahead and encoders (the last one)"
-    )
+    parser.add_argument("--unseen", metavar="NAME", help="held-out scene of look-ahead and encoders (the last one)")
     add_number(parser, "--samples", bounds.DATASET_SAMPLES, "samples of each scene", _SAMPLES)
     add_number(parser, "--least-level", bounds.LEVEL, "coarsest level of voxels", 5)
     add_number(parser, "--passes", bounds.PASSES, "passes of each network", _PASSES)

@@ -132,9 +132,7 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
     return FreshCorpus(forest, lists, settings[0], nearby), held_out
 
 
-def _held_out_samples(
-    octree: Octree, voxels: Sequence[np.ndarray], settings: SampleSettings, nearby: bool
-) -> Corpus:
+def _held_out_samples(octree: Octree, voxels: Sequence[np.ndarray], settings: SampleSettings, nearby: bool) -> Corpus:
     """Samples of held-out voxels, as many as a validation uses."""
     forest = concatenate([octree])
     corpus = FreshCorpus(forest, VoxelLists.of([voxels], VALIDATION_VOXELS), settings)
