@@ -137,19 +137,15 @@ def _part(text: str) -> tuple[int, int]:
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
     """Octree files by name; creates missing ones of the catalogue."""
-    found = _scenes(args) if args.scenes else {}
+    from ...training.evaluation.catalogue import scene_octree
+
+    scenes = scenes_named(args.scenes) if args.scenes else []  # check all names before creating the first octree
+    found = {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
     for path in args.octrees:
         if path.stem in found:
             raise SettingError(f"Two scenes are called {path.stem!r}: rename {path}")
         found[path.stem] = path
     return found
-
-
-def _scenes(args: argparse.Namespace) -> dict[str, Path]:
-    from ...training.evaluation.catalogue import scene_octree
-
-    scenes = scenes_named(args.scenes)  # check all names before creating the first octree
-    return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 
 def _write(path: Path, text: str) -> None:
