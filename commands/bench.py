@@ -3,22 +3,21 @@
 
 A bench is a module of `commands/benches/`, imported when it runs:
 
-    measure(args) -> Comparison    the measurement, which `text_of` prints
+    measure(args) -> dict    the measurement as JSON values, which `text_of` prints
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from ..patchnet_addon.network.encoders import MLP
 from ..patchnet_addon.runtime import bounds
-from ..patchnet_addon.runtime.bounds import Bounds
-from ..training.benchmarks.tables import markdown_table
+from ..training.benchmarks import markdown_table
 from ..training.settings import AUTO, BF16, FP32
 from . import add_log_format
 from .shared.arguments import add_device, add_number
@@ -26,25 +25,13 @@ from .shared.job_arguments import require_blender
 from .shared.training_run import require_torch
 from .shared.views import add_views
 
-BENCHES = {
-    "voxelize": "octree against Open3D's voxel grid",
-    "trace": "rays per second against Embree's, thread for thread",
-    "encode": "the whole encoder against torch's",
-    "decode": "the whole decoder against torch's layers alone",
-    "gpu": "rays and decoded pixels on a graphics card against the CPU's kernels",
-    "frame": "a frame, from camera to priority and picture, against four rays in each pixel",
-    "bake": "the bake against camera renders: paths per second, filling of pages",
-    "walkthrough": "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
-    "train": "training samples per second, on a GPU against the CPU",
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the benches, each with --json."""
     benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
-    for name, text in BENCHES.items():
+    for name, (text, add) in BENCHES.items():
         single = benches.add_parser(name, help=text, description=f"Measure {text}.")
-        _ARGUMENTS[name](single)
+        add(single)
         add_log_format(single)
         single.add_argument("--json", action="store_true", help="print one line of JSON")
 
@@ -56,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     if args.bench == "train":
         require_torch()
     bench = import_module(f".benches.{args.bench}", __package__)
-    values = bench.measure(args).as_json()
+    values = bench.measure(args)
     print(json.dumps(values) if args.json else text_of(values))
     return 0
 
@@ -92,55 +79,44 @@ def _shown(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
-def _number(parser: argparse.ArgumentParser, flag: str, row: Bounds, default: Any, text: str) -> None:
-    """Add a numeric argument, or several numbers if its default has several; the help states the default."""
-    if isinstance(default, tuple):
-        shown = " ".join(map(str, default))
-        add_number(parser, flag, row, nargs=len(default), default=default, help=f"{text} ({shown})")
-    else:
-        add_number(parser, flag, row, default=default, help=f"{text} ({default:.7g})")
-
-
 def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
     parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
-    _number(parser, "--depth", bounds.DEPTH, 9, "octree depth")
-    _number(parser, "--threads", bounds.THREADS, 1, f"PatchNet's threads; {peer} has one; one: processor seconds")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
+    add_number(parser, "--threads", bounds.THREADS, f"PatchNet's threads; {peer} has one; one: processor seconds", 1)
     _repeats(parser, repeats)
 
 
 def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
     parser.add_argument("file", type=Path, nargs="?", help="octree file (a generated one of --nodes nodes)")
-    _number(parser, "--nodes", bounds.NODES, nodes, "nodes of the octree that is made")
+    add_number(parser, "--nodes", bounds.NODES, "nodes of the octree that is made", nodes)
     _repeats(parser, repeats)
 
 
 def _network(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
     _octree(parser, nodes, repeats)
     parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
-    _number(parser, "--threads", bounds.THREADS, 1, "threads of PatchNet and torch; one: processor seconds")
+    add_number(parser, "--threads", bounds.THREADS, "threads of PatchNet and torch; one: processor seconds", 1)
 
 
 def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
-    _number(parser, "--repeats", bounds.REPEATS, repeats, "runs of each, the median counts")
+    add_number(parser, "--repeats", bounds.REPEATS, "runs of each, the median counts", repeats)
 
 
 def _trace(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)"
-    )
+    parser.add_argument("file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)")
     _triangles(parser, 5, "Embree")
     add_views(parser)
 
 
 def _decode(parser: argparse.ArgumentParser) -> None:
     _network(parser, 1_000_000, 9)
-    _number(parser, "--pixels", bounds.DECODED_PIXELS, 150_000, "pixels with look-ahead, about")
+    add_number(parser, "--pixels", bounds.DECODED_PIXELS, "pixels with look-ahead, about", 150_000)
 
 
 def _frame(parser: argparse.ArgumentParser) -> None:
     _octree(parser, 1_000_000, 5)
     add_views(parser)
-    add_number(parser, "--threads", bounds.THREADS, help="threads (one for each core)")
+    add_number(parser, "--threads", bounds.THREADS, "threads (one for each core)")
 
 
 def _gpu(parser: argparse.ArgumentParser) -> None:
@@ -150,30 +126,28 @@ def _gpu(parser: argparse.ArgumentParser) -> None:
 
 def _bake(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
-    _number(parser, "--depth", bounds.DEPTH, 7, "octree depth")
-    _number(parser, "--samples", bounds.SAMPLES, 16, "paths per texel")
-    _number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, 2.0, "side of a texel in finest voxels")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 7)
+    add_number(parser, "--samples", bounds.SAMPLES, "paths per texel", 16)
+    add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, "side of a texel in finest voxels", 2.0)
 
 
-def _walkthrough(parser: argparse.ArgumentParser) -> None:
+def _walk(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", default="room",
         help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
         "(room)",
     )  # fmt: skip
-    _number(parser, "--frames", bounds.TRACK_FRAMES, 250, "frames of the walk")
-    _number(parser, "--size", bounds.VIEW_PX, (320, 180), "pixels of each")
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, "frames of the walk", 250)
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
     parser.add_argument("--depth", default="fit", help="octree depth, or fit: fine only where the cameras look (fit)")
-    _number(parser, "--samples", bounds.SAMPLES, 4, "of a baked texel")
-    _number(parser, "--timed", bounds.REPEATS, 3, "frames of PatchNet that are timed")
-    _number(parser, "--cycles-timed", bounds.REPEATS, 1, "frames of Cycles that are timed")
-    add_number(
-        parser, "--cycles-samples", bounds.CYCLES_SAMPLES, nargs="+", default=[1, 2, 4, 8, 32], metavar="N",
-        help="samples per pixel of Cycles' frames (1 2 4 8 32)",
-    )  # fmt: skip
-    _number(parser, "--judged", bounds.REPEATS, 1, "frames whose errors are measured")
-    _number(parser, "--error-size", bounds.VIEW_PX, (160, 90), "pixels of these")
-    _number(parser, "--truth", bounds.CYCLES_SAMPLES, 256, "samples that they are judged by")
+    add_number(parser, "--samples", bounds.SAMPLES, "of a baked texel", 4)
+    add_number(parser, "--timed", bounds.REPEATS, "frames of PatchNet that are timed", 3)
+    add_number(parser, "--cycles-timed", bounds.REPEATS, "frames of Cycles that are timed", 1)
+    text = "samples per pixel of Cycles' frames"
+    add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, text, (1, 2, 4, 8, 32), nargs="+", metavar="N")
+    add_number(parser, "--judged", bounds.REPEATS, "frames whose errors are measured", 1)
+    add_number(parser, "--error-size", bounds.VIEW_PX, "pixels of these", (160, 90))
+    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, "samples that they are judged by", 256)
 
 
 def _train(parser: argparse.ArgumentParser) -> None:
@@ -182,25 +156,28 @@ def _train(parser: argparse.ArgumentParser) -> None:
         help="sample files, or folders of them (drawn from an octree of --nodes nodes)",
     )  # fmt: skip
     add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
-    _number(parser, "--nodes", bounds.NODES, 1_000_000, "nodes of the octree that is made")
-    _number(parser, "--samples", bounds.DATASET_SAMPLES, 400_000, "samples that are drawn of it")
-    add_number(parser, "--threads", bounds.THREADS, help="threads that train, or gather batches for a GPU (all cores)")
+    add_number(parser, "--nodes", bounds.NODES, "nodes of the octree that is made", 1_000_000)
+    add_number(parser, "--samples", bounds.DATASET_SAMPLES, "samples that are drawn of it", 400_000)
+    add_number(parser, "--threads", bounds.THREADS, "threads that train, or gather batches for a GPU (all cores)")
     parser.add_argument(
         "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
         help="precision of the encoder's products (auto: bf16 where the processor has it)",
     )  # fmt: skip
-    _number(parser, "--encoder-width", bounds.ENCODER_WIDTH, MLP.width, "values between the encoder's layers")
+    add_number(parser, "--encoder-width", bounds.ENCODER_WIDTH, "values between the encoder's layers", MLP.width)
     _repeats(parser, 9)
 
 
-_ARGUMENTS = {
-    "voxelize": lambda parser: _triangles(parser, 3, "Open3D"),
-    "trace": _trace,
-    "encode": lambda parser: _network(parser, 600_000, 5),
-    "decode": _decode,
-    "gpu": _gpu,
-    "frame": _frame,
-    "bake": _bake,
-    "walkthrough": _walkthrough,
-    "train": _train,
+BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
+    "trace": ("rays per second against Embree's, thread for thread", _trace),
+    "encode": ("the whole encoder against torch's", lambda parser: _network(parser, 600_000, 5)),
+    "decode": ("the whole decoder against torch's layers alone", _decode),
+    "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
+    "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
+    "bake": ("the bake against camera renders: paths per second, filling of pages", _bake),
+    "walkthrough": (
+        "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
+        _walk,
+    ),
+    "train": ("training samples per second, on a GPU against the CPU", _train),
 }

@@ -66,10 +66,7 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _blender_path(word: str) -> str:
-    """Expand Blender's `//` in an argument to the folder of the open file, also after an equals sign (--out=//out).
-
-    Raises SettingError if no file is open.
-    """
+    """Expand Blender's `//` in an argument (--out=//out) to the open file's folder; raises SettingError without one."""
     from ..operators.properties import absolute_path
 
     option, equals, text = word.partition("=") if word.startswith("--") else ("", "", word)

@@ -19,7 +19,7 @@ from .shared.lines import make_parent, say_result
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("octree", type=Path, help="an octree file, such as octree.safetensors of `patchnet run`")
-    add_number(parser, "--level", bounds.LEVEL, help="level of the voxels; the root is 0 (the finest)")
+    add_number(parser, "--level", bounds.LEVEL, "level of the voxels; the root is 0 (the finest)")
     add_out(parser, "file to write", required=True)
 
 

@@ -17,7 +17,7 @@ from .shared.job_arguments import add_settings, depth_of, given_settings, requir
 from .shared.lines import make_parent, say_exposure, say_note, say_result
 from .shared.quiet import quiet_stdout
 from .shared.scene_argument import OWN, add_scene, open_or_build, scene_path
-from .shared.views import add_views, say_unseen, view_cameras
+from .shared.views import add_views, view_cameras
 
 if TYPE_CHECKING:
     from ..operators.pipeline.lit_octree import OctreeOverrides
@@ -37,10 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--color", action=argparse.BooleanOptionalAction, default=False,
         help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",
     )  # fmt: skip
-    add_number(
-        parser, "--rotate", bounds.SEED, default=0, metavar="SEED",
-        help="turn the lit surface by a random rotation; two-lights then shines from a random direction (0: upright)",
-    )  # fmt: skip
+    text = "turn the lit surface by a random rotation, 0: upright; two-lights then shines from a random direction"
+    add_number(parser, "--rotate", bounds.SEED, text, 0, metavar="SEED")
     parser.add_argument(
         "--without", default="", metavar="TEXT,TEXT", help="leave out objects below a name with one of these texts"
     )
@@ -69,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.heap import peak_bytes
     from ..patchnet_addon.runtime.progress import drain
+    from ..patchnet_addon.tracing.empty_view import why_unseen_by
     from .shared.progress_bars import ProgressBars
 
     check_out(args)
@@ -89,11 +88,9 @@ def run(args: argparse.Namespace) -> int:
             made = drain(build_lit_octree(bpy.context, settings, clock, kept, overrides), bars.show)
         with clock.stage("save"):
             save_octree(made.octree, args.out)
-    for warning in made.warnings:
-        say_note(warning)
     octree = made.octree
-    if args.view:
-        say_unseen(octree, view_cameras(args))
+    for warning in [*made.warnings, *why_unseen_by(octree, view_cameras(args))]:
+        say_note(warning)
     text = f"{args.out}: depth {octree.depth}, {counted(octree.leaf_count, 'voxel')}, {octree.nbytes / 2**20:.1f} MiB"
     say_exposure(octree)
     say_result(text, file=args.out, depth=octree.depth, leaves=octree.leaf_count)

@@ -25,35 +25,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from ..operators.schema.table import GLOSS_OFF, TABLE
 
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
-    add_number(parser, "--depth", bounds.DEPTH, required=True, help="octree depth")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", required=True)
     parser.add_argument(
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
-    add_number(
-        parser,
-        "--size",
-        bounds.SIZE_PX,
-        nargs=2,
-        default=(256, 256),
-        metavar=("W", "H"),
-        help="pixels; 0 follows the render aspect",
-    )
+    add_number(parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H"))
     add_settings(parser, "sides", "light", "denoise", "texel_voxels")
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,
         help="baked gloss; unless off, the render has all light, not only diffuse and emission (off)",
     )  # fmt: skip
-    add_number(parser, "--samples", bounds.SAMPLES, default=64, help="Cycles samples per baked texel (64)")
-    add_number(
-        parser,
-        "--render-samples",
-        bounds.RENDER_SAMPLES,
-        default=256,
-        help="Cycles samples per pixel of the render (256)",
-    )
-    add_number(parser, "--rays", bounds.RAYS, default=32, help="rays per pixel side through the octree (32)")
-    add_number(parser, "--difference", bounds.DIFFERENCE, default=0.2, help="end of the pictures' legend (0.2)")
+    add_number(parser, "--samples", bounds.SAMPLES, "Cycles samples per baked texel", 64)
+    add_number(parser, "--render-samples", bounds.RENDER_SAMPLES, "Cycles samples per pixel of the render", 256)
+    add_number(parser, "--rays", bounds.RAYS, "rays per pixel side through the octree", 32)
+    add_number(parser, "--difference", bounds.DIFFERENCE, "end of the pictures' legend", 0.2)
     parser.add_argument(
         "--whole-voxels", action="store_true",
         help="also compare the octree without the boxes in its finest voxels, and write whole_voxels.png",

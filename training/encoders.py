@@ -77,9 +77,7 @@ def _convolutions(lookahead: int) -> tuple[Stage, ...]:
 
 
 def _voxception(lookahead: int) -> tuple[Stage, ...]:
-    """A Voxception block at each size but the last, each followed by one that halves the sides and doubles the
-    filters.
-    """
+    """A Voxception block at each size but the last, then one that halves the sides and doubles the filters."""
     stages: list[Stage] = []
     for halving in range(lookahead):
         filters = _VOXCEPTION_FILTERS << halving

@@ -33,8 +33,8 @@ class TrainSettings:
     encoder's products; "tf32" for all products on a GPU, fp32 on a CPU; or "auto": fp32 on a GPU, on a CPU bf16 if the
     processor has it natively, and fp32 for the last fiftieth. network: its kind (`network/kinds.py`). loss: "absolute"
     errors, minimized by medians, or "squared" ones, minimized by means, which pictures and mean squared errors need.
-    encoder: its architecture (`encoders.py`). fresh: each step draws new voxels and views from the octrees (`fresh.py`)
-    instead of reading sample files. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0
+    encoder: its architecture (`encoders.py`). fresh: each step draws new voxels and views from the octrees instead of
+    reading sample files. decoder_width: values between the layers of a mixture's decoder, a multiple of 6; 0
     for the default of the kind. encoder_width: values between the layers of the encoder `mlp`, a multiple of 64; 0 for
     the paper's, and for convolutional encoders.
     """
@@ -59,20 +59,6 @@ class TrainSettings:
     encoder_width: int = 0
 
     def __post_init__(self) -> None:
-        for row, value in (
-            (bounds.PASSES, self.passes),
-            (bounds.BATCH, self.batch),
-            (bounds.LEARNING_RATE, self.learning_rate),
-            (bounds.LUMINANCE_WEIGHT, self.luminance_weight),
-            (bounds.SEED, self.seed),
-        ):
-            row.check(value)
-        for name, known in (
-            ("schedule", SCHEDULES), ("network", KINDS), ("encoder", ENCODERS), ("loss", LOSSES),
-            ("precision", PRECISIONS),
-        ):  # fmt: skip
-            if (value := getattr(self, name)) not in known:
-                raise SettingError(f"{name.capitalize()} '{value}' is unknown: use one of {', '.join(known)}")
         own = KINDS[self.network]
         if not self.decoder_width:
             object.__setattr__(self, "decoder_width", own.width)  # as in checkpoints
@@ -80,9 +66,7 @@ class TrainSettings:
         if self.decoder_width % WIDTH_STEP:
             raise SettingError(f"Decoder width {self.decoder_width} is not a multiple of {WIDTH_STEP}: choose one")
         if self.decoder_width != own.width and not own.mixes:
-            raise SettingError(
-                f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width"
-            )
+            raise SettingError(f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width")
         if not self.encoder_width:
             object.__setattr__(self, "encoder_width", ENCODERS[self.encoder].width)
         self._check_encoder_width()

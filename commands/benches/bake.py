@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -34,7 +36,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.surface.shading import two_lights_shade
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from ...training.benchmarks.timing import Comparison
+from ...training.benchmarks.timing import comparison
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
@@ -43,7 +45,7 @@ _VIEWS = 8
 _MIN_PX, _MAX_PX = 64, 2048
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates of bake and renders, and occupancy of the pages; raises PatchNetError."""
     with quiet_stdout(), ProgressBars() as bars:
         open_or_build(args.scene)
@@ -54,7 +56,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         cameras = drain(_cameras(source, grid), bars.show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         with nullcontext() if lit else daylight(bpy.context.scene):
-            rates = drain(measure_rates(bpy.context, source, charts, cameras), bars.show)
+            pages, renders = drain(_measured(bpy.context, source, charts, cameras), bars.show)
     own = own_texels(charts)
     details = {
         "scene": Path(args.scene).name,
@@ -67,12 +69,12 @@ def measure(args: argparse.Namespace) -> Comparison:
         "atlas_use": float(own.sum() / charts.page_size.prod(axis=1).sum()),
         "paths_a_side": int((own * charts.page_samples[charts.page]).sum()),
         "paths_a_side_without_sharing": int(own.sum() * args.samples),
-        "pages": [asdict(turn) for turn in rates.pages],
-        "renders": [asdict(turn) for turn in rates.renders],
+        "pages": [turn._asdict() for turn in pages],
+        "renders": [turn._asdict() for turn in renders],
         "clock": "processor",
     }
-    ours, peer = rate(rates.pages) / 1e6, rate(rates.renders) / 1e6
-    return Comparison.of_rates("bake", ours, peer, details, "million paths per processor second")
+    ours, peer = rate(pages) / 1e6, rate(renders) / 1e6
+    return comparison("bake", ours, peer, details, "million paths per processor second")
 
 
 def own_texels(charts: Charts) -> np.ndarray:
@@ -87,8 +89,7 @@ def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
     return (yield from viewpoints(octree, _VIEWS, (64, 64)))
 
 
-@dataclass(frozen=True)
-class Turn:
+class Turn(NamedTuple):
     """Baked page or rendered picture: paths, processor and wall seconds of the whole call."""
 
     paths: int
@@ -96,59 +97,43 @@ class Turn:
     wall_s: float
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Costs of pages and of the render after each of them, including scene reading."""
-
-    pages: tuple[Turn, ...]
-    renders: tuple[Turn, ...]
-
-
 def rate(turns: Sequence[Turn]) -> float:
     """Paths per processor second of all cores, which other programs' load affects least."""
     return sum(turn.paths for turn in turns) / sum(turn.processor_s for turn in turns)
 
 
-def measure_rates(
-    context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera], seed: int = 0
-) -> Steps[Rates]:
+def _measured(
+    context: bpy.types.Context, source: SceneMesh, charts: Charts, cameras: Sequence[Camera]
+) -> Steps[tuple[list[Turn], list[Turn]]]:
     """Bake each page that is not empty, and render about as many paths through the next camera."""
     light = LightSettings(color=False)
     plan = yield from plan_sides(context, source, cameras, light, lift_world(source, charts))
-    baker = Baker(context, source, charts, light, plan, seed=seed)
+    baker = Baker(context, source, charts, light, plan)
     pages: list[Turn] = []
     renders: list[Turn] = []
     for page in range(charts.page_count):
         yield Progress(page, charts.page_count, "Measuring")
-        clock = _Clock()
-        drain(baker.page(page))
+        baked = _timed(partial(drain, baker.page(page)))
         if not baker.paths_traced:
             continue
-        pages.append(clock.turn(baker.paths_traced))
+        pages.append(Turn(baker.paths_traced, *baked))
         samples = int(charts.page_samples[page])
         camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
         with prepared(context, camera, samples, page, Path()) as (scene, _):
-            clock = _Clock()
             with interrupts_wait():
-                bpy.ops.render.render(scene=scene.name)
-            renders.append(clock.turn(camera.width_px * camera.height_px * samples))
-    return Rates(tuple(pages), tuple(renders))
+                rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
+            renders.append(Turn(camera.pixel_count * samples, *rendered))
+    return pages, renders
 
 
-class _Clock:
-    """Clock that starts now."""
-
-    def __init__(self) -> None:
-        self._wall, self._processor = time.perf_counter(), time.process_time()
-
-    def turn(self, paths: int) -> Turn:
-        return Turn(paths, time.process_time() - self._processor, time.perf_counter() - self._wall)
+def _timed(run: Callable[[], object]) -> tuple[float, float]:
+    """Processor and wall seconds of a call."""
+    wall, processor = time.perf_counter(), time.process_time()
+    run()
+    return time.process_time() - processor, time.perf_counter() - wall
 
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:
     """Camera with a square picture of about `pixels` pixels."""
     side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
-    target = camera.position_world + camera.forward
-    return Camera.look_at(
-        camera.position_world, target, fov=2.0 * float(np.arctan(camera.half_y)), size_px=(side, side), name=camera.name
-    )
+    return camera.with_size(side, side)

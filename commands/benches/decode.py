@@ -24,7 +24,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from .inputs import given_octree, use_threads
 
 _CHUNK = 4096  # pixels that torch decodes at once
@@ -32,7 +32,7 @@ _FOV = math.radians(40)
 _DISTANCE = 1.9  # of cameras from the cube's centre, in its sides
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates over pictures from all around an octree; raises PatchNetError, also without look-ahead."""
     (octree, name), weights = given_octree(args), load_weights(args.weights)
     coded = drain(encode_octree(octree, weights))
@@ -57,7 +57,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "pixels": pixels,
         "decoded_pixels": decoded,
     }
-    return Comparison.of_rates("decode", rates["decode"], rates.get("torch"), details, "pixels per second")
+    return comparison("decode", rates["decode"], rates.get("torch"), details, "pixels per second")
 
 
 def cameras_around(coded: CodedOctree, pixels: int) -> list[Camera]:

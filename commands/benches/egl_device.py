@@ -10,6 +10,7 @@ import numpy as np
 from ...operators.gpu_view.packing import padded
 from ...operators.gpu_view.shaders import WORDS, Shader
 from ...patchnet_addon.runtime.errors import PatchNetError
+from .inputs import imported
 
 _VERSION = 430  # OpenGL version times 100
 _EGL: dict[str, Any] = {"backend": "egl"}
@@ -20,10 +21,7 @@ class EglDevice:
     """`Device` for Blender's shaders, by moderngl; raises PatchNetError without OpenGL 4.3."""
 
     def __init__(self) -> None:
-        try:
-            import moderngl
-        except ImportError as cause:
-            raise PatchNetError(f"moderngl cannot be imported ({cause}): install patchnet-blender[bench]") from cause
+        moderngl = imported("moderngl", "moderngl", "patchnet-blender[bench]")
         try:
             self._context = moderngl.create_context(require=_VERSION, standalone=True, **_EGL)
         except Exception as cause:  # moderngl raises Exception itself

@@ -7,6 +7,7 @@ import argparse
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +18,13 @@ from ...patchnet_addon.network.encoders import Encoder
 from ...patchnet_addon.network.weights import load_weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from .inputs import given_octree, use_threads
 
 _REST_SECONDS = 0.3  # torch's threads spin after a product and would occupy cores of the next turn
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates of both, without torch only PatchNet's; raises PatchNetError, also for an octree without look-ahead."""
     (octree, name), weights = given_octree(args), load_weights(args.weights)
 
@@ -49,4 +50,4 @@ def measure(args: argparse.Namespace) -> Comparison:
         "largest_difference": float(np.abs(codes[-1] - codes[0]).max()),
         "largest_code": float(np.abs(codes[0]).max()),
     }
-    return Comparison.of_rates("encode", rates["compiled"], rates.get("torch"), details, "corners per second")
+    return comparison("encode", rates["compiled"], rates.get("torch"), details, "corners per second")

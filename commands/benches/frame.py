@@ -27,7 +27,7 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import patch_hits
 from ...patchnet_addon.tracing.supersample import supersample
-from ...training.benchmarks.timing import Comparison
+from ...training.benchmarks.timing import comparison
 from ..shared.views import view_cameras
 from .inputs import given_octree
 from .trace import views_of
@@ -37,7 +37,7 @@ _BUDGET = 0.3
 _UNIFORM_SIDE = 2  # rays per pixel side
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Median wall seconds of each view by stage, without the first run; raises PatchNetError."""
     octree, name = given_octree(args)
     coded = drain(encode_octree(octree, load_weights()))
@@ -55,7 +55,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "frames": frames,
     }
     ours, peer = frames[0]["ours"], frames[0]["peer"]
-    return Comparison("frame", ours, peer, peer / ours, details)
+    return comparison("frame", ours, peer, details, "s", higher_is_better=False)
 
 
 def _measured(coded: CodedOctree, camera: Camera, repeats: int) -> dict[str, Any]:

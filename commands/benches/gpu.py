@@ -29,7 +29,7 @@ from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.render import Hits, first_hits
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
 from .decode import camera_around
 from .egl_device import EglDevice
@@ -40,7 +40,7 @@ ESTIMATE_OFF = 1e-3  # of luminance
 _AROUND = "Around"  # so far away that all pixels have look-ahead
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates in all views, the geometric mean of rays over that of the CPU's kernels; raises PatchNetError."""
     device = EglDevice()
     octree, name = given_octree(args)
@@ -51,7 +51,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     compile_s = _seconds(lambda: _compile(card, cameras[0]), device)
     threads = args.threads or usable_cores()
     with limit_threads(threads):
-        views = [_View(card, device, coded, camera).measured(args.repeats, threads) for camera in cameras]
+        views = [_measured(card, device, coded, camera, args.repeats, threads) for camera in cameras]
     details = {
         "octree": name,
         "depth": octree.depth,
@@ -67,7 +67,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "views": views,
     }
     ours, peer = (geometric_mean([view[who]["trace"] for view in views]) for who in ("card", "cpu"))
-    return Comparison.of_rates("gpu", ours, peer, details, "rays per second")
+    return comparison("gpu", ours, peer, details, "rays per second")
 
 
 def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
@@ -85,14 +85,16 @@ def _upload(card: CardOctree, coded: CodedOctree) -> None:
 def _compile(card: CardOctree, camera: Camera) -> None:
     """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
     drain(card.compile("picture", "hits", "decoder", *(("estimate",) if card.estimates else ()), "heat"))
-    _Passes(card, camera.with_size(8, 8)).run_all()
+    passes = _Passes(card, camera.with_size(8, 8))
+    for run in (passes.trace, passes.decode, passes.estimate, passes.color):
+        run()
 
 
 class _Passes:
     """Passes over a view, with their images."""
 
     def __init__(self, card: CardOctree, camera: Camera) -> None:
-        self._card, self._camera = card, camera_in_unit_cube(camera, card.grid)
+        self.card, self._camera = card, camera_in_unit_cube(camera, card.grid)
         size = camera.width_px, camera.height_px
         self.hits: HitImages = card.hit_images(self._camera)
         self.decoded, self.scored, *self._means = (card.device.image(*size, FLOATS) for _ in range(4))
@@ -100,88 +102,72 @@ class _Passes:
         self._world = card.device.texture(words), side
 
     def trace(self) -> None:
-        self._card.trace(self._camera, self.hits)
+        self.card.trace(self._camera, self.hits)
 
     def decode(self) -> None:
-        self._card.decode(self._camera, self.hits, self.decoded)
+        self.card.decode(self._camera, self.hits, self.decoded)
 
     def estimate(self) -> None:
         """Nothing where the weights have no estimator."""
-        if self._card.estimates:
-            self._card.estimate(self._camera, self.hits, self.decoded, self.scored)
+        if self.card.estimates:
+            self.card.estimate(self._camera, self.hits, self.decoded, self.scored)
 
     def color(self) -> None:
         before, mean = self._means
-        self._card.draw(self._camera, (before, mean), self._world)
-
-    def run_all(self) -> None:
-        self.trace()
-        self.decode()
-        self.estimate()
-        self.color()
+        self.card.draw(self._camera, (before, mean), self._world)
 
 
-class _View:
-    """View of an octree, on the card and by the CPU's kernels."""
+def _measured(
+    card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera, repeats: int, threads: int
+) -> dict[str, Any]:
+    """Rates of the card and of the CPU's kernels in a view, and differences, as plain values."""
+    passes, hits = _Passes(card, camera), first_hits(coded.octree, camera)
+    half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
+    # A viewport that moves draws colours, and the heatmap at half the resolution.
+    works = {
+        "trace": (passes.trace,),
+        "decode": (passes.decode,),
+        "estimate": (passes.estimate,),
+        "color": (passes.color,),
+        "frame": (passes.color, half.trace, half.decode, half.estimate),
+    }
+    runs: dict[str, Callable[[], Any]] = {name: partial(_finished, device, *work) for name, work in works.items()}
+    for run in runs.values():
+        run()  # before they are timed
+    predicted = predict(coded, hits)
+    equal = _compared(passes, coded, camera, hits, predicted.look_ahead)
+    runs["cpu_trace"] = partial(first_hits, coded.octree, camera)
+    runs["cpu_decode"] = partial(predict, coded, hits)
+    seconds, _ = timed(runs, repeats, max(threads, 2))  # wall seconds: a card has no processor's
+    pixels, decoded = camera.pixel_count, int(predicted.look_ahead.sum())
+    of_card = {"trace": pixels, "decode": decoded, "estimate": pixels, "color": pixels}
+    return {
+        "name": camera.name if camera.name != "Camera" else _AROUND,
+        "size": [camera.width_px, camera.height_px],
+        "hit_share": float(hits.hit.mean()),
+        "look_ahead_share": decoded / pixels,
+        "card": {name: count / seconds[name] for name, count in of_card.items()},
+        "frame_ms": 1e3 * seconds["frame"],
+        "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": decoded / seconds["cpu_decode"]},
+        **equal,
+    }
 
-    def __init__(self, card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera) -> None:
-        self._card, self._device, self._coded, self._camera = card, device, coded, camera
-        self._passes = _Passes(card, camera)
-        self._half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
-        self._hits = first_hits(coded.octree, camera)
 
-    def measured(self, repeats: int, threads: int) -> dict[str, Any]:
-        """Rates of both, and differences, as plain values."""
-        passes, octree = self._passes, self._coded.octree
-        self._frame()
-        passes.run_all()
-        predicted = predict(self._coded, self._hits)
-        equal = self._compared(predicted.look_ahead)
-        runs: dict[str, Callable[[], Any]] = {
-            name: partial(self._finish, getattr(passes, name)) for name in ("trace", "decode", "estimate", "color")
-        }
-        runs |= {
-            "frame": partial(self._finish, self._frame),
-            "cpu_trace": partial(first_hits, octree, self._camera),
-            "cpu_decode": partial(predict, self._coded, self._hits),
-        }
-        seconds, _ = timed(runs, repeats, max(threads, 2))  # wall seconds: a card has no processor's
-        pixels, decoded = self._camera.pixel_count, int(predicted.look_ahead.sum())
-        return {
-            "name": self._camera.name if self._camera.name != "Camera" else _AROUND,
-            "size": [self._camera.width_px, self._camera.height_px],
-            "hit_share": float(self._hits.hit.mean()),
-            "look_ahead_share": decoded / pixels,
-            "card": {
-                "trace": pixels / seconds["trace"],
-                "decode": decoded / seconds["decode"],
-                "estimate": pixels / seconds["estimate"],
-                "color": pixels / seconds["color"],
-            },
-            "frame_ms": 1e3 * seconds["frame"],
-            "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": decoded / seconds["cpu_decode"]},
-            **equal,
-        }
+def _finished(device: EglDevice, *work: Callable[[], None]) -> None:
+    for each in work:
+        each()
+    device.finish()
 
-    def _frame(self) -> None:
-        """Frame of a viewport that moves: colours, and the heatmap at half the resolution."""
-        self._passes.color()
-        self._half.trace()
-        self._half.decode()
-        self._half.estimate()
 
-    def _finish(self, run: Callable[[], None]) -> None:
-        run()
-        self._device.finish()
-
-    def _compared(self, look_ahead: np.ndarray) -> dict[str, float | None]:
-        """Differences from the CPU's kernels: see `compare_with` and `compare_estimates`."""
-        read = self._device.read
-        node = read(self._passes.hits.node, WORDS)
-        equal = compare_with(self._coded, self._hits, look_ahead, node, read(self._passes.decoded, FLOATS))
-        if self._card.estimates:
-            equal |= compare_estimates(self._coded, self._camera, read(self._passes.scored, FLOATS))
-        return equal
+def _compared(
+    passes: _Passes, coded: CodedOctree, camera: Camera, hits: Hits, look_ahead: np.ndarray
+) -> dict[str, float | None]:
+    """Differences from the CPU's kernels: see `compare_with` and `compare_estimates`."""
+    read = passes.card.device.read
+    equal = compare_with(coded, hits, look_ahead, read(passes.hits.node, WORDS), read(passes.decoded, FLOATS))
+    if passes.card.estimates:
+        equal |= compare_estimates(coded, camera, read(passes.scored, FLOATS))
+    return equal
 
 
 def compare_with(

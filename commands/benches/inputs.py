@@ -6,7 +6,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -15,15 +17,24 @@ from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from ...training.benchmarks.shells import octree_of_shells, shell_triangles
-from ...training.run.torch_threads import torch_threads
+from ...training.run import torch_threads
 from ..shared.job_arguments import require_blender
 from ..shared.quiet import quiet_stdout
 
 SHELLS = "shells"  # nested bumpy spheres, without a scene
+
+
+def imported(title: str, module: str, advice: str = "patchnet-blender[peers]") -> ModuleType:
+    """Import a module of another program; raises PatchNetError with the command to install it."""
+    try:
+        return import_module(module)
+    except (ImportError, OSError) as cause:
+        raise PatchNetError(f"{title} cannot be imported ({cause}): install {advice}") from cause
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from statistics import geometric_mean
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,9 @@ from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_pe
 from ...patchnet_addon.tracing.supersample import supersample_pixels
 from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
-from ...training.benchmarks.timing import Comparison, timed
+from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
-from .inputs import SHELLS, read_triangles, voxelized
+from .inputs import SHELLS, imported, read_triangles, voxelized
 
 _BLOCK = 4  # side in pixels of super-sampled blocks, as in refinement
 _BLOCKS = 40
@@ -38,26 +37,16 @@ _SIDE = 32
 _CLOSE = 0.15  # share of the way back from the surface to the view Inside
 
 
-def import_embree() -> ModuleType:
-    """Embree's scene classes; raises PatchNetError with the command to install them."""
-    try:
-        from embreex import mesh_construction, rtcore_scene  # noqa: F401
-    except (ImportError, OSError) as cause:
-        raise PatchNetError(f"Embree cannot be imported ({cause}): install patchnet-blender[peers]") from cause
-    return rtcore_scene
-
-
 class EmbreeScene:
     """Triangles (T, 3, 3) in Embree's bounding volume hierarchy."""
 
     def __init__(self, corners_world: np.ndarray) -> None:
         """Build the hierarchy around the middle of the triangles, since Embree computes in float32."""
-        from embreex.mesh_construction import TriangleMesh as EmbreeMesh
-
-        self._scene = import_embree().EmbreeScene()
+        self._scene = imported("Embree", "embreex.rtcore_scene").EmbreeScene()
         corners = corners_world.reshape(-1, 3)
         self._middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        EmbreeMesh(self._scene, (corners_world - self._middle).astype(np.float32))
+        meshes = imported("Embree", "embreex.mesh_construction")
+        meshes.TriangleMesh(self._scene, (corners_world - self._middle).astype(np.float32))
 
     def run(self, octree: Octree, camera: Camera) -> Callable[[], Any]:
         """Trace the first hits of a perspective camera's pixels; the rays are generated in advance."""
@@ -66,14 +55,14 @@ class EmbreeScene:
         return partial(self._scene.run, origin, direction, query="INTERSECT")
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates in all views; the ratio is the geometric mean over Embree's.
 
     Raises PatchNetError without Embree, except for an octree file alone, which has no triangles.
     """
     triangles = embree = None
     if args.scene is not None or args.file is None:
-        import_embree()  # before reading a large scene
+        imported("Embree", "embreex.rtcore_scene")  # before reading a large scene
         if args.scene is not None and not args.scene.is_file():
             raise SceneError(f"Scene file {args.scene} does not exist: check its path")
         triangles = read_triangles(args.scene)
@@ -96,7 +85,7 @@ def measure(args: argparse.Namespace) -> Comparison:
     }
     ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
     peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
-    return Comparison.of_rates("trace", ours, peer, details, "rays per second")
+    return comparison("trace", ours, peer, details, "rays per second")
 
 
 def _octree(args: argparse.Namespace, triangles: np.ndarray | None) -> Octree:

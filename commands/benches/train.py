@@ -18,14 +18,15 @@ from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...training.benchmarks.shells import octree_of_shells
-from ...training.benchmarks.timing import Comparison
+from ...training.benchmarks.timing import comparison
 from ...training.data.corpus import corpus_of
 from ...training.data.dataset import Dataset, load_dataset, sample_files
-from ...training.data.samples import SampleSettings, draw_samples
+from ...training.data.samples import draw_samples
+from ...training.data.voxel_choice import SampleSettings
+from ...training.run import torch_threads
 from ...training.run.learner import Learner
 from ...training.run.provenance import describe_machine, describe_versions
 from ...training.run.steps import StepPlan, batches_ahead
-from ...training.run.torch_threads import torch_threads
 from ...training.run.trainer import encoder_type
 from ...training.settings import IMPROVED, PAPER, TrainSettings
 
@@ -34,7 +35,7 @@ _STEPS = 16  # of a run
 _SETTINGS = {MIXTURE.name: IMPROVED, PAPER.network: PAPER}  # the preset by kind of network
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates of both kinds of network, on a GPU with the CPU's as peer; raises PatchNetError."""
     args.threads = args.threads or usable_cores()
     device = found_device(args.device, "--device")
@@ -50,7 +51,7 @@ def measure(args: argparse.Namespace) -> Comparison:
         "repeats": args.repeats,
     }
     ours, peer = rows[0]["samples_per_s"], None if device == CPU else rows[1]["samples_per_s"]
-    return Comparison.of_rates("train", ours, peer, details, "samples per second")
+    return comparison("train", ours, peer, details, "samples per second")
 
 
 def _made(args: argparse.Namespace) -> Dataset:

@@ -16,24 +16,17 @@ from typing import Any
 import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import TriangleMesh
-from ...training.benchmarks.timing import Comparison, timed
-from .inputs import SHELLS, read_triangles, voxelized
+from ...training.benchmarks.timing import comparison, timed
+from .inputs import SHELLS, imported, read_triangles, voxelized
 
 _WARM_DEPTH = 5
 
 
 def import_open3d() -> ModuleType:
     """Open3D; raises PatchNetError with the command to install it."""
-    try:
-        import open3d
-    except (ImportError, OSError) as cause:
-        raise PatchNetError(
-            f"Open3D cannot be imported ({cause}): install patchnet-blender[peers], and on Debian libusb-1.0-0"
-        ) from cause
-    return open3d
+    return imported("Open3D", "open3d", "patchnet-blender[peers], and on Debian libusb-1.0-0")
 
 
 class Open3DVoxels:
@@ -49,9 +42,7 @@ class Open3DVoxels:
         self._voxels: Any = None
 
     def voxelize(self, voxel_size_world: float) -> None:
-        """Create the grid with voxels of this side; call `clear` first, so that the time excludes freeing the last
-        grid.
-        """
+        """Create the grid with voxels of this side; call `clear` first, so that freeing the last one is not timed."""
         self._voxels = self._open3d.geometry.VoxelGrid.create_from_triangle_mesh(self._mesh, voxel_size_world)
 
     @property
@@ -64,7 +55,7 @@ class Open3DVoxels:
         self._voxels = None
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds of both; raises PatchNetError without Open3D, GeometryError without a surface."""
     import_open3d()  # before reading a large scene
     corners_world = read_triangles(args.scene)
@@ -89,4 +80,4 @@ def measure(args: argparse.Namespace) -> Comparison:
         "peer_name": theirs.name,
     }
     ours, peer = seconds["ours"], seconds["peer"]
-    return Comparison("voxelize", ours, peer, peer / max(ours, 1e-9), details)
+    return comparison("voxelize", ours, peer, details, "s", higher_is_better=False)

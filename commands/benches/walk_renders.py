@@ -6,20 +6,19 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean, median
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ...operators.cycles.camera_render import combined_light
+from ...operators.cycles.scene_copy import looking_through
 from ...operators.pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ...operators.scene_access.overrides import changed
-from ...operators.scene_access.temporary import scene_copy, temporary
+from ...operators.scene_access.temporary import scene_copy
 from ...operators.schema.table import VISIBLE
 from ...operators.session import results
 from ...operators.session.scene_result import SceneResult
@@ -116,10 +115,10 @@ def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps
     found = Walk()
     with scene_copy(context.scene) as scene, context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
         yield from _set_up(bpy.context, settings, plan, found)
-        with _moving_camera(scene) as item, tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
-            found.denoised = _prepare(scene)
-            yield from _timed(scene, item, plan, found)
-            yield from _judged(scene, item, plan, found, Path(folder))
+        found.denoised = _prepare(scene)
+        yield from _timed(scene, plan, found)
+        with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
+            yield from _judged(scene, plan, found, Path(folder))
     return found
 
 
@@ -133,25 +132,6 @@ def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found
         octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state
     )
     results.keep(context.scene, result, "octree", "light")
-
-
-@contextmanager
-def _moving_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
-    with (
-        temporary(bpy.data.cameras.new("PatchNet Walk")) as data,
-        temporary(bpy.data.objects.new("PatchNet Walk", data)) as item,
-    ):
-        scene.collection.objects.link(item)
-        scene.camera = item
-        yield item
-
-
-def _look(scene: bpy.types.Scene, item: bpy.types.Object, camera: Camera, size: tuple[int, int]) -> None:
-    """Set the scene's camera and picture size."""
-    axes = np.stack([camera.right, camera.up, -np.asarray(camera.forward), camera.position_world], axis=1)
-    item.matrix_world = Matrix([*axes.tolist(), [0.0, 0.0, 0.0, 1.0]])
-    item.data.sensor_fit, item.data.angle = "HORIZONTAL", 2.0 * math.atan(camera.half_x)
-    scene.render.resolution_x, scene.render.resolution_y = size
 
 
 def _prepare(scene: bpy.types.Scene) -> bool:
@@ -180,7 +160,7 @@ def can_denoise() -> bool:
     return bool(getattr(_cycles, "with_openimagedenoise", False))
 
 
-def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk) -> Steps[None]:
+def _timed(scene: bpy.types.Scene, plan: Plan, found: Walk) -> Steps[None]:
     """Time frames; an untimed frame of PatchNet comes first, for one-time reading."""
     found.cycles = {samples: Measured() for samples in plan.samples}
     work = [(ENGINE, 0, frame, found.ours) for frame in plan.timed]
@@ -189,16 +169,18 @@ def _timed(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Wa
     for at, (engine, samples, frame, measured) in enumerate([(*work[0][:3], Measured()), *work]):
         yield Progress(at, len(work) + 1, f"Rendering with {engine}")
         camera = plan.cameras[frame]
-        _look(scene, item, camera, (camera.width_px, camera.height_px))
+        scene.render.resolution_x, scene.render.resolution_y = camera.width_px, camera.height_px
         scene.cycles.samples = samples or scene.cycles.samples
-        start = time.perf_counter()
-        _render(scene, engine)
-        measured.seconds.append(time.perf_counter() - start)
+        with looking_through(scene, camera):
+            start = time.perf_counter()
+            _render(scene, engine)
+            measured.seconds.append(time.perf_counter() - start)
 
 
-def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
+def _judged(scene: bpy.types.Scene, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
     """Errors and flicker against the ground truth, of luminance in the octree's exposure, clipped to [0, 1]."""
     exposure = results.voxels_of(scene).octree.exposure
+    scene.render.resolution_x, scene.render.resolution_y = plan.error_size
     ways = {0: found.ours, **found.cycles}  # by Cycles' samples; 0 is PatchNet
     count = len(ways) + 1
     for at, frame in enumerate(plan.judged):
@@ -208,8 +190,8 @@ def _judged(scene: bpy.types.Scene, item: bpy.types.Object, plan: Plan, found: W
             seen = []
             with changed(scene.cycles, samples=samples or scene.cycles.samples, **how):
                 for camera in cameras:
-                    _look(scene, item, camera, plan.error_size)
-                    picture = _seen(scene, "CYCLES" if samples else ENGINE, folder / "frame.exr")
+                    with looking_through(scene, camera):
+                        picture = _seen(scene, "CYCLES" if samples else ENGINE, folder / "frame.exr")
                     seen.append(np.clip(exposure * picture, 0.0, 1.0))
             return seen
 

@@ -10,9 +10,11 @@ from their medians, as the report states.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from statistics import fmean
+from typing import Any
 
 import bpy
 import numpy as np
@@ -23,22 +25,32 @@ from ...operators.pipeline.lit_octree import build_lit_octree
 from ...operators.scene.cameras import choose_cameras
 from ...operators.scene.read import read_scene
 from ...operators.settings.job_settings import JobSettings
-from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.progress import Steps, drain
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ...training.benchmarks.timing import Comparison
+from ...patchnet_addon.tracing.render import first_hits
+from ...patchnet_addon.tracing.viewpoints import FOV, viewpoints
+from ...training.benchmarks.timing import comparison
 from ...training.evaluation.catalogue import SCENES
+from ...training.evaluation.explorations import catmull_rom
+from ...training.evaluation.poses import FreeSpace
 from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_path import walk_cameras, walk_keys
 from .walk_renders import Plan, Walk, walk
 
-_PATH_DEPTH = 7  # of the octree for path finding
+_PATH_DEPTH = 8  # of the octree for path finding
+_VIEWS = 16  # candidates
+_SKY = 0.02  # least open share of the sky, below which a place may be inside a hollow wall
+_SKY_FOV, _SKY_PX = float(np.radians(120.0)), (32, 32)
+_STEPS = 256  # sampled places along a way
+_MOST = 0.6  # longest way, as a share of the surface's extent
+_TURN = float(np.radians(20.0))  # left at the start, right at the end
 
 
-def measure(args: argparse.Namespace) -> Comparison:
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds and errors of both; raises PatchNetError, also for a missing scene file."""
     size = tuple(args.size)
     settings = JobSettings.of(
@@ -94,7 +106,7 @@ def _spread(frames: int, count: int) -> list[int]:
     return [int((index + 0.5) * frames / count) for index in range(count)]
 
 
-def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
+def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
     ways = {"patchnet": found.ours, **{str(samples): each for samples, each in found.cycles.items()}}
     setup, rival = sum(found.setup_s.values()), found.cycles[found.rival]
     details = {
@@ -118,4 +130,68 @@ def _compared(args: argparse.Namespace, found: Walk) -> Comparison:
         "judged": len(found.ours.mse),
     }
     ours, peer = found.ours.frame_s, rival.frame_s
-    return Comparison("walkthrough", ours, peer, peer / ours, details, unit="s per frame")
+    return comparison("walkthrough", ours, peer, details, "s per frame", higher_is_better=False)
+
+
+def walk_keys(octree: Octree, size_px: tuple[int, int]) -> Steps[list[Camera]]:
+    """Three cameras along the longest free horizontal way through a good view, looking ahead.
+
+    Ways under the open sky are preferred, since without light a hall looks like a hollow wall. The first camera turns
+    slightly left, the last slightly right. Raises SceneError without free space.
+    """
+    views = yield from viewpoints(octree, _VIEWS, size_px)
+    space = FreeSpace(octree)
+    ways = [_way(space, view) for view in views]
+    lengths = np.array([float(np.linalg.norm(end - start)) for start, end in ways])
+    under = np.array([_sky(octree, (start + end) / 2.0) > _SKY for start, end in ways])
+    best = int(np.argmax(np.where(under | ~under.any(), lengths, -1.0)))
+    (start, end), view = ways[best], views[best]
+    heading = np.arctan2(view.forward[1], view.forward[0])
+    keys = []
+    for share, turn in ((0.0, _TURN), (0.5, 0.0), (1.0, -_TURN)):
+        place = start + share * (end - start)
+        ahead = np.array([np.cos(heading + turn), np.sin(heading + turn), view.forward[2]])
+        keys.append(replace(Camera.look_at(place, place + ahead, fov=FOV, size_px=size_px), name="Walk"))
+    return keys
+
+
+def _sky(octree: Octree, place_world: np.ndarray) -> float:
+    """Share of open sky above a place."""
+    up = Camera.look_at(place_world, place_world + np.array([0.0, 1e-3, 1.0]), fov=_SKY_FOV, size_px=_SKY_PX)
+    return float(1.0 - first_hits(octree, up).hit.mean())
+
+
+def _level(view: Camera) -> np.ndarray:
+    """Horizontal direction (3,) of a view."""
+    forward = np.array([*np.asarray(view.forward)[:2], 0.0])
+    result: np.ndarray = forward / max(float(np.linalg.norm(forward)), 1e-9)
+    return result
+
+
+def _way(space: FreeSpace, view: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """End points (3,) of the free way through a view's position, backward and forward, in world units."""
+    low, high = space.bounds_world
+    steps = np.linspace(0.0, _MOST * float((high - low).max()), _STEPS)[:, None]
+    ends = []
+    for way in (-_level(view), _level(view)):
+        points = np.asarray(view.position_world) + steps * way
+        free = space.contains(points) & ((points >= low) & (points < high)).all(axis=1)
+        last = int(np.argmin(free)) - 1 if not free.all() else _STEPS - 1
+        ends.append(points[max(last, 0)])
+    return ends[0], ends[1]
+
+
+def walk_cameras(keys: Sequence[Camera], frames: int, size: tuple[int, int]) -> list[Camera]:
+    """Cameras at even intervals of time on a Catmull-Rom spline through the keys, with the lens of the first."""
+    times = np.linspace(0.0, len(keys) - 1.0, frames)
+    places = np.array([np.concatenate([key.position_world, np.asarray(key.forward)]) for key in keys])
+    along = catmull_rom(np.arange(float(len(keys))), places, times)
+    fov = 2.0 * np.arctan(keys[0].half_x * size[1] / size[0]) if size[0] > size[1] else 2.0 * np.arctan(keys[0].half_y)
+    return [
+        replace(
+            Camera.look_at(spot[:3], spot[:3] + spot[3:], fov=fov, size_px=size, name="Walk"),
+            clip_start=keys[0].clip_start,
+            clip_end=keys[0].clip_end,
+        )
+        for spot in along
+    ]

@@ -15,30 +15,16 @@ from ..shared.arguments import add_number, add_out, check_octrees
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files, one per scene")
-    add_number(
-        parser,
-        "--samples",
-        bounds.DATASET_SAMPLES,
-        default=SAMPLES,
-        help=f"total samples (views), the same number for each octree ({SAMPLES:,})",
-    )
+    text = "total samples (views), the same number for each octree"
+    add_number(parser, "--samples", bounds.DATASET_SAMPLES, text, SAMPLES)
     add_out(parser, "folder for the sample files", required=True)
-    add_number(parser, "--seed", bounds.SEED, default=0, help="random seed")
-    add_number(
-        parser,
-        "--views",
-        bounds.DATASET_VIEWS,
-        default=VIEWS,
-        help=f"views per voxel: more are faster to train on, but less diverse ({VIEWS})",
-    )
-    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels (5)")
-    add_number(
-        parser, "--lookahead", bounds.LOOKAHEAD, default=bounds.DEFAULT_LOOKAHEAD,
-        help="levels of look-ahead of the samples, and of weights trained on them (2)",
-    )  # fmt: skip
-    add_number(
-        parser, "--held-out", bounds.HELD_OUT, default=0.05, help="share of each scene kept for validation (0.05)"
-    )
+    add_number(parser, "--seed", bounds.SEED, "random seed", 0)
+    text = "views per voxel: more are faster to train on, but less diverse"
+    add_number(parser, "--views", bounds.DATASET_VIEWS, text, VIEWS)
+    add_number(parser, "--least-level", bounds.LEVEL, "coarsest level of voxels", 5)
+    text = "levels of look-ahead of the samples, and of weights trained on them"
+    add_number(parser, "--lookahead", bounds.LOOKAHEAD, text, bounds.DEFAULT_LOOKAHEAD)
+    add_number(parser, "--held-out", bounds.HELD_OUT, "share of each scene kept for validation", 0.05)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.runtime.outputs import check_outputs
     from ...patchnet_addon.runtime.progress import drain
     from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, sample_names
-    from ...training.data.samples import SampleSettings
+    from ...training.data.voxel_choice import SampleSettings
     from ..shared.lines import say_result
     from ..shared.progress_bars import ProgressBars
 

@@ -23,7 +23,8 @@ from ..shared.lines import say_result
 from .scene_arguments import add_scenes, add_track, scenes_named, stated
 
 if TYPE_CHECKING:
-    from ...training.evaluation.evaluate import EvaluationSettings, SceneResult
+    from ...training.evaluation.codes import EvaluationSettings
+    from ...training.evaluation.evaluate import SceneResult
 
 RESULTS, TABLES, FIGURES = "results.json", "tables.md", "figures"
 OUTPUTS = {RESULTS: EVALUATION, TABLES: EVALUATION_TABLES}
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "octrees", nargs="*", type=Path, metavar="OCTREE", help="octree files to evaluate beside --scenes"
     )
     add_scenes(parser)
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="evaluate every Nth frame of a track (10)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, "evaluate every Nth frame of a track", 10)
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     parser.add_argument(
@@ -50,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of train, "
         "evaluated as well, as pn-NAME and pn-NAME-behind; NAME is the scene that was trained on, or without-SCENE",
     )  # fmt: skip
-    add_number(parser, "--processes", bounds.THREADS, help="processes of one thread each (one for each core)")
+    add_number(parser, "--processes", bounds.THREADS, "processes of one thread each (one for each core)")
     share = parser.add_mutually_exclusive_group()
     share.add_argument(
         "--prepare", action="store_true", help="only create octrees and codes, before several machines run --part"
@@ -63,15 +64,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write results and print their path; returns 0; raises PatchNetError."""
-    from ...training.evaluation import require_reports
+    from ...training.evaluation import REPORTS, require
     from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
     from ..shared.progress_bars import ProgressBars
 
     settings = _evaluation(args)
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
-    if not (args.prepare or args.part):
-        require_reports()
+    require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps or args.lpips else [])])
     check_octrees(args.octrees)
     inputs = [*args.octrees, *args.maps, *(args.lpips or ()), *filter(None, [args.weights])]
     inputs += [path for _, path in args.networks]
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
     """Settings of the evaluation; raises PatchNetError for conflicting networks."""
     from ...training.encoders import load_weights
-    from ...training.evaluation.evaluate import EvaluationSettings
+    from ...training.evaluation.codes import EvaluationSettings
     from ...training.evaluation.strategies import patch_networks
 
     return EvaluationSettings(
@@ -137,19 +137,15 @@ def _part(text: str) -> tuple[int, int]:
 
 def _octrees(args: argparse.Namespace) -> dict[str, Path]:
     """Octree files by name; creates missing ones of the catalogue."""
-    found = _scenes(args) if args.scenes else {}
+    from ...training.evaluation.catalogue import scene_octree
+
+    scenes = scenes_named(args.scenes) if args.scenes else []  # check all names before creating the first octree
+    found = {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
     for path in args.octrees:
         if path.stem in found:
             raise SettingError(f"Two scenes are called {path.stem!r}: rename {path}")
         found[path.stem] = path
     return found
-
-
-def _scenes(args: argparse.Namespace) -> dict[str, Path]:
-    from ...training.evaluation.catalogue import scene_octree
-
-    scenes = scenes_named(args.scenes)  # check all names before creating the first octree
-    return {scene.name: scene_octree(scene, args.out / "octrees") for scene in scenes}
 
 
 def _write(path: Path, text: str) -> None:

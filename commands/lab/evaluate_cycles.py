@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--octree", type=named_file, action="append", default=[], metavar="NAME=FILE", help="octree file of a scene "
         "(created in --out); may be repeated",
     )  # fmt: skip
-    add_number(parser, "--cameras", bounds.TRACK_FRAMES, default=3, help="cameras of each scene (3)")
-    add_number(parser, "--samples", bounds.RENDER_SAMPLES, default=256, help="Cycles samples per pixel (256)")
+    add_number(parser, "--cameras", bounds.TRACK_FRAMES, "cameras of each scene", 3)
+    add_number(parser, "--samples", bounds.RENDER_SAMPLES, "Cycles samples per pixel", 256)
     add_track(parser)
     parser.add_argument("--weights", type=Path, help="weights file (the shipped one)")
     add_out(parser, "folder for results and figures, for example that of `patchnet lab evaluate`", required=True)
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene by scene, write results and print their path; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
-    from ...training.evaluation import require_reports
+    from ...training.evaluation import require
     from ...training.evaluation.cycles_reference import cycles_results
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = [*octrees.values(), *filter(None, [args.weights])]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     require_blender()
-    require_reports()
+    require()
     args.out.mkdir(parents=True, exist_ok=True)
     weights = load_weights(args.weights)
     found: dict[str, Any] = {}
@@ -96,7 +96,7 @@ def _measured(
     from ...patchnet_addon.octree.file import load_octree
     from ...patchnet_addon.surface.shading import AXES
     from ...training.evaluation.catalogue import scene_octree
-    from ...training.evaluation.codes import codes_path, kept_codes
+    from ...training.evaluation.codes import kept_codes
     from ...training.evaluation.cycles_reference import spread_cameras
     from ...training.evaluation.tracks import camera_track
     from ..shared.quiet import quiet_stdout
@@ -108,7 +108,7 @@ def _measured(
     hide_from_renders(scene.without)
     bisect = None if scene.bisect is None else (AXES.index(scene.bisect[0]), scene.bisect[1])
     with quiet_stdout(), as_in_octree(bpy.context, octree, scene.light, bisect):
-        coded = yield from kept_codes(octree, weights, codes_path(args.out / "scenes" / scene.name, weights.hash))
+        coded = yield from kept_codes(octree, weights, args.out / "scenes" / scene.name)
         track = yield from camera_track(
             octree, frames=args.frames, size_px=tuple(args.size), lookahead=weights.lookahead, seed=args.seed
         )

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw figures and print their paths; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
-    from ...training.evaluation import require_reports
+    from ...training.evaluation import require
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
@@ -52,22 +52,21 @@ def run(args: argparse.Namespace) -> int:
     names = FIGURES if args.only is None else (args.only,)
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
     shown = _networks(args)
-    weights = [path for _, path in shown]
-    check_outputs(files, weights, folder=args.out)
-    require_reports()
+    check_outputs(files, [path for _, path in shown], folder=args.out)
+    require()
     args.out.mkdir(parents=True, exist_ok=True)
-    networks = [load_weights(path) for path in weights]  # raises before octrees are created
+    networks = {name: load_weights(path) for name, path in shown}  # raises before octrees are created
     if LOOK_AHEAD in names:
-        check_look_aheads(networks)
+        check_look_aheads(networks.values())
     octrees = args.octrees or args.out / "octrees"
     drawn: list[Path] = []
     with ProgressBars() as bars:
         paths = {name: scene_octree(SCENES[name], octrees) for name in names}
         if SPLIT in paths:
-            first = args.weights[0] if args.weights else None
+            first = load_weights(args.weights[0] if args.weights else None)
             drawn += drain(make_split(paths[SPLIT], first, args.out), bars.show)
         if LOOK_AHEAD in paths:
-            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], shown, args.out), bars.show)
+            drawn += drain(make_look_ahead(paths[LOOK_AHEAD], networks, args.out), bars.show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
     return 0
 

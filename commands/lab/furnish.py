@@ -16,14 +16,14 @@ from ..shared.job_arguments import require_blender
 from ..shared.lines import make_parent, say_note, say_result
 
 CREDITS = ".credits.txt"
-_KINDS = ("interior", "garden")  # as in `furnished/compose.py`, which is slow to import
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("libraries", nargs="+", type=Path, metavar="LIBRARY", help=".sh3f files")
-    parser.add_argument("--kind", choices=_KINDS, default=_KINDS[0], help="a room or a garden (interior)")
-    add_number(parser, "--seed", bounds.SEED, default=1, help="random seed (1)")
+    kinds = ("interior", "garden")
+    parser.add_argument("--kind", choices=kinds, default=kinds[0], help="a room or a garden (interior)")
+    add_number(parser, "--seed", bounds.SEED, "random seed", 1)
     add_out(parser, "scene to write: .glb, or .blend with sun, sky and a camera", required=True)
 
 
@@ -34,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
     from .furnished.library import common_role, read_library
 
     credits_file = args.out.with_suffix(CREDITS)
-    check_outputs({args.out: scene_kind(args.out), credits_file: SCENE_CREDITS}, args.libraries)
+    kind = scene_kind(args.out)
+    check_outputs({args.out: kind, credits_file: SCENE_CREDITS}, args.libraries)
     libraries = [read_library(path) for path in dict.fromkeys(args.libraries)]
     common_role(library.role for library in libraries)
     require_blender()
@@ -46,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     with quiet_stdout():
         composed = compose_scene(libraries, args.kind, args.seed)
-        save_composed(args.out)
+        save_composed(args.out, kind)
     words = ["lab", "furnish", *(path.name for path in args.libraries), "--kind", args.kind, "--seed", str(args.seed)]
     text = credits_text(
         shlex.join(["patchnet", *words]), composed.role, libraries, composed.plan.placements, composed.own

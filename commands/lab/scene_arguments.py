@@ -14,12 +14,9 @@ from ..shared.lines import say_note
 
 def add_track(parser: argparse.ArgumentParser, seeds: str = "the camera tracks") -> None:
     """Add --frames, --size and --seed of each scene's track. seeds: what the seed is of."""
-    add_number(parser, "--frames", bounds.TRACK_FRAMES, default=2000, help="frames of each scene's track (2000)")
-    add_number(
-        parser, "--size", bounds.VIEW_PX, nargs=2, default=(130, 130), metavar=("WIDTH", "HEIGHT"),
-        help="pixels (130 130)",
-    )  # fmt: skip
-    add_number(parser, "--seed", bounds.SEED, default=0, help=f"of {seeds} (0)")
+    add_number(parser, "--frames", bounds.TRACK_FRAMES, "frames of each scene's track", 2000)
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels", (130, 130), metavar=("WIDTH", "HEIGHT"))
+    add_number(parser, "--seed", bounds.SEED, f"of {seeds}", 0)
 
 
 def stated(args: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from pathlib import Path
 from ...patchnet_addon.network.encoders import MLP, MLP_WIDTH_STEP
 from ...patchnet_addon.network.kinds import KINDS, MIXTURE, WIDTH_STEP
 from ...patchnet_addon.runtime import bounds
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...training.encoders import ENCODERS
 from ...training.run.run_files import LOG, RUN_FILES, WEIGHTS, check_run, read_log
@@ -34,13 +33,7 @@ _PRESET = "improved"
 
 
 def description() -> str:
-    """Description of the command with the numbers of the presets and of the shipped weights."""
-    presets = "\n".join(
-        f"    {name:<9} {settings.passes:>11,} passes in batches of {settings.batch:,}, "
-        f"rate {settings.learning_rate:g}, schedule {settings.schedule}{', augmented' if settings.augment else ''}, "
-        f"network {settings.network}, {settings.loss} errors"
-        for name, settings in PRESETS.items()
-    )
+    """Description of the command with the numbers of the shipped weights."""
     return f"""Train PatchNet on sample files.
 
 A pass is one sample seen once. Samples are those of files, gone through again and again:
@@ -53,10 +46,6 @@ shipped weights learned in {SHIPPED_PASSES:,} passes (training/shipped_weights.s
 
     patchnet lab train OCTREE... --fresh --preset {_PRESET} --encoder-width {SHIPPED_WIDTH} \\
         --passes {SHIPPED_PASSES} --out run
-
-Presets:
-
-{presets}
 
 Errors of an unseen scene are those of --validate, of scenes that are not in training in any pose. Parts that `dataset`
 held out of scenes in training are validated on too, and reported apart."""
@@ -78,37 +67,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--validate", nargs="+", type=Path, default=[], metavar="DATASET",
         help="sample files of held-out scenes, or folders of them, for validation",
     )  # fmt: skip
-    parser.add_argument(
-        "--preset", choices=tuple(PRESETS), default=_PRESET, help=f"default of the other options ({_PRESET})"
-    )
-    add_number(
-        parser, "--epochs", bounds.EPOCHS, help="passes as multiples of the number of samples, including held-out ones"
-    )
-    add_number(parser, "--passes", bounds.PASSES, help="sample passes in all")
-    add_number(parser, "--batch", bounds.BATCH, help="samples per step")
-    add_number(
-        parser, "--rate", bounds.LEARNING_RATE, dest="learning_rate", metavar="RATE", help="highest learning rate"
-    )
+    passes = ", ".join(f"{name} {settings.passes:,}" for name, settings in PRESETS.items())
+    text = f"default of the other options ({_PRESET}); passes: {passes}"
+    parser.add_argument("--preset", choices=tuple(PRESETS), default=_PRESET, help=text)
+    add_number(parser, "--passes", bounds.PASSES, "sample passes in all")
+    add_number(parser, "--batch", bounds.BATCH, "samples per step")
+    add_number(parser, "--rate", bounds.LEARNING_RATE, "highest learning rate", dest="learning_rate", metavar="RATE")
     parser.add_argument("--network", choices=tuple(KINDS), help="kind of network: paper, or mixture")
-    add_number(
-        parser, "--decoder-width", bounds.DECODER_WIDTH, help=f"values between the layers of a mixture's decoder, a "
-        f"multiple of {WIDTH_STEP} ({MIXTURE.width})",
-    )  # fmt: skip
+    text = f"values between the layers of a mixture's decoder, a multiple of {WIDTH_STEP} ({MIXTURE.width})"
+    add_number(parser, "--decoder-width", bounds.DECODER_WIDTH, text)
     parser.add_argument(
         "--encoder", choices=tuple(ENCODERS), help="architecture of the encoder: the paper's linear layers (mlp), 3D "
         "convolutions, or Voxception blocks, which research commands alone run",
     )  # fmt: skip
     add_number(
-        parser, "--encoder-width", bounds.ENCODER_WIDTH, help="values between the layers of the encoder mlp, a "
-        f"multiple of {MLP_WIDTH_STEP} ({MLP.width}): costs time when codes are made, none when pixels are decoded",
+        parser, "--encoder-width", bounds.ENCODER_WIDTH, "values between the layers of the encoder mlp, a multiple of "
+        f"{MLP_WIDTH_STEP} ({MLP.width}): costs time when codes are made, none when pixels are decoded",
     )  # fmt: skip
     parser.add_argument("--loss", choices=LOSSES, help="error to minimize; squared errors are minimal for means")
     parser.add_argument("--schedule", choices=SCHEDULES, help="schedule of the learning rate")
-    add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, help="factor of the luminance error in the loss")
+    add_number(parser, "--luminance-weight", bounds.LUMINANCE_WEIGHT, "factor of the luminance error in the loss")
     parser.add_argument(
         "--precision", choices=PRECISIONS, help="of the encoder's matrix products; tf32: of all, on a GPU"
     )
-    add_number(parser, "--seed", bounds.SEED, help="random seed")
+    add_number(parser, "--seed", bounds.SEED, "random seed")
     add_run_arguments(parser)
     parser.add_argument("--tensorboard", action="store_true", help="also write curves for TensorBoard")
 
@@ -123,8 +105,7 @@ def run(args: argparse.Namespace) -> int:
     require_torch()
     from ...patchnet_addon.network.devices import found_device
     from ...patchnet_addon.network.weights import save_weights
-    from ...training.data.dataset import fresh_datasets, load_dataset
-    from ...training.data.held_out import why_not_held_out
+    from ...training.data.dataset import fresh_datasets, load_dataset, why_not_held_out
     from ...training.run.processes import Processes
     from ...training.run.provenance import run_notes
     from ...training.run.trainer import RunOptions, train
@@ -136,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     for dataset in validation:
         if reason := why_not_held_out(dataset, datasets):
             say_note(f"{dataset.name} is {reason}")
-    settings = settings_of(args, sum(dataset.samples.views[..., 0].size for dataset in datasets))
+    settings = preset_with(args.preset, {each.name: getattr(args, each.name, None) for each in fields(TrainSettings)})
     options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
     options.tensorboard = args.tensorboard
@@ -163,15 +144,3 @@ def _print_errors(log: Path) -> None:
     for name, errors in found.items():
         figures = [f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance") if key in errors]
         print(f"  {name:<24} {' '.join(figures)}")
-
-
-def settings_of(args: argparse.Namespace, samples: int) -> TrainSettings:
-    """Preset with the settings of the command line."""
-    if args.epochs is not None and args.passes is not None:
-        raise SettingError("Give --epochs or --passes, not both")
-    if args.epochs is not None and args.fresh:
-        raise SettingError("Fresh samples have no epochs: give --passes")
-    changes = {setting.name: getattr(args, setting.name, None) for setting in fields(TrainSettings)}
-    if args.epochs is not None:
-        changes["passes"] = int(args.epochs * samples)
-    return preset_with(args.preset, changes)

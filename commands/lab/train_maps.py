@@ -18,6 +18,7 @@ from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
 from ...training.evaluation.networks import NAMES
+from ...training.run.run_files import check_run
 from ..shared.arguments import add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import add_run_arguments, require_torch
@@ -28,24 +29,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to train on")
     parser.add_argument("--network", choices=NAMES, required=True, help="weiss: WITW20; kuznetsov: KKR18; unet: ours")
-    add_number(parser, "--steps", bounds.STOP_AFTER, required=True, help="steps of training")
+    add_number(parser, "--steps", bounds.STOP_AFTER, "steps of training", required=True)
     add_out(parser, "folder for checkpoint, log and weights", required=True)
     parser.add_argument(
         "--frames-folder", type=Path, metavar="FOLDER", help="folder of rendered frames (frames in --out)"
     )
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=10, help="train on every Nth frame of a track (10)")
+    add_number(parser, "--every", bounds.TRACK_FRAMES, "train on every Nth frame of a track", 10)
     add_track(parser, "tracks, weights and crops")
-    add_number(parser, "--batch", bounds.BATCH, help="crops per step (16 of weiss, else 6)")
-    add_number(parser, "--crop", bounds.CROP, help="pixels along a crop's side (32 of weiss, else 96)")
-    add_number(parser, "--rate", bounds.LEARNING_RATE, default=1e-4, help="learning rate (0.0001)")
+    add_number(parser, "--batch", bounds.BATCH, "crops per step (16 of weiss, else 6)")
+    add_number(parser, "--crop", bounds.CROP, "pixels along a crop's side (32 of weiss, else 96)")
+    add_number(parser, "--rate", bounds.LEARNING_RATE, "learning rate", 1e-4)
     add_run_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Render missing frames, train, and print the path of the weights; returns 0; raises PatchNetError."""
-    from ...training.evaluation.networks.maps import FRAMES, check_map_run
+    from ...training.evaluation.networks.maps import FRAMES, RUN_FILES
 
-    check_map_run(args.out, args.octrees, resume=args.resume)
+    check_run(args.out, args.octrees, resume=args.resume, kinds=RUN_FILES)
     check_octrees(args.octrees)
     require_torch()
     import torch

@@ -18,17 +18,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...patchnet_addon.network.encoders import MLP
 from ...patchnet_addon.network.kinds import KINDS as NETWORK_KINDS
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Steps, drain, labelled
 from ...patchnet_addon.runtime.quantities import counted
-from ...training.benchmarks.tables import markdown_table
-from ...training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
+from ...training.benchmarks import markdown_table
+from ...training.encoders import ENCODERS
+from ...training.evaluation import WITHOUT
 from ...training.run.run_files import CHECKPOINT
 from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
     from ...training.data.dataset import Dataset
 
 TABLE = "errors.json"
+SCENE, WITHOUT_ONE, LOOK_AHEAD, ENCODER = KINDS = ("scene", "without", "look-ahead", "encoders")
 _SAMPLES, _PASSES, _VOXELS = 2_000_000, 16_000_000, 4096
 
 
@@ -51,24 +55,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kinds", default=",".join(KINDS), metavar="KIND,KIND", help=f"kinds of networks ({','.join(KINDS)})"
     )
-    parser.add_argument(
-        "--unseen", metavar="NAME", help="held-out scene of look-ahead and encoders (the last one)"
-    )
-    add_number(
-        parser, "--samples", bounds.DATASET_SAMPLES, default=_SAMPLES, help=f"samples of each scene ({_SAMPLES:,})"
-    )
-    add_number(parser, "--least-level", bounds.LEVEL, default=5, help="coarsest level of voxels (5)")
-    add_number(parser, "--passes", bounds.PASSES, default=_PASSES, help=f"passes of each network ({_PASSES:,})")
+    parser.add_argument("--unseen", metavar="NAME", help="held-out scene of look-ahead and encoders (the last one)")
+    add_number(parser, "--samples", bounds.DATASET_SAMPLES, "samples of each scene", _SAMPLES)
+    add_number(parser, "--least-level", bounds.LEVEL, "coarsest level of voxels", 5)
+    add_number(parser, "--passes", bounds.PASSES, "passes of each network", _PASSES)
     parser.add_argument("--preset", choices=tuple(PRESETS), default="improved", help="preset of settings (improved)")
     parser.add_argument("--network", choices=tuple(NETWORK_KINDS), help="kind of network; paper, with --loss absolute")
     parser.add_argument("--loss", choices=LOSSES, help="error to minimize")
-    add_number(parser, "--seed", bounds.SEED, default=0, help="random seed of samples and trainings (0)")
-    add_number(
-        parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of a scene for errors ({_VOXELS:,})"
-    )
+    add_number(parser, "--seed", bounds.SEED, "random seed of samples and trainings", 0)
+    add_number(parser, "--voxels", bounds.DATASET_SAMPLES, "voxels of a scene for errors", _VOXELS)
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
-    add_number(parser, "--threads", bounds.THREADS, help="threads of the CPU (all cores)")
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    add_number(parser, "--threads", bounds.THREADS, "threads of the CPU (all cores)")
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
     add_out(parser, "folder for octrees, samples and networks", required=True)
 
 
@@ -115,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
 def _samples(args: argparse.Namespace, octrees: Mapping[str, Path], lookahead: int) -> Steps[dict[str, Dataset]]:
     """Samples by scene; missing files are drawn. Raises SettingError for a file of other arguments."""
     from ...training.data.dataset import DATASET_SEEDS, SUFFIX, draw_dataset, load_dataset
-    from ...training.data.samples import SampleSettings
+    from ...training.data.voxel_choice import SampleSettings
 
     folder, found = args.out / "samples" / f"look-ahead-{lookahead}", {}
     folder.mkdir(parents=True, exist_ok=True)
@@ -158,3 +156,56 @@ def _cell(errors: Mapping[str, Any] | None) -> str:
         return "seen"
     ratio = errors["luminance_ratio"]
     return f"{errors['coverage']:.3f} ({'' if ratio is None else f'{ratio:.2f}'})"
+
+
+@dataclass(frozen=True)
+class NetworkPlan:
+    """Network to train, with the names of its training scenes and of its encoder."""
+
+    name: str
+    scenes: tuple[str, ...]
+    encoder: str = MLP.name
+    lookahead: int = DEFAULT_LOOKAHEAD
+
+
+def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | None = None) -> list[NetworkPlan]:
+    """Networks of these kinds for scenes, in the order of training, without duplicates.
+
+    kinds: "scene": one of each scene alone, named after it. "without": one of all but each scene, without-SCENE.
+    "look-ahead": look-ahead-1 and look-ahead-3, "encoders": one named after each other encoder; both are trained on all
+    scenes but `unseen` (the last one), and include without-UNSEEN for comparison. Raises SettingError for an unknown
+    kind or scene, duplicate scenes, and without a scene to hold out.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise SettingError(f"Unknown kind of networks '{kind}': choose from {', '.join(KINDS)}")
+    twice = [scene for scene in scenes if list(scenes).count(scene) > 1]
+    if twice:
+        raise SettingError(f"Scene {twice[0]!r} is named twice: name each scene once")
+    if set(kinds) - {SCENE} and len(scenes) < 2:
+        raise SettingError("A single scene has no held-out scene: name two scenes at least")
+    if unseen is not None and unseen not in scenes:
+        raise SettingError(f"Scene {unseen!r} is not among the scenes: hold out one of {', '.join(scenes)}")
+    plans = [NetworkPlan(scene, (scene,)) for scene in scenes if SCENE in kinds]
+    plans += [_without(scene, scenes) for scene in scenes if WITHOUT_ONE in kinds]
+    if LOOK_AHEAD in kinds or ENCODER in kinds:
+        usual = _without(unseen or scenes[-1], scenes)
+        plans += [] if usual in plans else [usual]
+        others = [lookahead for lookahead in LOOKAHEADS if lookahead != usual.lookahead and LOOK_AHEAD in kinds]
+        for each in others:
+            plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each))
+        for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
+            plans.append(NetworkPlan(name, usual.scenes, name))
+    _check_names(plans)
+    return plans
+
+
+def _without(scene: str, scenes: Sequence[str]) -> NetworkPlan:
+    return NetworkPlan(WITHOUT + scene, tuple(other for other in scenes if other != scene))
+
+
+def _check_names(plans: Sequence[NetworkPlan]) -> None:
+    names = [plan.name for plan in plans]
+    for name in names:
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks would be called {name!r}: rename the octree file of that scene")

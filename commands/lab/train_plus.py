@@ -18,6 +18,7 @@ from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
 from ..shared.arguments import add_number, add_out, check_octrees
@@ -34,21 +35,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--references-folder", type=Path, metavar="FOLDER", help="folder of references (references in --out)"
     )
-    add_number(parser, "--steps", bounds.STOP_AFTER, default=20_000, help="steps of training (20,000)")
-    add_number(parser, "--batch", bounds.BATCH, default=2048, help="pixels per step (2048)")
-    add_number(parser, "--pixels", bounds.FRAME_PIXELS, default=2000, help="pixels per frame (2,000)")
-    add_number(parser, "--rate", bounds.LEARNING_RATE, default=3e-3, help="learning rate (0.003)")
-    add_number(parser, "--every", bounds.TRACK_FRAMES, default=40, help="train on every Nth frame of a track (40)")
-    add_number(parser, "--rays", bounds.RAYS, default=16, help="rays per pixel side of references (16)")
+    add_number(parser, "--steps", bounds.STOP_AFTER, "steps of training", 20_000)
+    add_number(parser, "--batch", bounds.BATCH, "pixels per step", 2048)
+    add_number(parser, "--pixels", bounds.FRAME_PIXELS, "pixels per frame", 2000)
+    add_number(parser, "--rate", bounds.LEARNING_RATE, "learning rate", 3e-3)
+    add_number(parser, "--every", bounds.TRACK_FRAMES, "train on every Nth frame of a track", 40)
+    add_number(parser, "--rays", bounds.RAYS, "rays per pixel side of references", 16)
     add_track(parser, "tracks, pixels and weights")
-    add_number(parser, "--threads", bounds.THREADS, default=1, help="threads that train (1)")
+    add_number(parser, "--threads", bounds.THREADS, "threads that train", 1)
 
 
 def run(args: argparse.Namespace) -> int:
     """Render missing references, train, and print the path of the weights; returns 0; raises PatchNetError."""
-    from ...training.plus.run_files import LOG, REFERENCES, RUN_FILES, check_plus_run
-
-    check_plus_run(args.out, [*args.octrees, *([args.weights] if args.weights else [])])
     check_octrees(args.octrees)
     if len({path.resolve() for path in args.octrees}) < len(args.octrees):
         raise SettingError("An octree is named twice: name each file once")
@@ -60,12 +58,14 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
     from ...training.plus.frames import TrackSettings
-    from ...training.plus.train import PlusSettings, pixels_of, train_plus
+    from ...training.plus.train import REFERENCES, RUN_FILES, PlusSettings, pixels_of, train_plus
     from ...training.run.provenance import describe_commit, run_notes
-    from ...training.run.run_files import WEIGHTS, log_lines
+    from ...training.run.run_files import LOG, WEIGHTS, log_lines
     from ...training.run.trainer import RunOptions
     from ..shared.progress_bars import ProgressBars
 
+    inputs = [*args.octrees, *filter(None, [args.weights])]
+    check_outputs({args.out / name: kind for name, kind in RUN_FILES.items()}, inputs, folder=args.out)
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)

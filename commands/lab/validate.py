@@ -31,9 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument("datasets", nargs="+", type=Path, metavar="DATASET", help="sample files, or folders of them")
     parser.add_argument("--weights", nargs="+", type=Path, default=[], metavar="FILE", help="weights files")
-    add_number(
-        parser, "--voxels", bounds.DATASET_SAMPLES, default=_VOXELS, help=f"voxels of each file at most ({_VOXELS:,})"
-    )
+    add_number(parser, "--voxels", bounds.DATASET_SAMPLES, "voxels of each file at most", _VOXELS)
     add_out(parser, "JSON file for all errors")
 
 

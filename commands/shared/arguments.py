@@ -16,12 +16,17 @@ from ...patchnet_addon.runtime.errors import OctreeFileError, OutputError, Setti
 from ...patchnet_addon.runtime.file_kinds import BLEND, GLB, FileKind
 
 
-def add_number(parser: argparse._ActionsContainer, flag: str, bounds: Bounds, **others: Any) -> None:
-    """Add a numeric argument with bounds of the table, or several numbers with `nargs`.
+def add_number(
+    parser: argparse._ActionsContainer, flag: str, bounds: Bounds, text: str, default: Any = None, **others: Any
+) -> None:
+    """Add a numeric argument with bounds of the table, or several numbers if its default has several.
 
-    A value outside its bounds raises SettingError, which argparse passes on.
+    The help states the default. A value outside its bounds raises SettingError, which argparse passes on.
     """
-    parser.add_argument(flag, type=partial(bounds.read, what=flag), **others)
+    values = default if isinstance(default, tuple) else () if default is None else (default,)
+    text += f" ({' '.join(f'{value:g}' if value < 10_000 else f'{value:,}' for value in values)})" if values else ""
+    count = {"nargs": len(default)} if isinstance(default, tuple) else {}
+    parser.add_argument(flag, type=partial(bounds.read, what=flag), help=text, default=default, **(count | others))
 
 
 def is_given(args: argparse.Namespace, flag: str) -> bool:

@@ -40,8 +40,7 @@ def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
         elif row.bounds is None:
             parser.add_argument(flag, default="", metavar=row.unit or None, help=text)
         else:
-            text = text if row.default is None else f"{text} ({row.default:g})"
-            add_number(parser, flag, row.bounds, default=row.default, metavar=row.unit or None, help=text)
+            add_number(parser, flag, row.bounds, text, row.default, metavar=row.unit or None)
 
 
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,13 +51,11 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_settings(parser, "track", "memory")
     add_number(
-        parser, "--voxel-size", bounds.VOXEL_SIZE, help="side of the finest voxels in world units, instead of a depth"
+        parser, "--voxel-size", bounds.VOXEL_SIZE, "side of the finest voxels in world units, instead of a depth"
     )
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "cameras")
-    add_number(
-        parser, "--size", bounds.SIZE_PX, nargs=2, default=(192, 192), metavar=("W", "H"),
-        help="pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution (192 192)",
-    )  # fmt: skip
+    text = "pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution"
+    add_number(parser, "--size", bounds.SIZE_PX, text, (192, 192), metavar=("W", "H"))
     add_settings(parser, "color", "sides", "gloss", "device")
     add_settings(parser, "budget", "refined_samples", "spp", "reference")
     costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
@@ -160,10 +157,8 @@ def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
 
 def _add_cycles(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("pixels by Cycles")
-    add_number(
-        group, "--cycles-budget", bounds.CYCLES_BUDGET, metavar="SHARE", help="share of pixels, those of "
-        "highest priority, that Cycles renders (none)",
-    )  # fmt: skip
+    text = "share of pixels, those of highest priority, that Cycles renders (none)"
+    add_number(group, "--cycles-budget", bounds.CYCLES_BUDGET, text, metavar="SHARE")
     add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
     group.set_defaults(cycles_samples=None, cycles_light=None)  # those of CyclesSettings
 

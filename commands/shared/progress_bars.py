@@ -12,7 +12,7 @@ import time
 from types import TracebackType
 from typing import Any
 
-from ...patchnet_addon.runtime.eta import Eta, left_text
+from ...patchnet_addon.runtime.eta import Eta
 from ...patchnet_addon.runtime.log import is_json
 from ...patchnet_addon.runtime.progress import Progress
 from ...patchnet_addon.runtime.progress_log import ProgressLog
@@ -73,36 +73,23 @@ class _Bars:
 
     def __init__(self) -> None:
         self._bar: Any = None
-        self._label = self._step = ""
+        self._title = self._step = ""
         self._eta = Eta()
 
     def show(self, progress: Progress) -> None:
         from tqdm import tqdm
 
-        if progress.whole is not None:
-            self._show_whole(progress)
-            return
-        restarted = self._bar is not None and 100.0 * progress.fraction < self._bar.n - 1.0
-        if progress.label != self._label or self._bar is None or restarted:
+        whole = progress.whole is not None
+        done = 100.0 * (progress.whole if progress.whole is not None else progress.fraction)
+        title = _WHOLE if whole else progress.label
+        if self._bar is None or title != self._title or (not whole and done < self._bar.n - 1.0):
             self.close(finished=True)
-            self._label = progress.label
-            self._bar = tqdm(total=100.0, desc=f"{progress.label:<36}", bar_format=_FORMAT)
+            self._title, self._bar = title, tqdm(total=100.0, bar_format=_FORMAT)
         self._eta.see(progress)
-        self._bar.set_postfix_str(self._eta.text(), refresh=False)
-        self._bar.update(max(100.0 * progress.fraction - self._bar.n, 0.0))
-
-    def _show_whole(self, progress: Progress) -> None:
-        """Update the bar of the job, with its step as prefix."""
-        from tqdm import tqdm
-
-        if self._bar is None or self._label != _WHOLE:
-            self.close(finished=True)
-            self._label = _WHOLE
-            self._bar = tqdm(total=100.0, bar_format=_FORMAT)
         new, self._step = progress.label != self._step, progress.label
         self._bar.set_description_str(f"{progress.label:<36}", refresh=new)  # also shows short steps
-        self._bar.set_postfix_str(", ".join(filter(None, (left_text(progress.left_s), progress.note))), refresh=False)
-        self._bar.update(max(100.0 * (progress.whole or 0.0) - self._bar.n, 0.0))
+        self._bar.set_postfix_str(", ".join(filter(None, (self._eta.text(), progress.note))), refresh=False)
+        self._bar.update(max(done - self._bar.n, 0.0))
 
     def close(self, finished: bool) -> None:
         if self._bar is not None:

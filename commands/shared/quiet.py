@@ -25,10 +25,7 @@ _OF_NO_CONCERN = (b"mounted file-systems", b"color_management | Using config")
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Suppress irrelevant lines that Blender prints at its import.
-
-    All other output of the block goes to stderr at its end.
-    """
+    """Suppress irrelevant lines that Blender prints at its import; others go to stderr at the block's end."""
     with tempfile.TemporaryFile() as said:
         with diverted(stdout=said, stderr=said):
             yield

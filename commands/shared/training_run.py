@@ -16,18 +16,14 @@ from .arguments import add_device, add_number
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --device, --threads, --resume, --stop-after and --checkpoint-minutes."""
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
-    add_number(
-        parser, "--threads", bounds.THREADS, help="threads of the CPU that train, or gather batches for a GPU "
-        "(all cores)",
-    )  # fmt: skip
+    text = "threads of the CPU that train, or gather batches for a GPU (all cores)"
+    add_number(parser, "--threads", bounds.THREADS, text)
     parser.add_argument(
         "--resume", action="store_true", help="continue the run in --out, also with more passes or steps"
     )
-    add_number(
-        parser, "--stop-after", bounds.STOP_AFTER, metavar="STEPS", help="end early, leaving a checkpoint to resume "
-        "from",
-    )  # fmt: skip
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, default=5.0, help="time between checkpoints")
+    text = "end early, leaving a checkpoint to resume from"
+    add_number(parser, "--stop-after", bounds.STOP_AFTER, text, metavar="STEPS")
+    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
 
 
 def require_torch() -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,24 +11,19 @@ import numpy as np
 from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import SettingError
 from .arguments import add_number
-from .lines import say_note
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.octree.octree import Octree
     from ...patchnet_addon.tracing.camera import Camera
 
 
 def add_views(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the views for `--depth fit`."""
-    add_number(
-        parser, "--view", bounds.COORDINATE, nargs=6, action="append", default=[],
-        metavar=("X", "Y", "Z", "TX", "TY", "TZ"),
-        help="with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated",
-    )  # fmt: skip
-    add_number(parser, "--size", bounds.VIEW_PX, nargs=2, default=(1920, 1080), help="pixels of the views (1920 1080)")
-    add_number(
-        parser, "--memory", bounds.MEMORY_GIB, metavar="GIB", help="memory limit for building, with --depth fit (all)"
-    )
+    text = "with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated"
+    axes = ("X", "Y", "Z", "TX", "TY", "TZ")
+    add_number(parser, "--view", bounds.COORDINATE, text, nargs=6, action="append", metavar=axes)
+    parser.set_defaults(view=[])
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels of the views", (1920, 1080))
+    add_number(parser, "--memory", bounds.MEMORY_GIB, "memory limit of the build with --depth fit (all)", metavar="GIB")
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:
@@ -46,11 +40,3 @@ def view_cameras(args: argparse.Namespace) -> list[Camera]:
         Camera.look_at(np.array(values[:3]), np.array(values[3:]), size_px=(width, height), name=f"View {number}")
         for number, values in enumerate(args.view, 1)
     ]
-
-
-def say_unseen(octree: Octree, cameras: Iterable[Camera]) -> None:
-    """Print for each camera the reason why its picture is empty or black."""
-    from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-    for text in why_unseen_by(octree, cameras):
-        say_note(text)

@@ -48,7 +48,7 @@ from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
-from patchnet.training.benchmarks.tables import markdown_table
+from patchnet.training.benchmarks import markdown_table
 from patchnet.training.evaluation.panels import save_figure
 
 SHARES = (0.05, 0.1, 0.2, 0.4)

@@ -20,9 +20,8 @@ import bpy  # noqa: TID251
 import numpy as np
 
 from patchnet.__main__ import leave
-from patchnet.commands.benches.walk_path import walk_cameras
 from patchnet.commands.benches.walk_renders import FIT_EVERY
-from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of
+from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of, walk_cameras
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.cycles.daylight import daylight, has_light
@@ -37,7 +36,7 @@ from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
-from patchnet.training.benchmarks.tables import markdown_table
+from patchnet.training.benchmarks import markdown_table
 
 FRAMES, MEASURED = 250, (25, 125, 225)
 ERROR_SIZE, TRUTH = (240, 135), 256

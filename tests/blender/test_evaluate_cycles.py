@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.commands.lab.octree_light import as_in_octree, cut_for_camera, two_lights
+from patchnet.commands.lab.octree_light import as_in_octree, shown_as
 from patchnet.operators.cycles.camera_render import render_halves
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
@@ -126,7 +126,7 @@ def test_two_lights_are_what_methods_say(empty_scene: None) -> None:
     bpy.context.object.data.materials.append(material)
     names = read_scene(bpy.context.evaluated_depsgraph_get()).material_names
     camera = Camera.look_at(np.array([0.0, -0.1, 2.0]), np.zeros(3), size_px=(8, 8), fov=0.5)
-    with two_lights(bpy.context.scene, names, DIRECTION):
+    with shown_as(bpy.context.scene, names, DIRECTION):
         halves = drain(render_halves(bpy.context, camera, 512))
     expected = 0.5 * 0.5 * DIRECTION[2] / np.linalg.norm(DIRECTION)
     assert np.mean([half.luminance for half in halves]) == pytest.approx(expected, rel=0.02)
@@ -150,14 +150,14 @@ def test_what_the_camera_sees_through_still_throws_its_shadow(empty_scene: None)
 
     shadow, top = brightness()
     before = scene_snapshot()
-    with cut_for_camera(bpy.context.scene, names, (0, 1.5)):
+    with shown_as(bpy.context.scene, names, plane=(0, 1.5)):
         open_shadow, open_top = brightness()
     assert_unchanged(before)
     assert top > 0 and open_top == 0 and open_shadow == pytest.approx(shadow, abs=0.01)
     wall.hide_render = True
     lit, _ = brightness()
     assert lit > 10 * max(shadow, open_shadow)
-    with pytest.raises(SceneError, match="no material"), cut_for_camera(bpy.context.scene, [""], (0, 1.5)):
+    with pytest.raises(SceneError, match="no material"), shown_as(bpy.context.scene, [""], plane=(0, 1.5)):
         pass
 
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from patchnet.commands import make_parser
-from patchnet.commands.lab.evaluate import _scenes
+from patchnet.commands.lab.evaluate import _octrees
 from patchnet.commands.lab.scene_arguments import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
@@ -73,13 +73,14 @@ def test_all_scenes_are_those_whose_files_are_there(
     monkeypatch.setattr(catalogue, "scene_octree", lambda scene, folder: folder / scene.name)
     monkeypatch.setenv(FOLDER, str(tmp_path))
     (tmp_path / "sponza_crytek.glb").touch()
-    found = _scenes(SimpleNamespace(scenes="all", out=tmp_path))
+    args = SimpleNamespace(scenes="all", octrees=[], out=tmp_path)
+    found = _octrees(args)
     assert found == {name: tmp_path / "octrees" / name for name in ("sponza", "courtyard")}
     said = capsys.readouterr().err
     assert "furnished-room (furnished_room.glb)" in said and "shuttle (ldraw_space_shuttle.glb)" in said
     assert "sponza" not in said
     monkeypatch.delenv(FOLDER)
-    assert list(_scenes(SimpleNamespace(scenes="all", out=tmp_path))) == ["courtyard"], "which needs no folder"
+    assert list(_octrees(args)) == ["courtyard"], "which needs no folder"
 
 
 def test_arguments_say_only_what_counts() -> None:

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from patchnet.training.evaluation.bootstrap import Bootstrap
-from patchnet.training.evaluation.claims import claims_of
 from patchnet.training.evaluation.curves import BUDGETS, TrackErrors
+from patchnet.training.evaluation.results import claims_of
 
 GROUPS = {
     "patchnet": "network",
@@ -33,7 +33,7 @@ CURVES = {
 def claims():
     """Claims of twenty equal frames of 50 pixels."""
     left = np.tile(50 * np.array(list(CURVES.values())), (20, 1, 1))
-    track = TrackErrors("yard", tuple(CURVES), np.full(20, 50), left, np.ones(20))
+    track = TrackErrors("yard", tuple(CURVES), np.full(20, 50), left)
     return claims_of({"yard": Bootstrap.of([track], 100)}, GROUPS)
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
+from patchnet.patchnet_addon.sampling.staged_strategy import StagedStrategy
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
@@ -44,10 +45,12 @@ def test_curves_of_every_strategy(results):
     values = results["scenes"]["shells"]
     assert values["budgets"] == [share / 100 for share in range(101)] and values["frames"] == 10
     assert values["mse"].keys() == values["rays_per_pixel"].keys() == values["intervals"].keys() == EVALUATED.keys()
-    start = values["mse"]["random"][0]
+    start, best = values["mse"]["random"][0], np.array(values["mse"]["optimal"])
     assert start > 0 and 0 < values["lookahead_share"] <= 1
     for name, curve in values["mse"].items():
         assert len(curve) == 101 and curve[0] == pytest.approx(start) and curve[100] == pytest.approx(0, abs=1e-12)
+        assert (np.array(curve) >= best - 1e-6 * start).all(), "nothing is below what knows the errors"
+        assert isinstance(EVALUATED[name], StagedStrategy) or (np.diff(curve) <= 1e-9 * start).all(), "errors fall"
         low, high = (np.array(values["intervals"][name][end]) for end in ("low", "high"))
         assert (low <= np.array(curve) + 1e-12).all() and (np.array(curve) <= high + 1e-12).all()
     assert values["rays_per_pixel"]["fine-rays-4"] == 5 and values["rays_per_pixel"]["patchnet"] == 1

@@ -21,7 +21,7 @@ from patchnet.training.evaluation.codes import coded_octree
 from patchnet.training.evaluation.figures_of_paper import look_ahead as tables
 from patchnet.training.evaluation.figures_of_paper.look_ahead import distance_view, pooled_values
 from patchnet.training.evaluation.figures_of_paper.split import PATTERNS, hardest_end, split_view
-from patchnet.training.evaluation.panels import Crop, crops_of_difference
+from patchnet.training.evaluation.panels import crops_of_difference
 
 CLOTH, WOOD = 0.5, 0.1  # luminance
 WEIGHTS = Path(__file__).resolve().parents[2] / "patchnet_addon/network/weights/patchnet.safetensors"
@@ -70,8 +70,8 @@ def shells(tmp_path_factory):
 def overlap(first, second):
     """Whether two squares share a pixel."""
     pixels = np.zeros((64, 64))
-    pixels[first.slices] += 1
-    pixels[second.slices] += 1
+    pixels[first] += 1
+    pixels[second] += 1
     return pixels.max() == 2
 
 
@@ -81,9 +81,9 @@ def test_crops_are_where_the_difference_is_largest():
     other[3, 3] = 3.0
     error[22:26, 20:24] = 1.0  # and worse here
     first, second = crops_of_difference(error, other, 5)
-    assert first == Crop(21, 31, 5)
-    assert (error[second.slices] - other[second.slices]).sum() == 16
-    assert not overlap(first, second) and overlap(first, Crop(24, 35, 5))
+    assert first == (slice(21, 26), slice(31, 36))
+    assert (error[second] - other[second]).sum() == 16
+    assert not overlap(first, second) and overlap(first, (slice(24, 29), slice(35, 40)))
 
 
 def test_split_view(shells):

@@ -15,9 +15,8 @@ from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
-from patchnet.training.data.dataset import Dataset
+from patchnet.training.data.dataset import Dataset, why_not_held_out
 from patchnet.training.data.forest import voxel_luminance
-from patchnet.training.data.held_out import why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import validation_sets
 
@@ -89,7 +88,7 @@ def test_sets_of_a_run(upright: Dataset, turned: Dataset, other: Dataset) -> Non
 def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:
     """Those of the guesses from the samples themselves, with untrained weights."""
     corpus, _ = corpus_of([upright])
-    errors = validate(PatchNet(Weights.random(0)), {"sponza": corpus})["sponza"]
+    errors = validate(PatchNet(Weights.random(0)), corpus)
     coverage, luminance = corpus.views[..., 10] / 4096, corpus.views[..., 11] / 65535
     seen = coverage > 0
     own = voxel_luminance(corpus.forest, corpus.tree, corpus.voxel)[:, None]

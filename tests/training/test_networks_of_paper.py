@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from patchnet.commands import main
+from patchnet.commands.lab.train_networks import KINDS, NetworkPlan, planned_networks
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.data.dataset import load_dataset
 from patchnet.training.encoders import load_weights
-from patchnet.training.evaluation.networks_of_paper import KINDS, NetworkPlan, planned_networks
 
 pytest.importorskip("torch")
 from patchnet.training.run.run_files import LOG, read_log

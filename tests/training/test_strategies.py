@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from patchnet.training.strategies.contrasts import tsallis
 from patchnet.training.strategies.registry import EVALUATED
-from patchnet.training.strategies.tsallis import tsallis
 
 SIZES = [(1, 1), (1, 5), (2, 2), (3, 2), (6, 7)]  # windows of 1, 2, 3, 4, 6 and 9 pixels
 
@@ -155,12 +154,6 @@ def test_variance_of_hits():
     found, all_of_them = (EVALUATED[name].scores(buffers) for name in ("ss-variance-hits", "ss-variance"))
     np.testing.assert_array_equal(found, np.where(buffers.hit, all_of_them, 0))
     assert found.any() and all_of_them[~buffers.hit].any()
-
-
-@pytest.mark.parametrize("q", [0.0, -1.0, float("nan"), float("inf")])
-def test_entropic_index_out_of_its_range(q):
-    with pytest.raises(SettingError, match="above 0"):
-        tsallis(q)
 
 
 def test_any_entropic_index_is_a_strategy():

@@ -13,10 +13,10 @@ from patchnet.patchnet_addon.sampling.strategy import PREDICTION
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.engine.octree_samples import random_octree
-from patchnet.training.strategies.child_area import child_areas
 from patchnet.training.strategies.registry import EVALUATED
 from patchnet.training.strategies.ws_lut import (
     DIRECTIONS,
+    child_areas,
     child_error_table,
     child_errors,
     fibonacci_directions,

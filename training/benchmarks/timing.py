@@ -7,35 +7,19 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """Comparison of PatchNet (`ours`) with a peer, in `unit`.
+def comparison(
+    name: str, ours: float, peer: float | None, details: Mapping[str, Any], unit: str, *, higher_is_better: bool = True
+) -> dict[str, Any]:
+    """Comparison of PatchNet (`ours`) with a peer, None if it could not run, in `unit`, as flat JSON values.
 
-    ratio: above 1 if PatchNet is better. peer and ratio are None if the peer could not run. details: other
-    measurements, as plain JSON values.
+    ratio: above 1 if PatchNet is better. details: other measurements.
     """
-
-    name: str
-    ours: float
-    peer: float | None
-    ratio: float | None
-    details: dict[str, Any]
-    unit: str = "s"
-
-    @classmethod
-    def of_rates(cls, name: str, ours: float, peer: float | None, details: dict[str, Any], unit: str) -> Comparison:
-        """Comparison of rates: higher is better."""
-        return cls(name, ours, peer, ours / peer if peer else None, details, unit)
-
-    def as_json(self) -> dict[str, Any]:
-        """Flat JSON values."""
-        values = asdict(self)
-        return values | values.pop("details")
+    ratio = None if not peer else ours / peer if higher_is_better else peer / max(ours, 1e-9)
+    return {"name": name, "ours": ours, "peer": peer, "ratio": ratio, "unit": unit, **details}
 
 
 @contextmanager

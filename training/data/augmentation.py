@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,7 @@ class Symmetries(NamedTuple):
     cell: np.ndarray
 
 
+@cache
 def cube_symmetries(lookahead: int = DEFAULT_LOOKAHEAD) -> Symmetries:
     """All axis permutations with all sign flips, for blocks of 2^lookahead cells a side."""
     pairs = list(itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)))

@@ -8,7 +8,6 @@ indices of each corner's patch. The kernels are serial, since several threads ga
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Generic
 
 import numpy as np
@@ -22,7 +21,7 @@ from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
-from .augmentation import Augmentation, Symmetries, cube_symmetries
+from .augmentation import Augmentation, cube_symmetries
 from .forest import Forest, tree_nodes
 from .nearby import Array, Nearby, NearbyOf, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
@@ -64,11 +63,6 @@ def block_values(lookahead: int, *, nearby: bool) -> int:
     return (CHANNELS - 1 if nearby else CHANNELS) * 8**lookahead
 
 
-@cache
-def _symmetries(lookahead: int) -> Symmetries:
-    return cube_symmetries(lookahead)
-
-
 def gather_batch(
     forest: Forest,
     tree: np.ndarray,
@@ -85,7 +79,7 @@ def gather_batch(
     blocks, rows, rays, near = _gather(
         (forest.nodes, forest.light, forest.normal, forest.root),
         stored,
-        (augmentation.remap, augmentation.symmetry, _symmetries(lookahead)),
+        (augmentation.remap, augmentation.symmetry, cube_symmetries(lookahead)),
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
         (BLOCK_POSITION, mask_geometry(), nearby_order()),
     )

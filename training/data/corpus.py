@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corpus: the training voxels of all data sets, without the held-out ones."""
+"""Corpus: the training voxels of all data sets without the held-out ones, from sample files or drawn anew.
+
+Each step of a run on fresh samples draws voxels and views from the octrees. A draw depends only on the seed, the step's
+number and the voxel's index in the step, so that a run resumes exactly, and threads and processes that share a step
+draw the same samples as one. Held-out parts of scenes are those of `patchnet lab dataset` (methods 7.21).
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ..settings import SAMPLES, VALIDATION_VOXELS, VIEWS
 from .augmentation import Augmentation
 from .batches import Batch, gather_batch
 from .dataset import Dataset
 from .forest import Forest, concatenate
+from .samples import draw
+from .voxel_choice import SampleSettings, VoxelLists, candidates
+
+_DRAWS, _HELD_OUT = 4, 5  # purposes of random numbers, beside the seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +53,7 @@ class Corpus:
 
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
-    """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none.
-
-    nearby: as in `Corpus`.
-    """
+    """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none."""
     if not datasets:
         raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}
@@ -72,3 +80,61 @@ def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Cor
     if not len(tree):
         raise PatchNetError("All samples are held out for validation: draw more samples")
     return Corpus(forest, tree, voxel, view, lookahead, nearby), held_out
+
+
+@dataclass(frozen=True, eq=False)
+class FreshCorpus:
+    """Octrees to draw from with equal probability, and settings of samples; nearby: as in `Corpus`."""
+
+    forest: Forest
+    lists: VoxelLists
+    settings: SampleSettings
+    nearby: bool = False
+
+    @property
+    def views_per_voxel(self) -> int:
+        """Views of each voxel of a batch."""
+        return self.settings.views
+
+    @property
+    def lookahead(self) -> int:
+        """Levels that samples look ahead."""
+        return self.settings.lookahead
+
+    def batch_of_step(self, seed: int, step: int, places: slice, augmentation: Augmentation) -> Batch:
+        """Augmented batch of some places of a step; raises PatchNetError if no voxel is visible."""
+        drawn = self.draw(seed, step, places)
+        return gather_batch(self.forest, *drawn, augmentation, self.lookahead, nearby=self.nearby)
+
+    def draw(self, seed: int, step: int, places: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Octrees (V,), voxels (V, 4) and views (V, R, 12) at places of a step; raises as `batch_of_step`."""
+        return draw(self.forest, self.lists, self.settings, (seed, _DRAWS, step), places)
+
+
+def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[FreshCorpus, dict[str, Corpus]]:
+    """Octrees of data sets to draw from, and samples of their held-out parts by data set.
+
+    Their own samples are ignored. Levels are as frequent as in sample files of default size. nearby: as in `Corpus`.
+    Raises PatchNetError if there is nothing to draw.
+    """
+    if not datasets:
+        raise SettingError("There is nothing to train on: name at least one octree")
+    settings = [dataset.sample_settings for dataset in datasets]
+    free: list[list[np.ndarray]] = []
+    held_out = {}
+    for dataset, how in zip(datasets, settings, strict=True):
+        training, validation = candidates(dataset.octree, how)
+        free.append(training)
+        if sum(map(len, validation)):
+            held_out[dataset.name] = _held_out_samples(dataset.octree, validation, how, nearby)
+    lists = VoxelLists.of(free, SAMPLES // VIEWS // len(datasets))
+    forest = concatenate([dataset.octree for dataset in datasets])
+    return FreshCorpus(forest, lists, settings[0], nearby), held_out
+
+
+def _held_out_samples(octree: Octree, voxels: Sequence[np.ndarray], settings: SampleSettings, nearby: bool) -> Corpus:
+    """Samples of held-out voxels, as many as a validation uses."""
+    forest = concatenate([octree])
+    corpus = FreshCorpus(forest, VoxelLists.of([voxels], VALIDATION_VOXELS), settings)
+    drawn = corpus.draw(settings.seed, _HELD_OUT, slice(0, VALIDATION_VOXELS))
+    return Corpus(forest, *drawn, settings.lookahead, nearby)

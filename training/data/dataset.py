@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sample files: one per octree, which is referenced by path and hash, since it holds the patches."""
+"""Sample files: one per octree, which is referenced by path and hash, since it holds the patches.
+
+A data set's error may be reported as that of an unseen scene if its scene is not in training in any pose, light or part
+(methods 7.21): a rotated octree shows the same shapes. Scenes are compared by the provenance of their octrees; in doubt
+they count as the same.
+"""
 
 from __future__ import annotations
 
@@ -13,23 +18,22 @@ import numpy as np
 
 from ...patchnet_addon.octree.file import load_octree, octree_hash
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEADS
 from ...patchnet_addon.runtime.errors import FileFormatError, PatchNetError, SettingError
 from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import Steps
-from .samples import VIEW_FIELDS, Samples, SampleSettings, draw_samples
+from .samples import VIEW_FIELDS, Samples, draw_samples
+from .voxel_choice import SampleSettings
 
 KIND = "samples"
 SUFFIX = ".samples.safetensors"
 DATASET_SEEDS = 1000  # distance between the seeds of two octrees of a data set
-_DTYPES = {"voxel": np.uint16, "held_out": np.bool_, "views": np.uint16}
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """Samples of one octree; `name` identifies them in logs and in metadata of weights.
 
-    With fresh samples (`fresh.py`) a data set has none of its own.
+    With fresh samples (`corpus.py`) a data set has none of its own.
     """
 
     name: str
@@ -40,7 +44,7 @@ class Dataset:
     @property
     def lookahead(self) -> int:
         """Levels between the voxels and the cells that their views show; two by default."""
-        return int(self.metadata.get("settings", {}).get("lookahead", DEFAULT_LOOKAHEAD))
+        return self.sample_settings.lookahead
 
     @property
     def sample_settings(self) -> SampleSettings:
@@ -51,10 +55,7 @@ class Dataset:
 
 
 def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:
-    """Data sets of octree files for fresh samples, with the held-out parts of `patchnet lab dataset --seed`.
-
-    Raises OctreeFileError for other files.
-    """
+    """Data sets of octree files for fresh samples, parts held out as by `lab dataset`; raises OctreeFileError."""
     datasets = []
     for number, (name, path) in enumerate(sample_names(paths).items()):
         settings = SampleSettings(seed=seed + DATASET_SEEDS * number)
@@ -109,8 +110,7 @@ def save_samples(samples: Samples, octree_path: Path, octree: Octree, settings: 
         "settings": asdict(settings),
         "provenance": octree.provenance,
     }
-    arrays = {name: getattr(samples, name) for name in _DTYPES}
-    write_arrays(path, arrays, metadata, KIND)
+    write_arrays(path, vars(samples), metadata, KIND)
 
 
 def load_dataset(path: Path) -> Dataset:
@@ -120,12 +120,6 @@ def load_dataset(path: Path) -> Dataset:
     damaged or changed.
     """
     arrays, metadata = read_arrays(path, KIND, FileFormatError)
-    for name, dtype in _DTYPES.items():
-        if name not in arrays or arrays[name].dtype != dtype:
-            raise FileFormatError(f"{path} is damaged: array '{name}' is missing or has a wrong type; draw it again")
-    samples = Samples(**{name: arrays[name] for name in _DTYPES})
-    if samples.views.ndim != 3 or samples.views.shape[2] != VIEW_FIELDS or len(samples.voxel) != len(samples.views):
-        raise FileFormatError(f"{path} is damaged: its arrays have different lengths; draw it again")
     known = Path(str(metadata.get("octree", "")))
     beside = path.parent / known.name
     octree_path = known if known.is_file() else beside
@@ -134,10 +128,7 @@ def load_dataset(path: Path) -> Dataset:
         raise FileFormatError(f"{path} was drawn from another version of {octree_path}: draw it again")
     if octree.leaf_box is not None and not metadata.get("boxes"):
         raise FileFormatError(f"{path} was drawn without the boxes in leaves of {octree_path}: draw it again")
-    dataset = Dataset(name_of(path), octree, samples, metadata)
-    if dataset.lookahead not in LOOKAHEADS:
-        raise FileFormatError(f"{path} looks {dataset.lookahead} levels ahead, which is not supported: draw it again")
-    return dataset
+    return Dataset(name_of(path), octree, Samples(**arrays), metadata)
 
 
 def sample_files(paths: list[Path]) -> list[Path]:
@@ -152,3 +143,29 @@ def sample_files(paths: list[Path]) -> list[Path]:
         else:
             files.append(path)
     return files
+
+
+def scene_of(dataset: Dataset) -> str:
+    """File of a data set's scene, else the name of the scene; empty if its octree has neither."""
+    made = dataset.octree.provenance
+    return Path(str(made.get("file") or made.get("scene") or "")).name
+
+
+def why_not_held_out(dataset: Dataset, training: Sequence[Dataset]) -> str:
+    """Reason why the scene of `dataset` is not held out of `training`; empty if it is.
+
+    File names are compared without case and ending, so that a scene in another file format counts as the same.
+    """
+    scene = scene_of(dataset)
+    if not scene:
+        return f"not held out: the octree of {dataset.name} does not say its scene, which may be in training"
+    if any(_key(scene_of(other)) == _key(scene) for other in training):
+        return f"not held out: {scene} is in training"
+    unknown = [other.name for other in training if not scene_of(other)]
+    if unknown:
+        return f"not held out: the octree of {unknown[0]} in training does not say its scene, which may be {scene}"
+    return ""
+
+
+def _key(scene: str) -> str:
+    return Path(scene).stem.casefold()

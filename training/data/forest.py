@@ -53,10 +53,7 @@ def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
 
 
 def concatenate(octrees: Sequence[Octree]) -> Forest:
-    """Copy the node arrays of `octrees` into one forest.
-
-    Raises SettingError beyond 2^31 nodes, since bricks store nodes in 32 bits.
-    """
+    """Copy octrees' node arrays into a forest; raises SettingError beyond 2^31 nodes: bricks store them in 32 bits."""
     counts = np.array([octree.node_count for octree in octrees], np.int64)
     root = np.concatenate([[0], np.cumsum(counts)[:-1]])
     check_count(
@@ -80,9 +77,7 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
 
 
 def voxel_luminance(forest: Forest, tree: np.ndarray, voxel: np.ndarray) -> np.ndarray:
-    """Luminance (V,) float32 in [0, 1] of existing voxels (V, 4) level, x, y, z of octrees `tree` (V,), without
-    look-ahead.
-    """
+    """Luminance (V,) float32 in [0, 1] of existing voxels (V, 4) level, x, y, z of octrees `tree` (V,)."""
     node = forest.root[tree]
     level, cell = voxel[:, 0].astype(np.int64), voxel[:, 1:].astype(np.int64)
     for step in range(int(level.max(initial=0))):

@@ -7,47 +7,28 @@ corners of a voxel for all of its views.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...patchnet_addon.codes.brick import MIDDLE, check_nodes, empty_brick, fill_brick
+from ...patchnet_addon.codes.brick import MIDDLE, empty_brick, fill_brick
 from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.kernels import device, kernel
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.threads import run_parts
-from ..settings import VIEWS
-from .voxel_choice import choose_voxels, held_out_voxels, usable_nodes
+from .forest import Forest, concatenate, tree_nodes
+from .voxel_choice import SampleSettings, VoxelLists, candidates
 
 VIEW_FIELDS = 12  # entry 3, direction 3, up 3, ratio, coverage, luminance
 UNIT, SIGNED = 65535.0, 32767.0
 _ATTEMPTS = 400  # per voxel and view; a voxel that is hidden from nearly everywhere is left out
+_VOXELS = 1000  # tries per place, before the octree counts as hidden
 _CHUNK = 32768
+_FILES = 6  # purpose of random numbers, beside the seed
 COVERAGE_SCALE = 4096.0
-
-
-@dataclass(frozen=True)
-class SampleSettings:
-    """Settings of drawing samples.
-
-    views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
-    validation (methods 7.21). first_hit: reject views whose centre ray meets a neighbour first (methods 7.17).
-    lookahead: levels between a voxel and the cells that are seen, 1 to 3; SettingError for others.
-    """
-
-    views: int = VIEWS
-    min_level: int = 5
-    held_out: float = 0.05
-    first_hit: bool = True
-    seed: int = 0
-    lookahead: int = DEFAULT_LOOKAHEAD
-
-    def __post_init__(self) -> None:
-        LOOKAHEAD.check(self.lookahead)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,46 +48,52 @@ class Samples:
 def draw_samples(
     octree: Octree, count: int, settings: SampleSettings, label: str = "Drawing samples"
 ) -> Steps[Samples]:
-    """Draw at least `count` samples (views) of an octree.
+    """Draw at least `count` samples (views) of an octree, on all cores; those of held-out voxels are last.
 
     Raises PatchNetError if no voxel of the octree has look-ahead below `settings.min_level`, or for more than 2^31
     nodes.
     """
-    check_nodes(octree.node_count)
-    random = np.random.default_rng(settings.seed)
-    nodes = usable_nodes(octree, settings.min_level, settings.lookahead)
-    groups = -(-count // settings.views)
-    found: list[Samples] = []
-    done, number = 0, 0
-    barren = 0
-    while done < groups:
-        voxels = choose_voxels(octree, nodes, min(_CHUNK, groups - done + 64), random)
-        outside, inside = held_out_voxels(octree, voxels, settings.held_out, settings.seed)
-        voxels, is_held_out = voxels[outside | inside], inside[outside | inside]
-        views, good = _views(octree, voxels, settings, number)
-        number += len(voxels)
-        barren = 0 if good.any() else barren + 1
-        if barren > 20:
-            raise PatchNetError("No voxel of this octree is visible from outside: give a deeper octree")
-        found.append(Samples(voxels[good], is_held_out[good], views[good]))
-        done += int(good.sum())
-        yield Progress(min(done, groups) * settings.views, count, label)
-    return Samples(
-        np.concatenate([part.voxel for part in found])[:groups],
-        np.concatenate([part.held_out for part in found])[:groups],
-        np.concatenate([part.views for part in found])[:groups],
-    )
+    forest, groups = concatenate([octree]), -(-count // settings.views)
+    training, validation = candidates(octree, settings)
+    counts = [sum(map(len, voxels)) for voxels in (training, validation)]
+    held_out = min(-(-groups * counts[1] // sum(counts)), groups - 1)
+    parts = [(training, groups - held_out)] + ([(validation, held_out)] if held_out else [])
+    drawn: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    for number, (voxels, share) in enumerate(parts):
+        lists = VoxelLists.of([voxels], share)
+        for first in range(0, share, _CHUNK):
+            yield Progress(first + number * parts[0][1], groups, label)
+            places = slice(first, min(first + _CHUNK, share))
+            drawn.append(draw(forest, lists, settings, (settings.seed, _FILES + number), places, parallel=True))
+    _, voxel, views = (np.concatenate(column) for column in zip(*drawn, strict=True))
+    return Samples(voxel, np.arange(groups) >= groups - held_out, views)
 
 
-def _views(octree: Octree, voxels: np.ndarray, settings: SampleSettings, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Views (n, R, 12) uint16 of voxels (n, 4), and whether (n,) all R were found."""
-    views = np.zeros((len(voxels), settings.views, VIEW_FIELDS), np.uint16)
-    good = np.zeros(len(voxels), np.bool_)
-    start = np.uint64((settings.seed * 0x9E3779B97F4A7C15 + number) & 0xFFFFFFFFFFFFFFFF)
-    scene = octree.boxed_nodes, NodeLight(octree.luminance, NO_SIDES)
-    how = settings.first_hit, settings.lookahead
-    run_parts(_draw_views, len(voxels), scene, voxels.astype(np.int32), start, how, views, good)
-    return views, good
+def draw(
+    forest: Forest,
+    lists: VoxelLists,
+    settings: SampleSettings,
+    seeds: Sequence[int],
+    places: slice,
+    *,
+    parallel: bool = False,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Octrees (V,), voxels (V, 4) and views (V, R, 12) at places of a draw, which depend on seeds and place only.
+
+    Octrees of the forest have equal probability. parallel: on all cores. Raises PatchNetError if no voxel is visible.
+    """
+    count = places.stop - places.start
+    tree, voxel = np.empty(count, np.int32), np.empty((count, 4), np.uint16)
+    views = np.empty((count, settings.views, VIEW_FIELDS), np.uint16)
+    how = np.random.SeedSequence(seeds).generate_state(1, np.uint64)[0], places.start, settings.lookahead
+    octrees, where = (forest.nodes, forest.light, forest.root), (lists.voxel, lists.start, lists.below)
+    if parallel:
+        run_parts(_draw, count, how, octrees, where, tree, voxel, views)
+    else:
+        _draw(0, count, how, octrees, where, tree, voxel, views)
+    if (tree < 0).any():
+        raise PatchNetError("No voxel of an octree is visible from outside: give a deeper octree")
+    return tree, voxel, views
 
 
 @device
@@ -118,13 +105,13 @@ def _mix(state):
 
 
 @device
-def begin_random(state, start, number):
+def _begin_random(state, start, number):
     """Initialize the random state (1,) uint64 of item `number` for the seed `start`, uint64."""
     state[0] = _mix(_mix(start + np.uint64(number)))
 
 
 @device
-def uniform(state):
+def _uniform(state):
     """Next random number of [0, 1); `state` is (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     return np.float64(_mix(state[0]) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
@@ -149,13 +136,13 @@ def _enter_box(origin, direction, x, y, z):
 @device
 def _draw_line(state, origin, direction, up):
     """Random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
-    height, turn = 2.0 * uniform(state) - 1.0, 2.0 * np.pi * uniform(state)
+    height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
     flat = np.sqrt(max(0.0, 1.0 - height * height))
     direction[0], direction[1], direction[2] = flat * np.cos(turn), flat * np.sin(turn), height
-    roll = 2.0 * np.pi * uniform(state)
+    roll = 2.0 * np.pi * _uniform(state)
     a = (-np.sin(turn), np.cos(turn), 0.0)  # a and b span the plane across the direction
     b = (-height * np.cos(turn), -height * np.sin(turn), flat)
-    radius, angle = np.sqrt(0.75 * uniform(state)), 2.0 * np.pi * uniform(state)
+    radius, angle = np.sqrt(0.75 * _uniform(state)), 2.0 * np.pi * _uniform(state)
     for axis in range(3):
         up[axis] = np.cos(roll) * a[axis] + np.sin(roll) * b[axis]
         origin[axis] = 0.5 + radius * (np.cos(angle) * a[axis] + np.sin(angle) * b[axis])
@@ -173,10 +160,11 @@ def _is_first_hit(counts, origin, direction, enter):
 
 
 @device
-def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, views):
+def _draw_views(state, nodes, light, root, voxel, lookahead, views):
     """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
 
-    state: (1,) uint64 of the random numbers, which is advanced.
+    A view whose centre ray meets a neighbour first is rejected (methods 7.17). state: (1,) uint64 of the random
+    numbers, which is advanced.
     """
     brick = empty_brick(lookahead)
     viewport = Viewport(np.empty((9, 3), np.float64), np.empty(VIEWPORT_PX, np.uint64))
@@ -188,10 +176,10 @@ def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, vie
             break
         _draw_line(state, origin, direction, up)
         enter = _enter_box(origin, direction, 0.0, 0.0, 0.0)
-        if enter > 1e29 or (first_hit and not _is_first_hit(brick.counts, origin, direction, enter)):
+        if enter > 1e29 or not _is_first_hit(brick.counts, origin, direction, enter):
             continue
         # Rounds before rendering, so that the stored view is exact.
-        ratio = np.uint16(np.rint((0.5 + 0.5 * uniform(state)) * UNIT))
+        ratio = np.uint16(np.rint((0.5 + 0.5 * _uniform(state)) * UNIT))
         for axis in range(3):
             entry = min(max(origin[axis] + enter * direction[axis], 0.0), 1.0)
             views[found, axis] = np.uint16(np.rint(entry * UNIT))
@@ -212,10 +200,26 @@ def draw_voxel_views(state, nodes, light, root, voxel, first_hit, lookahead, vie
 
 
 @kernel
-def _draw_views(first, last, scene, voxels, start, how, views, good):
-    nodes, light = scene
-    first_hit, lookahead = how
+def _draw(first, last, how, octrees, lists, tree, voxel, views):
+    """Draw places `first` to `last`; a tree of -1 means that no voxel was found."""
+    start, offset, lookahead = how
+    nodes, light, root = octrees
+    candidates, starts, below = lists
     state = np.empty(1, np.uint64)
-    for group in range(first, last):
-        begin_random(state, start, group)
-        good[group] = draw_voxel_views(state, nodes, light, 0, voxels[group], first_hit, lookahead, views[group])
+    for place in range(first, last):
+        _begin_random(state, start, offset + place)
+        octree = min(np.int64(_uniform(state) * len(root)), len(root) - 1)
+        tree[place] = -1
+        for _ in range(_VOXELS):
+            chance, level = _uniform(state), 0
+            while level < below.shape[1] - 1 and chance >= below[octree, level]:
+                level += 1
+            count = starts[octree, level + 1] - starts[octree, level]
+            if count == 0:
+                continue
+            here = candidates[starts[octree, level] + min(np.int64(_uniform(state) * count), count - 1)]
+            node = here.astype(np.int64)
+            if _draw_views(state, tree_nodes(nodes, octree), light, root[octree], node, lookahead, views[place]):
+                tree[place] = octree
+                voxel[place] = here
+                break

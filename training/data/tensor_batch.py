@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -26,10 +24,7 @@ def tensor_batch(batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
 
 def _tensors(arrays: object, device: torch.device) -> dict[str, Tensor]:
     """Arrays of a dataclass on a device, by name."""
-    found = {field.name: getattr(arrays, field.name) for field in fields(arrays)}  # type: ignore[arg-type]
-    return {name: _tensor(array, device) for name, array in found.items() if isinstance(array, np.ndarray)}
-
-
-def _tensor(array: np.ndarray, device: torch.device) -> Tensor:
-    tensor = torch.from_numpy(array)
-    return tensor if device.type == CPU else tensor.pin_memory().to(device, non_blocking=True)
+    found = {name: torch.from_numpy(array) for name, array in vars(arrays).items() if isinstance(array, np.ndarray)}
+    if device.type == CPU:
+        return found
+    return {name: tensor.pin_memory().to(device, non_blocking=True) for name, tensor in found.items()}

@@ -3,61 +3,93 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...patchnet_addon.cells.morton import morton_decode
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError
+from ..settings import VIEWS
 
 BLOCK_LEVEL = 3  # spatial blocks for validation are the cells of this level
 _REPEATS = 16  # most draws per voxel of a level
 
 
-def usable_nodes(octree: Octree, min_level: int, lookahead: int = DEFAULT_LOOKAHEAD) -> dict[int, np.ndarray]:
-    """Nodes (n,) int64 with look-ahead by level, counted from the level's first.
+@dataclass(frozen=True)
+class SampleSettings:
+    """Settings of drawing samples.
 
-    Raises PatchNetError if there are none.
+    views: random views per voxel. min_level: coarsest level used. held_out: share of spatial blocks kept for
+    validation (methods 7.21). lookahead: levels between a voxel and the cells that are seen, 1 to 3.
     """
-    ahead = octree.look_ahead(lookahead)
-    nodes = {}
-    for level in range(min_level, octree.depth - lookahead + 1):
-        here = np.flatnonzero(ahead[octree.level(level)])
-        if len(here):
-            nodes[level] = here
-    if not nodes:
-        raise PatchNetError(
-            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {min_level} on: "
-            f"use one of depth {min_level + lookahead} or more"
-        )
-    return nodes
+
+    views: int = VIEWS
+    min_level: int = 5
+    held_out: float = 0.05
+    seed: int = 0
+    lookahead: int = DEFAULT_LOOKAHEAD
 
 
-def choose_voxels(octree: Octree, nodes: dict[int, np.ndarray], count: int, random: np.random.Generator) -> np.ndarray:
-    """Voxels (count, 4) uint16 level, x, y, z of `nodes` by level, in random order.
+@dataclass(frozen=True, eq=False)
+class VoxelLists:
+    """Candidate voxels of T octrees of up to L levels.
 
-    Half is uniform over voxels, half uniform over levels.
+    voxel: (G, 4) uint16 level, x, y, z, by octree and level. start: (T, L + 1) int64, start of each level. below: (T,
+    L) float64, cumulative probabilities of levels.
     """
-    sizes = np.array([len(here) for here in nodes.values()], np.int64)
-    shares = _even_shares(sizes, count)
-    shares = shares + random.multinomial(count - shares.sum(), sizes / sizes.sum())
-    parts = []
-    for (level, here), share in zip(nodes.items(), shares, strict=True):
-        picked = here[random.integers(0, len(here), share)]
-        cells = morton_decode(octree.keys(level)[picked])
-        parts.append(np.column_stack([np.full(share, level), cells]).astype(np.uint16))
-    return random.permutation(np.concatenate(parts))
 
+    voxel: np.ndarray
+    start: np.ndarray
+    below: np.ndarray
 
-def _even_shares(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Voxels (L,) of `count` drawn uniformly over levels of `sizes` voxels (L,)."""
-    return np.minimum(count // (2 * len(sizes)), _REPEATS * sizes)
+    @classmethod
+    def of(cls, candidates: Sequence[Sequence[np.ndarray]], count: int) -> VoxelLists:
+        """Lists of the voxels (n, 4) of each octree by level; count: as of `level_chances`."""
+        levels = max(len(each) for each in candidates)
+        sizes = np.zeros((len(candidates), levels), np.int64)
+        below = np.ones((len(candidates), levels))
+        for number, each in enumerate(candidates):
+            sizes[number, : len(each)] = [len(voxel) for voxel in each]
+            below[number, : len(each)] = np.cumsum(level_chances(sizes[number, : len(each)], count))
+        ends = np.cumsum(sizes).reshape(sizes.shape)
+        start = np.concatenate([ends[:, :1] - sizes[:, :1], ends], axis=1)
+        return cls(np.concatenate([voxel for each in candidates for voxel in each]), start, below)
 
 
 def level_chances(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Probabilities (L,) of the levels when `count` voxels are drawn one by one as by `choose_voxels`."""
-    even = _even_shares(sizes, count)
+    """Chances (L,) of levels of `sizes` voxels (L,) for `count` draws: half even over voxels, half over levels."""
+    even = np.minimum(count // (2 * len(sizes)), _REPEATS * sizes)
     return np.asarray((even + (count - even.sum()) * sizes / sizes.sum()) / count)
+
+
+def candidates(octree: Octree, settings: SampleSettings) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Voxels (n, 4) uint16 with look-ahead by level, for training and for validation, see `held_out_voxels`.
+
+    Raises PatchNetError if there are none for training.
+    """
+    first, lookahead = settings.min_level, settings.lookahead
+    ahead = octree.look_ahead(lookahead)
+    training, validation = [], []
+    for level in range(first, octree.depth - lookahead + 1):
+        nodes = np.flatnonzero(ahead[octree.level(level)])
+        if not len(nodes):
+            continue
+        cells = morton_decode(octree.keys(level)[nodes])
+        voxel = np.column_stack([np.full(len(nodes), level), cells]).astype(np.uint16)
+        outside, inside = held_out_voxels(octree, voxel, settings.held_out, settings.seed)
+        training.append(voxel[outside])
+        validation.append(voxel[inside])
+    if not sum(map(len, training + validation)):
+        raise PatchNetError(
+            f"The octree of depth {octree.depth} has no voxel with look-ahead from level {first} on: "
+            f"use one of depth {first + lookahead} or more"
+        )
+    if not sum(map(len, training)):
+        raise PatchNetError("All voxels of an octree are held out for validation: lower the held-out share")
+    return training, validation
 
 
 def held_out_voxels(octree: Octree, voxels: np.ndarray, share: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

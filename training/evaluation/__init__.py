@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib.util import find_spec
 
 from ...patchnet_addon.runtime.errors import PatchNetError
@@ -11,8 +12,11 @@ WITHOUT = "without-"
 """Names of networks: `station` is trained on this scene alone, `without-station` on the others."""
 
 
-def require_reports() -> None:
-    """Raise PatchNetError if libraries for tables and figures are missing."""
-    for name in ("pandas", "matplotlib"):
+REPORTS = ("pandas", "matplotlib")
+
+
+def require(names: Iterable[str] = REPORTS) -> None:
+    """Raise PatchNetError if libraries are missing, by default those of tables and figures."""
+    for name in names:
         if find_spec(name) is None:
-            raise PatchNetError(f"Tables and figures need {name}: install patchnet-blender[bench]")
+            raise PatchNetError(f"{name} is missing: install it with `pip install 'patchnet-blender[bench,train]'`")

@@ -36,15 +36,15 @@ class Interval:
     high: np.ndarray
 
 
-def block_frames(frames: int, wanted: int = BLOCK_FRAMES) -> int:
-    """Length of the blocks of a track: `wanted` frames, or fewer for at least ten blocks if the track has ten frames.
+def block_frames(frames: int) -> int:
+    """Length of the blocks of a track: 50 frames, or fewer for at least ten blocks if the track has ten frames.
     Raises SettingError for less than two frames.
     """
     if frames < 2:
         raise SettingError(
             f"An interval needs at least two frames, and the track has {frames}: evaluate more (--frames, --every)"
         )
-    return max(min(wanted, frames // LEAST_BLOCKS), 1)
+    return max(min(BLOCK_FRAMES, frames // LEAST_BLOCKS), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +63,10 @@ class Bootstrap:
     left: np.ndarray
 
     @classmethod
-    def of(
-        cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0, wanted: int = BLOCK_FRAMES
-    ) -> Self:
-        """Draw `resamples` times as many blocks of `wanted` frames as each track has; all tracks have the same
-        strategies.
-
-        Raises SettingError as `block_frames`.
-        """
+    def of(cls, tracks: Sequence[TrackErrors], resamples: int = RESAMPLES, seed: int = 0) -> Self:
+        """Draw as many blocks as each track has, all of the same strategies; raises as `block_frames`."""
         rng = np.random.default_rng(seed)
-        lengths = tuple(block_frames(len(track.active), wanted) for track in tracks)
+        lengths = tuple(block_frames(len(track.active)) for track in tracks)
         starts = [np.arange(0, len(track.active), length) for track, length in zip(tracks, lengths, strict=True)]
         parts = list(zip(tracks, starts, strict=True))
         return cls(
@@ -88,10 +82,7 @@ class Bootstrap:
         return _interval(self._curves(strategy, _budget_indices(budgets)))
 
     def ratio(self, first: str, second: str, budgets: Sequence[float]) -> Interval:
-        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,).
-
-        NaN where `second` has no error left.
-        """
+        """Interval of the pooled error of `first` over that of `second` at each of B budgets, (B,); NaN over 0."""
         at = _budget_indices(budgets)
         errors, others = self._curves(first, at), self._curves(second, at)
         return _interval(errors / np.where(others > 0, others, np.nan))
@@ -101,9 +92,7 @@ class Bootstrap:
         return _interval(excess_area(self._curves(strategy), self._curves(OPTIMAL)))
 
     def crossing(self, strategy: str, others: Sequence[str]) -> Interval:
-        """Interval of X*, the budget from which a strategy stays below all others; infinite if it never does (see
-        `curves`).
-        """
+        """Interval of X*, the budget from which a strategy stays below all others, see `curves`."""
         # One minimum at a time, to keep at most three sets of curves in memory.
         least = self._curves(others[0])
         for other in others[1:]:
@@ -129,10 +118,7 @@ def _budget_indices(budgets: Sequence[float]) -> np.ndarray:
 
 
 def _interval(figures: np.ndarray) -> Interval:
-    """Interval of figures (1 + R, ...), the first of which belongs to the data.
-
-    Its ends are order statistics, which work for infinite figures.
-    """
+    """Interval of figures (1 + R, ...), the data's first; ends are order statistics, since some are infinite."""
     resamples = np.sort(figures[1:], axis=0)  # NaN sorts last
     outside = round((1 - LEVEL) / 2 * (len(resamples) - 1))
     undefined = np.isnan(resamples[-1])

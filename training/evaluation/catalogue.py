@@ -9,13 +9,13 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SceneError, SettingError
 from ...patchnet_addon.runtime.file_kinds import OCTREE
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.source_hash import source_hash
+from ...patchnet_addon.runtime.versions import installed_version
 
 FOLDER = "PATCHNET_SCENES"  # environment variable: folder of the scene files
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
@@ -67,10 +67,7 @@ class Scene:
     composed: str = ""
 
     def path(self) -> Path:
-        """Path of the file, or the name of a built-in scene.
-
-        Raises SceneError if PATCHNET_SCENES is not set or not a folder, or does not contain the file.
-        """
+        """Path of the file, or the name of a built-in scene; raises SceneError if PATCHNET_SCENES does not have it."""
         if self.file in OWN_SCENES:
             return Path(self.file)
         path = self._folder() / self.file
@@ -179,16 +176,8 @@ def _key(scene: Scene, source: Path) -> str:
     """Hash (16 hex digits) of all dependencies of the octree: arguments, size and time of the file, code, Blender."""
     stat = None if scene.file in OWN_SCENES else source.stat()
     file = [scene.file] if stat is None else [scene.file, stat.st_size, stat.st_mtime_ns]
-    what = json.dumps([scene.arguments(), file, source_hash(_CODE), _blender()])
+    what = json.dumps([scene.arguments(), file, source_hash(_CODE), installed_version("bpy")])
     return hashlib.sha256(what.encode()).hexdigest()[:16]
-
-
-def _blender() -> str:
-    """Version of Blender as a module, "" without it; training does not import it."""
-    try:
-        return metadata.version("bpy")
-    except metadata.PackageNotFoundError:
-        return ""
 
 
 def _make(scene: Scene, source: Path, out: Path) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,20 +21,16 @@ from ..network.research_encoder import research_encoder
 from .strategies import NetworkStrategy, PatchNetwork
 
 
-def codes_path(folder: Path, weights_hash: str) -> Path:
-    """File of a scene's codes by weights of a hash."""
-    return folder / f"codes-{weights_hash[:16]}.safetensors"
-
-
-def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctree]:
-    """Codes by these weights from their file; encodes if it is missing, damaged or of another octree.
+def kept_codes(octree: Octree, weights: Weights, folder: Path, name: str = "codes") -> Steps[CodedOctree]:
+    """Codes by these weights from their file in `folder`; encodes if it is missing, damaged or of another octree.
 
     Raises OutputError if it cannot be written, SettingError for an encoder that needs a missing torch.
     """
+    path = folder / f"{name}-{weights.hash[:16]}.safetensors"
     try:
         return load_codes(path, octree, weights)
     except CodesFileError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         coded = yield from encode_octree(octree, weights, encoder=research_encoder(weights))
         save_codes(coded, path)
         return coded
@@ -42,33 +38,27 @@ def kept_codes(octree: Octree, weights: Weights, path: Path) -> Steps[CodedOctre
 
 def coded_octree(path: Path, weights: Weights) -> Steps[CodedOctree]:
     """Octree of a file with its codes, see `kept_codes`."""
-    octree = load_octree(path)
-    return (
-        yield from kept_codes(octree, weights, path.with_name(f"{path.stem}-codes-{weights.hash[:16]}.safetensors"))
-    )
+    return (yield from kept_codes(load_octree(path), weights, path.parent, f"{path.stem}-codes"))
 
 
 @dataclass(frozen=True)
-class SceneFiles:
-    """Files of a scene for the evaluation of frames.
+class EvaluationSettings:
+    """Settings of an evaluation.
 
-    codes: file of the codes by `weights`. weights: None for the shipped ones. networks: further networks, whose codes
-    are beside that file.
+    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
+    the shipped ones. processes: None for one per core. lpips: files of its trunk and heads. maps: weights files of map
+    networks to evaluate as well, networks: further networks of the kind of `weights`.
     """
 
-    octree: Path
-    codes: Path
+    frames: int = 2000
+    every: int = 10
+    size_px: tuple[int, int] = (130, 130)
+    seed: int = 0
     weights: Path | None = None
+    processes: int | None = None
+    lpips: tuple[Path, Path] | None = None
+    maps: tuple[Path, ...] = ()
     networks: tuple[PatchNetwork, ...] = ()
-
-    def codes_of(self, network: PatchNetwork) -> Path:
-        """File of the codes by a further network."""
-        return codes_path(self.codes.parent, network.hash)
-
-    def pairs(self) -> Iterator[tuple[Path, Path | None]]:
-        """Files of codes and of their weights."""
-        yield self.codes, self.weights
-        yield from ((self.codes_of(network), network.weights) for network in self.networks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +73,10 @@ class SceneCodes:
         return self.networks[strategy.network] if isinstance(strategy, NetworkStrategy) else self.coded
 
 
-def make_codes(files: SceneFiles, octree: Octree) -> Steps[None]:
-    """Encode the scene by each network whose codes are missing or damaged."""
-    for codes, path in files.pairs():
-        yield from kept_codes(octree, load_weights(path), codes)
-
-
-def load_scene(files: SceneFiles) -> SceneCodes:
-    """Read octree and codes; raises PatchNetError for a missing or inconsistent file."""
-    octree = load_octree(files.octree)
-    coded = load_codes(files.codes, octree, load_weights(files.weights))
-    networks = {
-        network: load_codes(files.codes_of(network), octree, load_weights(network.weights))
-        for network in files.networks
-    }
-    return SceneCodes(coded, networks)
+def scene_codes(octree: Path, folder: Path, settings: EvaluationSettings) -> Steps[SceneCodes]:
+    """Octree of a file with its codes by all networks, see `kept_codes`; raises PatchNetError for a missing file."""
+    tree = load_octree(octree)
+    found = []
+    for path in (settings.weights, *(network.weights for network in settings.networks)):
+        found.append((yield from kept_codes(tree, load_weights(path), folder)))
+    return SceneCodes(found[0], dict(zip(settings.networks, found[1:], strict=True)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -47,31 +46,13 @@ CYCLES_MS_PER_PIXEL = 0.2
 million paths per second."""
 
 
-@dataclass(frozen=True)
-class Costs:
-    """Costs on one thread, medians over frames of processor milliseconds.
+Costs = dict[str, Any]
+"""Costs on one thread, plain JSON values: medians over frames of processor milliseconds.
 
-    ms_per_frame: by strategy; staged ones at STAGED_BUDGET. ms_by_budget: of staged strategies at each of BUDGETS.
-    uniform_ms: of a picture with side x side rays in each pixel, by side. predicted_ms: of predicted pictures by name.
-    reference_ms_per_pixel: of 32x32 rays in a refined pixel.
-    """
-
-    ms_per_frame: dict[str, float]
-    ms_by_budget: dict[str, list[float]]
-    uniform_ms: dict[int, float]
-    predicted_ms: dict[str, float]
-    reference_ms_per_pixel: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
-    @classmethod
-    def of_json(cls, values: Mapping[str, Any]) -> Costs:
-        """Costs of `as_json`."""
-        uniform = {int(side): ms for side, ms in values["uniform_ms"].items()}
-        by_budget, predicted = dict(values["ms_by_budget"]), dict(values["predicted_ms"])
-        return cls(values["ms_per_frame"], by_budget, uniform, predicted, values["reference_ms_per_pixel"])
+ms_per_frame: by strategy; staged ones at STAGED_BUDGET. ms_by_budget: of staged strategies at each of BUDGETS.
+uniform_ms: of a picture with side x side rays in each pixel, by side. predicted_ms: of predicted pictures by name.
+reference_ms_per_pixel: of 32x32 rays in a refined pixel.
+"""
 
 
 def measure_costs(
@@ -95,13 +76,14 @@ def measure_costs(
     }
     at_budget = {name: curve[BUDGETS.tolist().index(STAGED_BUDGET)] for name, curve in by_budget.items()}
     pixels = [len(_spread_pixels(camera)) for camera in cameras]
-    return Costs(
-        {name: ms[name] for name in strategies if name in ms} | at_budget,
-        by_budget,
-        {side: ms[f"uniform {side}"] for side in SIDES},
-        {name: ms[f"picture {name}"] for name in names},
-        median(each / count for each, count in zip(times["reference of pixels"], pixels, strict=True)),
-    )
+    references = zip(times["reference of pixels"], pixels, strict=True)
+    return {
+        "ms_per_frame": {name: ms[name] for name in strategies if name in ms} | at_budget,
+        "ms_by_budget": by_budget,
+        "uniform_ms": {str(side): ms[f"uniform {side}"] for side in SIDES},
+        "predicted_ms": {name: ms[f"picture {name}"] for name in names},
+        "reference_ms_per_pixel": median(each / count for each, count in references),
+    }
 
 
 def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
@@ -110,10 +92,7 @@ def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
 
 
 def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]) -> dict[str, Callable[[], object]]:
-    """Measured work of a frame: strategies, staged ones at each budget; pictures; samples of the reference.
-
-    Names of strategies have no spaces.
-    """
+    """Measured work of a frame by name: strategies, staged ones at each budget; pictures; samples of the reference."""
     coded, octree = codes.coded, codes.coded.octree
     runs: dict[str, Callable[[], object]] = {}
     for name, strategy in strategies.items():
@@ -169,13 +148,13 @@ def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> n
 def write_costs(costs: Costs, path: Path, key: str) -> None:
     """Write costs to a file. key: hash of all dependencies. Raises OutputError if it cannot be written."""
     with replaced_file(path, COSTS) as file:
-        file.write(json.dumps({"key": key} | costs.as_json()).encode())
+        file.write(json.dumps({"key": key} | costs).encode())
 
 
 def read_costs(path: Path, key: str) -> Costs | None:
     """Costs of `write_costs`; None if they are missing, damaged, or have another key."""
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        return Costs.of_json(kept) if kept["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        kept: Costs = json.loads(path.read_text(encoding="utf-8"))
+        return kept if kept["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves of mean squared error over budgets, figures derived from them, and consistency checks (methods 5)."""
+"""Curves of mean squared error over budgets, and figures derived from them (methods 5)."""
 
 from __future__ import annotations
 
@@ -9,24 +9,16 @@ from typing import Self
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
-from ...patchnet_addon.sampling import errors, optimal, random
+from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.sampling import errors, optimal
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
-from ..strategies.registry import STAGED
 
-OPTIMAL, RANDOM = optimal.STRATEGY.name, random.STRATEGY.name
+OPTIMAL = optimal.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
 BUDGETS.setflags(write=False)
-# Relative rounding error of sums of the same pixels in another order.
-ROUNDING = 1e-9
-# `optimal` ranks by differences in float32, so that pixels with equal errors to 24 bits may be in any order.
-RANKING = 1e-6
-# In standard errors of the random strategy at half the budget, where they are largest. A deviation beyond five of them
-# at any budget occurs once in 10^5 tracks.
-STANDARD_ERRORS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,38 +26,30 @@ class FrameErrors:
     """Errors of one frame under S strategies, for pooling.
 
     active: A, number of active pixels. left: (S, 101) float64, sum over them of the remaining squared errors after each
-    budget of BUDGETS. variance: of the squared errors of the A pixels before refinement (divisor A - 1).
+    budget of BUDGETS.
     """
 
     active: int
     left: np.ndarray
-    variance: float
 
 
 @dataclass(frozen=True, eq=False)
 class TrackErrors:
     """Errors of the F frames of a camera track through a scene, in the order of time, under S named strategies.
 
-    scene: its name, for messages. active: (F,) int64. left: (F, S, 101) float64. variance: (F,) float64. All three as
-    in `FrameErrors`.
+    scene: its name. active: (F,) int64, left: (F, S, 101) float64, as in `FrameErrors`.
     """
 
     scene: str
     strategies: tuple[str, ...]
     active: np.ndarray
     left: np.ndarray
-    variance: np.ndarray
 
     @classmethod
     def of(cls, scene: str, strategies: Sequence[str], frames: Sequence[FrameErrors]) -> Self:
         """Join one or more frames, whose errors are in the order of `strategies`."""
         active = np.array([frame.active for frame in frames], np.int64)
-        left = np.stack([frame.left for frame in frames]).astype(np.float64)
-        return cls(scene, tuple(strategies), active, left, np.array([frame.variance for frame in frames], np.float64))
-
-    def row(self, strategy: str) -> int:
-        """Index of a strategy."""
-        return self.strategies.index(strategy)
+        return cls(scene, tuple(strategies), active, np.stack([frame.left for frame in frames]).astype(np.float64))
 
 
 def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -85,16 +69,11 @@ def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dic
 
 
 def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> FrameErrors:
-    """Errors of a frame under strategies with the given `orders` (A,).
-
-    The view has a reference, and no importance, which would redefine budgets.
-    """
+    """Errors of a frame under strategies with `orders` (A,); the view has a reference, and no importance."""
     assert buffers.reference is not None and buffers.importance is None
-    error = errors.squared_error(buffers)[buffers.active]
     budgets = BUDGETS.tolist()
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
-    variance = float(error.var(ddof=1)) if len(error) > 1 else 0.0
-    return FrameErrors(len(error), np.array(left).reshape(len(orders), len(budgets)), variance)
+    return FrameErrors(int(np.count_nonzero(buffers.active)), np.array(left).reshape(len(orders), len(budgets)))
 
 
 def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
@@ -110,10 +89,7 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
 
 
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:
-    """(S, 101) float64: mean squared error over all active pixels of all frames of all tracks (methods 5).
-
-    All tracks have the same strategies.
-    """
+    """(S, 101) float64: mean squared error over all active pixels of tracks with the same strategies (methods 5)."""
     left = np.sum([track.left.sum(axis=0) for track in tracks], axis=0)
     return left / max(sum(int(track.active.sum()) for track in tracks), 1)
 
@@ -150,59 +126,3 @@ def crossing(mse: np.ndarray, others: np.ndarray) -> np.ndarray:
     stays = below | ((mse == 0) & (least == 0))
     stays = np.logical_and.accumulate(stays[..., ::-1], axis=-1)[..., ::-1]
     return np.where((stays & below).any(axis=-1), BUDGETS[stays.argmax(axis=-1)], np.inf)
-
-
-class CheckError(PatchNetError):
-    """Measured errors that contradict their definition, with scene, strategy, frame and budget."""
-
-
-def check_track(track: TrackErrors) -> None:
-    """Check the errors of a track, which includes `optimal` and `random`.
-
-    Every error is finite, 0 at budget 1, and the same for all strategies at budget 0; curves do not increase, except of
-    staged strategies; none is below `optimal` in any frame; `random` is near its expectation. Raises CheckError for the
-    first violation.
-    """
-    best = track.left[:, track.row(OPTIMAL), None]
-    begin = best[..., :1]  # (F, 1, 1)
-    left = track.left
-    _require(track, np.isfinite(left) & (left >= 0), "has a negative or undefined error")
-    _require(track, left[..., -1:] <= ROUNDING * begin, "has an error although all is refined", 100)
-    same = np.abs(left[..., :1] - begin) <= ROUNDING * begin
-    _require(track, same, f"has an initial error other than that of {OPTIMAL!r}")
-    falls = np.diff(left) <= ROUNDING * begin
-    falls[:, [row for row, name in enumerate(track.strategies) if name in STAGED]] = True
-    _require(track, falls, "has an error that increases with the budget", 1)
-    _require(track, left >= best - RANKING * begin, f"is below {OPTIMAL!r}, the least possible error")
-    check_random(track)
-
-
-def check_random(track: TrackErrors) -> None:
-    """Check that the pooled error of `random` is within STANDARD_ERRORS of its expectation (methods 3.2).
-
-    The expectation is (1 - X) MSE(0), with X the budget rounded to whole pixels. Raises CheckError.
-    """
-    frames = track.active > 0
-    active = track.active[frames, None]
-    left = track.left[frames, track.row(RANDOM)]
-    share = np.rint(active * BUDGETS) / active  # as `budget_count` rounds
-    off = np.abs((left - (1 - share) * left[:, :1]).sum(axis=0))
-    # All frames share one order of pixels, so deviations may be correlated: standard errors are added, not variances.
-    error = (np.sqrt(active[:, 0] * track.variance[frames]) / 2).sum()
-    allowed = STANDARD_ERRORS * error + ROUNDING * left[:, 0].sum()
-    worst = int(off.argmax()) if off.size else 0
-    if off.size and not off[worst] <= allowed:
-        raise CheckError(
-            f"Scene {track.scene!r}, strategy {RANDOM!r}, budget {worst} %: the error differs by {off[worst]:.6g} from "
-            f"its expectation, more than {allowed:.6g}: the order of pixels or the sums are wrong"
-        )
-
-
-def _require(track: TrackErrors, holds: np.ndarray, what: str, first_budget: int = 0) -> None:
-    """Raise CheckError for the first false entry of (F, S, B); its first budget is `first_budget` %."""
-    if not holds.all():
-        frame, row, budget = np.argwhere(~holds)[0]
-        raise CheckError(
-            f"Scene {track.scene!r}, strategy {track.strategies[row]!r}, frame {frame}, budget {budget + first_budget} "
-            f"%: it {what}: its scores or errors are wrong"
-        )

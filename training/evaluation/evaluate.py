@@ -16,20 +16,19 @@ from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.octree.file import load_octree, octree_hash
-from ...patchnet_addon.runtime.progress import Progress, Steps
+from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
-from ...patchnet_addon.tracing.camera import Camera
 from ..encoders import load_weights
-from .codes import SceneCodes, SceneFiles, codes_path, load_scene, make_codes
+from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
 from .picture_metrics import lpips_weights
-from .strategies import PatchNetwork, strategies_in_use
+from .strategies import strategies_in_use
 from .tracks import camera_track
 
 _BLOCK = 8  # frames
@@ -37,32 +36,9 @@ _COST_FRAMES, _COST_REPEATS = 5, 3
 _LABEL = "Evaluating"
 
 
-@dataclass(frozen=True)
-class EvaluationSettings:
-    """Settings of an evaluation.
-
-    frames: of each whole track. every: distance of evaluated frames. size_px: of the pictures. weights: file, None for
-    the shipped ones. processes: None for one per core. lpips: files of its trunk and heads. maps: weights files of map
-    networks to evaluate as well, networks: further networks of the kind of `weights`.
-    """
-
-    frames: int = 2000
-    every: int = 10
-    size_px: tuple[int, int] = (130, 130)
-    seed: int = 0
-    weights: Path | None = None
-    processes: int | None = None
-    lpips: tuple[Path, Path] | None = None
-    maps: tuple[Path, ...] = ()
-    networks: tuple[PatchNetwork, ...] = ()
-
-
 @dataclass(frozen=True, eq=False)
 class SceneResult:
-    """Results of a scene: frames of its track, and costs.
-
-    strategies: by name, in the order of the results. coded: the octree with its codes.
-    """
+    """Results of a scene: strategies by name in the order of results, frames, costs, octree with its codes."""
 
     name: str
     strategies: Mapping[str, Strategy]
@@ -73,25 +49,24 @@ class SceneResult:
 
 def evaluate(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[list[SceneResult]]:
     """Evaluate all strategies on octree files by name of the scene; existing parts in `out` are skipped."""
-    weights = load_weights(settings.weights)
     lpips_weights(settings.lpips)  # raises before the long work
     strategies = strategies_in_use(settings.maps, settings.networks)
-    scenes = []
-    for name, path in octrees.items():
-        scenes.append((yield from _prepare(name, path, settings, weights, out)))
-    yield from _run([block for scene in scenes for block in scene.blocks], settings.processes or usable_cores())
+    scenes = yield from prepare(octrees, settings, out)
+    yield from _run([block for blocks in scenes.values() for block in blocks], settings.processes or usable_cores())
     results = []
-    for number, scene in enumerate(scenes):
+    for number, (name, blocks) in enumerate(scenes.items()):
         yield Progress(number, len(scenes), "Measuring costs")
-        results.append(_result(scene, strategies, out))
+        results.append(_result(name, blocks, strategies))
     return results
 
 
-def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[None]:
-    """Encode octrees and create their tracks, so that several machines can continue."""
+def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path) -> Steps[dict[str, list[FrameBlock]]]:
+    """Encode octrees and create their tracks, so that several machines can continue; blocks of frames by scene."""
     weights = load_weights(settings.weights)
+    scenes = {}
     for name, path in octrees.items():
-        yield from _prepare(name, path, settings, weights, out)
+        scenes[name] = yield from _prepare(path, settings, weights, out / "scenes" / name)
+    return scenes
 
 
 def evaluate_part(
@@ -101,44 +76,23 @@ def evaluate_part(
 
     Machines that share `out` may run this at the same time; `evaluate` then reads their results.
     """
-    weights = load_weights(settings.weights)
-    blocks: list[FrameBlock] = []
-    for name, path in octrees.items():
-        blocks += (yield from _prepare(name, path, settings, weights, out)).blocks
-    mine = blocks[part - 1 :: parts]
+    scenes = yield from prepare(octrees, settings, out)
+    mine = [block for blocks in scenes.values() for block in blocks][part - 1 :: parts]
     yield from _run(mine, settings.processes or usable_cores())
     return len(mine)
 
 
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """Scene with its files, cameras and blocks of frames."""
-
-    name: str
-    files: SceneFiles
-    cameras: list[Camera]
-    blocks: list[FrameBlock]
-
-
-def _prepare(name: str, path: Path, settings: EvaluationSettings, weights: Weights, out: Path) -> Steps[_Prepared]:
-    octree = load_octree(path)
-    folder = out / "scenes" / name
-    folder.mkdir(parents=True, exist_ok=True)
-    files = SceneFiles(path, codes_path(folder, weights.hash), settings.weights, settings.networks)
-    yield from make_codes(files, octree)
+def _prepare(path: Path, settings: EvaluationSettings, weights: Weights, folder: Path) -> Steps[list[FrameBlock]]:
+    octree = (yield from scene_codes(path, folder, settings)).coded.octree
     track = yield from camera_track(
         octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
     )
     cameras = track[:: settings.every]
     key = _key(settings, octree_hash(octree), weights.whole_hash)
-    blocks = [
-        FrameBlock(
-            files, cameras[first : first + _BLOCK], first,
-            folder / "frames" / f"{first:05}.safetensors", key, settings.lpips, settings.maps,
-        )
+    return [
+        FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
         for first in range(0, len(cameras), _BLOCK)
-    ]  # fmt: skip
-    return _Prepared(name, files, cameras, blocks)
+    ]
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
@@ -173,20 +127,20 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
     pool.shutdown()
 
 
-def _result(scene: _Prepared, strategies: Mapping[str, Strategy], out: Path) -> SceneResult:
-    found = [block for block in map(load_block, scene.blocks) if block is not None]
-    codes = load_scene(scene.files)
-    costs = _costs(scene, codes, strategies, out / "scenes" / scene.name / "costs.json")
-    return SceneResult(scene.name, strategies, BlockResult.joined(found), costs, codes.coded)
+def _result(name: str, blocks: Sequence[FrameBlock], strategies: Mapping[str, Strategy]) -> SceneResult:
+    found = [block for block in map(load_block, blocks) if block is not None]
+    codes = drain(scene_codes(blocks[0].octree, blocks[0].folder, blocks[0].settings))
+    return SceneResult(name, strategies, BlockResult.joined(found), _costs(blocks, codes, strategies), codes.coded)
 
 
-def _costs(scene: _Prepared, codes: SceneCodes, strategies: Mapping[str, Strategy], path: Path) -> Costs:
+def _costs(blocks: Sequence[FrameBlock], codes: SceneCodes, strategies: Mapping[str, Strategy]) -> Costs:
     """Costs from their file, or measured on frames all over the track and stored."""
-    key = scene.blocks[0].key
+    path, key = blocks[0].folder / "costs.json", blocks[0].key
     kept = read_costs(path, key)
     if kept is not None:
         return kept
-    step = max(len(scene.cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(codes, scene.cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
+    cameras = [camera for block in blocks for camera in block.cameras]
+    step = max(len(cameras) // _COST_FRAMES, 1)
+    costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
     write_costs(costs, path, key)
     return costs

@@ -49,7 +49,7 @@ def draw_budgets(
     """Draw error over budget of a scene, a diagram for each number of rays per pixel, with optimal and random.
 
     The first four further networks have their own lines. levels: errors that do not depend on strategies, as horizontal
-    lines, by label. Returns the files; raises PatchNetError if one cannot be written.
+    lines, by label. Returns the files.
     """
     from matplotlib.figure import Figure
 
@@ -69,10 +69,7 @@ def draw_budgets(
 
 
 def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
-    """Draw error over budget of all scenes, a small diagram each, with the highlighted strategies.
-
-    Returns the files; raises PatchNetError if one cannot be written.
-    """
+    """Draw error over budget of all scenes, a diagram each, with the highlighted strategies; returns the files."""
     from matplotlib.figure import Figure
 
     rows = -(-len(scenes) // _COLUMNS)
@@ -95,8 +92,7 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     """Draw mean squared error over the total time of a frame: the strategy and its refinement samples.
 
     Left, samples are 32x32 rays of the octree in each refined pixel; right, 64 paths of Cycles at a stated cost.
-    Pictures with the same number of rays in every pixel are points. Returns the files; raises PatchNetError if one
-    cannot be written.
+    Pictures with the same number of rays in every pixel are points. Returns the files.
     """
     from matplotlib.figure import Figure
 
@@ -161,12 +157,9 @@ def _draw_curve(axes: Axes, x: np.ndarray, error: np.ndarray, strategy: str, sty
         axes.plot(x, error, style, color=color, lw=1.8, label=strategy, zorder=3)
         return
     label, style = ("other scores", "-") if network_name(strategy) is None else ("other networks", "-.")
-    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=_first_of(axes, label))
-
-
-def _first_of(axes: Axes, label: str) -> str:
-    """Label for the first of several curves only."""
-    return "_hidden" if label in axes.get_legend_handles_labels()[1] else label
+    if label in axes.get_legend_handles_labels()[1]:
+        label = "_hidden"
+    axes.plot(x, error, style, color=_LIGHT, lw=0.9, zorder=1, label=label)
 
 
 def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:

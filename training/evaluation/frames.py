@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,11 +21,10 @@ from ...patchnet_addon.sampling.errors import sum_left_after
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
-from .codes import SceneCodes, SceneFiles, load_scene
+from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
@@ -37,25 +36,27 @@ KIND = "frames"
 class FrameBlock:
     """Block of F frames of a scene, the unit of work and storage.
 
-    path: file of the results. key: hash of all dependencies; a file with another key is computed again. maps: weights
-    files of map networks, whose strategies precede those of the networks of `files`. lpips: files of its trunk and
-    heads.
+    folder: of the scene's codes and results. key: hash of all dependencies; a file with another key is computed again.
     """
 
-    files: SceneFiles
+    octree: Path
+    folder: Path
+    settings: EvaluationSettings
     cameras: Sequence[Camera]
     first: int
-    path: Path
     key: str
-    lpips: tuple[Path, Path] | None = None
-    maps: tuple[Path, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """File of the results."""
+        return self.folder / "frames" / f"{self.first:05}.safetensors"
 
 
 @dataclass(frozen=True, eq=False)
 class BlockResult:
     """Results of F frames, S strategies and U uniform pictures, which have SIDES.
 
-    active, left, variance: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
+    active, left: as in `TrackErrors`. hits, ahead: (F,) int64, pixels whose ray met a voxel, and those of
     them with look-ahead. uniform: (F, U) float64, squared error of pictures with side x side rays in each pixel, summed
     over active pixels. predicted: (F, N, 101) float64, N predicted pictures, see `predicted_left`.
     quality: (F, Q, B, M) float64, see `quality_of`.
@@ -63,7 +64,6 @@ class BlockResult:
 
     active: np.ndarray
     left: np.ndarray
-    variance: np.ndarray
     hits: np.ndarray
     ahead: np.ndarray
     uniform: np.ndarray
@@ -78,16 +78,14 @@ class BlockResult:
 
     def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
         """Errors of the track."""
-        return TrackErrors(scene, tuple(strategies), self.active, self.left, self.variance)
+        return TrackErrors(scene, tuple(strategies), self.active, self.left)
 
 
 def evaluate_block(block: FrameBlock) -> None:
-    """Evaluate the frames of a block on one thread and write them, unless they exist."""
-    if load_block(block) is not None:
-        return
-    codes = _load(block.files)
+    """Evaluate the frames of a block on one thread and write them."""
+    codes = _load(block.octree, block.folder, block.settings)
     coded = codes.coded
-    strategies = strategies_in_use(block.maps, block.files.networks)
+    strategies = strategies_in_use(block.settings.maps, block.settings.networks)
     rows = []
     with limit_threads(1):
         for number, camera in enumerate(block.cameras):
@@ -95,18 +93,17 @@ def evaluate_block(block: FrameBlock) -> None:
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
             buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
             views = _views(buffers, codes)
-            orders = frame_orders(buffers, _scores(strategies, views, codes))
+            scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
+            orders = frame_orders(buffers, scores)
             errors = frame_errors(buffers, orders)
             rank_staged(errors, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
-            quality = quality_of(buffers, orders, lpips_weights(block.lpips), flips=number == 0)
+            quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
-            rows.append(
-                (errors.active, errors.left, errors.variance, int(buffers.hit.sum()), ahead, *pictures, quality)
-            )
+            rows.append((errors.active, errors.left, int(buffers.hit.sum()), ahead, *pictures, quality))
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)
@@ -131,17 +128,10 @@ def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelB
     }
 
 
-def _scores(
-    strategies: Mapping[str, Strategy], views: Mapping[CodedOctree, PixelBuffers], codes: SceneCodes
-) -> dict[str, np.ndarray]:
-    """Scores (P,) by strategy."""
-    return {name: strategy.scores(views[codes.of(strategy)]) for name, strategy in strategies.items()}
-
-
 @lru_cache(maxsize=1)
-def _load(files: SceneFiles) -> SceneCodes:
+def _load(octree: Path, folder: Path, settings: EvaluationSettings) -> SceneCodes:
     """Scene of the last block; its codes are mapped, so that processes share memory."""
-    return load_scene(files)
+    return drain(scene_codes(octree, folder, settings))
 
 
 def predicted_left(views: Iterable[PixelBuffers]) -> np.ndarray:

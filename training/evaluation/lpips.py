@@ -13,51 +13,58 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError, WeightsFileError
+from ...patchnet_addon.runtime.errors import SettingError, WeightsFileError
 
 if TYPE_CHECKING:
     import torch
+    from torch import nn
 
-# Layers of the trunk: number in torchvision's file, channels in and out, side of the kernel, stride, padding, and
-# whether a maximum over 3 x 3 pixels in steps of 2 comes before.
-_LAYERS = (
-    (0, 3, 64, 11, 4, 2, False),
-    (3, 64, 192, 5, 1, 2, True),
-    (6, 192, 384, 3, 1, 1, True),
-    (8, 384, 256, 3, 1, 1, False),
-    (10, 256, 256, 3, 1, 1, False),
-)
 # Mean and standard deviation of the training pictures' red, green and blue, for values in [-1, 1].
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
 _LEAST_NORM = 1e-10
 LEAST_SIDE_PX = 31  # smaller pictures are empty after the second max pooling
-_CHUNK = 16  # pictures at once, for memory
 
 
 @dataclass(frozen=True, eq=False)
 class LpipsWeights:
-    """Weights of LPIPS, float32.
+    """Weights of LPIPS, float32. trunk: up to the fifth convolution. heads: five (1, channels, 1, 1)."""
 
-    trunk: kernels (out, in, k, k) and biases (out,) of the five convolutions. heads: five (1, channels, 1, 1).
-    """
-
-    trunk: tuple[tuple[torch.Tensor, torch.Tensor], ...]
+    trunk: nn.Sequential
     heads: tuple[torch.Tensor, ...]
 
     @classmethod
     def load(cls, trunk_path: Path, heads_path: Path) -> Self:
         """Load torchvision's state dict of AlexNet, and the package lpips' v0.1 linear heads.
 
-        Raises PatchNetError without torch, and WeightsFileError for a missing or different file.
+        Raises WeightsFileError for a missing or different file.
         """
         trunk_file, heads_file = _read(trunk_path), _read(heads_path)
-        trunk, heads = [], []
-        for layer, (number, before, after, side, *_) in enumerate(_LAYERS):
-            kernel = _entry(trunk_file, f"features.{number}.weight", (after, before, side, side), trunk_path)
-            trunk.append((kernel, _entry(trunk_file, f"features.{number}.bias", (after,), trunk_path)))
-            heads.append(_entry(heads_file, f"lin{layer}.model.1.weight", (1, after, 1, 1), heads_path))
-        return cls(tuple(trunk), tuple(heads))
+        trunk = _trunk()
+        state = {
+            name: _entry(trunk_file, f"features.{name}", value.shape, trunk_path)
+            for name, value in trunk.state_dict().items()
+        }
+        trunk.load_state_dict(state)
+        channels = [len(value) for name, value in state.items() if name.endswith("bias")]
+        heads = [
+            _entry(heads_file, f"lin{layer}.model.1.weight", (1, count, 1, 1), heads_path)
+            for layer, count in enumerate(channels)
+        ]
+        return cls(trunk, tuple(heads))
+
+
+def _trunk() -> nn.Sequential:
+    """Layers as torchvision numbers them."""
+    from torch import nn
+
+    return nn.Sequential(
+        nn.Conv2d(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+        nn.Conv2d(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+        nn.Conv2d(192, 384, 3, 1, 1), nn.ReLU(),
+        nn.Conv2d(384, 256, 3, 1, 1), nn.ReLU(),
+        nn.Conv2d(256, 256, 3, 1, 1), nn.ReLU(),
+    )  # fmt: skip
 
 
 def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -69,47 +76,33 @@ def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) ->
 
     if min(reference.shape) < LEAST_SIDE_PX:
         raise SettingError(f"LPIPS needs {LEAST_SIDE_PX} pixels a side, and the picture has {reference.shape}")
+    total = np.zeros(len(pictures))
     with torch.no_grad():
-        wanted = _features(weights, torch.as_tensor(reference[None]).to(weights.heads[0]))
-        parts = []
-        for start in range(0, len(pictures), _CHUNK):
-            chunk = torch.as_tensor(pictures[start : start + _CHUNK]).to(weights.heads[0])
-            parts.append(_distances(weights, _features(weights, chunk), wanted).numpy())
-    return np.concatenate([np.empty(0), *parts])
+        layers = _features(weights, pictures), _features(weights, reference[None])
+        for head, found, wanted in zip(weights.heads, *layers, strict=True):
+            total += (head * (found - wanted) ** 2).sum(dim=1).mean(dim=(1, 2)).numpy()
+    return total
 
 
-def _distances(weights: LpipsWeights, found: list[torch.Tensor], wanted: list[torch.Tensor]) -> torch.Tensor:
-    """Sum over layers (N,) of the pictures' means of weighted squared differences."""
+def _features(weights: LpipsWeights, gray: np.ndarray) -> list[torch.Tensor]:
+    """Features (N, C, h, w) of the five convolutions, each pixel's of length 1, of gray pictures (N, H, W)."""
     import torch
 
-    layers = zip(weights.heads, found, wanted, strict=True)
-    parts = [(head * (mine - its) ** 2).sum(dim=1).mean(dim=(1, 2)) for head, mine, its in layers]
-    return torch.stack(parts).sum(dim=0)
-
-
-def _features(weights: LpipsWeights, gray: torch.Tensor) -> list[torch.Tensor]:
-    """Features (N, C, h, w) of the five layers, each pixel's of length 1, of gray pictures (N, H, W) in [0, 1]."""
-    import torch
-    from torch.nn import functional
-
-    shift, scale = (torch.tensor(values).to(gray)[:, None, None] for values in (_SHIFT, _SCALE))
-    values = (2 * gray[:, None] - 1 - shift) / scale  # (N, 3, H, W)
+    shift, scale = (torch.tensor(values)[:, None, None] for values in (_SHIFT, _SCALE))
+    values = (2 * torch.as_tensor(gray, dtype=torch.float32)[:, None] - 1 - shift) / scale  # (N, 3, H, W)
     features = []
-    for (*_, stride, padding, pooled), (kernel, bias) in zip(_LAYERS, weights.trunk, strict=True):
-        if pooled:
-            values = functional.max_pool2d(values, 3, 2)
-        values = functional.relu(functional.conv2d(values, kernel, bias, stride, padding))
-        features.append(values / (values.norm(dim=1, keepdim=True) + _LEAST_NORM))
+    for layer in weights.trunk:
+        values = layer(values)
+        if isinstance(layer, torch.nn.ReLU):
+            features.append(values / (values.norm(dim=1, keepdim=True) + _LEAST_NORM))
     return features
 
 
 def _read(path: Path) -> Any:
     """Read a state dict without executing its contents."""
-    try:
-        import torch
-    except ImportError as cause:
-        raise PatchNetError(f"LPIPS needs torch ({cause}): install patchnet-blender[train]") from cause
     from pickle import UnpicklingError
+
+    import torch
 
     try:
         return torch.load(path, map_location="cpu", weights_only=True)

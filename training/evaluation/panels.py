@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,10 +25,7 @@ PATTERN_BUDGET = 0.3
 
 
 def show_picture(axes: Axes, picture: np.ndarray, title: str, *, interpolation: str = "nearest") -> None:
-    """Show a picture (H, W, 3), lowest row first, without axes; enlarged pixels are squares.
-
-    interpolation: "antialiased" for reduced pictures.
-    """
+    """Show a picture (H, W, 3), lowest row first, without axes; enlarged pixels are squares, unless interpolated."""
     axes.imshow(np.clip(picture[::-1], 0.0, 1.0), interpolation=interpolation)
     hide_axes(axes, title)
 
@@ -61,18 +57,8 @@ def save_panels(figure: Figure, folder: Path, name: str) -> list[Path]:
     return paths
 
 
-@dataclass(frozen=True)
-class Crop:
-    """Square of `side` pixels in a picture; row (0 is the lowest) and column of its first pixel."""
-
-    row: int
-    column: int
-    side: int
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """Index of the square in a picture."""
-        return slice(self.row, self.row + self.side), slice(self.column, self.column + self.side)
+Crop = tuple[slice, slice]
+"""Rows (0 is the lowest) and columns of a square in a picture."""
 
 
 def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tuple[Crop, Crop]:
@@ -81,16 +67,15 @@ def crops_of_difference(error: np.ndarray, other: np.ndarray, side: int) -> tupl
     The second is searched beside the first. side: in pixels, at most half of the picture's.
     """
     gain = sliding_window_view(np.asarray(other, np.float64) - error, (side, side)).sum(axis=(2, 3))
-    first = _at(int(np.argmax(gain)), gain.shape, side)
+
+    def square(index: int) -> Crop:
+        row, column = divmod(index, gain.shape[1])
+        return slice(row, row + side), slice(column, column + side)
+
+    first = square(int(np.argmax(gain)))
     rows, columns = np.ogrid[: gain.shape[0], : gain.shape[1]]
-    beside = np.maximum(abs(rows - first.row), abs(columns - first.column)) >= side
-    second = _at(int(np.argmin(np.where(beside, gain, np.inf))), gain.shape, side)
-    return first, second
-
-
-def _at(index: int, shape: tuple[int, ...], side: int) -> Crop:
-    row, column = divmod(index, shape[1])
-    return Crop(row, column, side)
+    beside = np.maximum(abs(rows - first[0].start), abs(columns - first[1].start)) >= side
+    return first, square(int(np.argmin(np.where(beside, gain, np.inf))))
 
 
 def pattern(ranking: Ranking) -> np.ndarray:

@@ -151,11 +151,9 @@ def _parts(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _blurred(values: np.ndarray) -> np.ndarray:
     """Gaussian means (..., H, W) of the 11 x 11 pixels around each."""
-    from scipy.ndimage import correlate1d
+    from scipy.ndimage import gaussian_filter
 
-    weights = np.exp(-0.5 * (np.arange(-REACH_PX, REACH_PX + 1) / SIGMA_PX) ** 2)
-    weights /= weights.sum()
-    return np.asarray(correlate1d(correlate1d(values, weights, axis=-2), weights, axis=-1))
+    return np.asarray(gaussian_filter(values, SIGMA_PX, radius=REACH_PX, axes=(-2, -1)))
 
 
 def _inner_mean(values: np.ndarray) -> np.ndarray:

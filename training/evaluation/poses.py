@@ -182,10 +182,7 @@ class Surroundings:
 
 
 def _relief(z_world: np.ndarray) -> float:
-    """Share of the pixels of a depth picture (H, W) at edges or bends of surface: low for bare walls.
-
-    1 / z is linear over a plane.
-    """
+    """Share of a depth picture's pixels (H, W) at edges or bends of surface: 1 / z is linear over a plane."""
     inverse = 1.0 / z_world.astype(np.float64)  # 0 where nothing is hit
     bend = np.abs(inverse[:, :-2] - 2.0 * inverse[:, 1:-1] + inverse[:, 2:])
     return float(np.mean(bend > _BEND * inverse[:, 1:-1])) if bend.size else 0.0

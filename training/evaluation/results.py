@@ -1,38 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results of an evaluation as plain JSON values: curves with intervals, costs, and the paper's claims."""
+"""Results of an evaluation as plain JSON values: curves with intervals, costs, claims of the paper (methods 5)."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...patchnet_addon.octree.file import octree_hash
+from ...patchnet_addon.sampling.strategy import Group
 from ...patchnet_addon.sampling.uniform import SIDES
+from . import WITHOUT
 from .bootstrap import Bootstrap, finite, number_with_interval
-from .claims import claims_of, generalisation_of
-from .curves import BUDGETS, OPTIMAL, TrackErrors, check_track, excess_area, pooled_mse
+from .curves import BUDGETS, OPTIMAL, TrackErrors, excess_area, pooled_mse
 from .evaluate import SceneResult
 from .picture_metrics import QUALITY_BUDGETS, QUALITY_NAMES, QUALITY_STRATEGIES
-from .strategies import PatchNetwork
+from .strategies import SCORES, PatchNetwork, strategy_name
 
 POOLED = "all scenes"
 PREDICTED_RAYS = 2  # per pixel: its own, and the one behind the patch
+VARIANCE = "ss-variance"
+LOWEST_FROM = 0.13
+RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5)
+HALF = 0.5
+_ORACLES = ("patchnet-exact", "patchnet-behind-exact")
+"""The network's scores with exact patches, which separate errors of the network from those of the score."""
+_REFERENCES = frozenset({"screen-space", "world-space"})
+_NOT_IN_THE_PAPER = frozenset({"random", "ss-variance-hits", "ws-lut-coverage", "ss-unet", "plain-plus-0"})
+BUDGET = 0.3
 
 
 def results_of(
     scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
 ) -> dict[str, Any]:
-    """Results of scenes, and of all of them pooled; every track is checked first.
-
-    networks: further networks of the scenes' strategies, for generalisation. Raises CheckError for an inconsistent
-    track, and SettingError for less than two frames.
-    """
+    """Results of scenes and of all pooled; networks: for generalisation. Raises SettingError for a single frame."""
     tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
-    for track in tracks:
-        check_track(track)
     draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
     results: dict[str, Any] = {
         "scenes": {
@@ -47,16 +51,11 @@ def results_of(
     if networks:
         octrees = {name: values["octree_hash"] for name, values in results["scenes"].items()}
         claims["generalisation"] = generalisation_of(draws, networks, octrees)
-    return results | {"networks": {network.name: _network(network) for network in networks}, "claims": claims}
-
-
-def _network(network: PatchNetwork) -> dict[str, Any]:
-    """Description of a network by its weights."""
-    return {
-        "weights_hash": network.hash,
-        "sample_passes": network.sample_passes,
-        "octrees": sorted(network.octrees),
+    described = {
+        each.name: {"weights_hash": each.hash, "sample_passes": each.sample_passes, "octrees": sorted(each.octrees)}
+        for each in networks
     }
+    return results | {"networks": described, "claims": claims}
 
 
 def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str, Any]:
@@ -71,15 +70,13 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "octree_hash": octree_hash(scene.coded.octree),
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
         "group": {name: strategy.group for name, strategy in scene.strategies.items()},
-        "ms_per_frame": costs.ms_per_frame,
-        "ms_by_budget": costs.ms_by_budget,
-        "reference_ms_per_pixel": costs.reference_ms_per_pixel,
+        **{name: costs[name] for name in ("ms_per_frame", "ms_by_budget", "reference_ms_per_pixel")},
         "quality": _quality(frames.quality),
         "uniform": {
             str(side): {
                 "rays_per_pixel": side * side,
                 "mse": float(frames.uniform[:, index].sum() / active),
-                "ms_per_frame": costs.uniform_ms[side],
+                "ms_per_frame": costs["uniform_ms"][str(side)],
             }
             for index, side in enumerate(SIDES)
         },
@@ -91,7 +88,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
                 "ms_per_frame": milliseconds,
             }
             for curve, (name, milliseconds) in zip(
-                (frames.predicted.sum(axis=0) / active).tolist(), costs.predicted_ms.items(), strict=True
+                (frames.predicted.sum(axis=0) / active).tolist(), costs["predicted_ms"].items(), strict=True
             )
         },
     }
@@ -128,3 +125,89 @@ def _curves(tracks: Sequence[TrackErrors], draws: Bootstrap) -> dict[str, Any]:
         },
         "block_frames": list(draws.block_frames),
     }
+
+
+def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> dict[str, Any]:
+    """Claims by name, each with its results by scene and strategy, with intervals (methods 5).
+
+    lowest: the strategy is below all references of the paper from a budget on, which should be 13 % at most;
+    share_of_budgets: share of the budgets from 13 % on at which it is. half: at 30 % the strategy leaves half of the
+    error of screen-space variance. Both are tested for all strategies of the network and for the exact oracles of their
+    scores. groups: of the strategies in use, by name.
+    """
+    return {
+        "lowest": {scene: _lowest(draw, groups) for scene, draw in draws.items()},
+        "half": {scene: _half(draw, groups) for scene, draw in draws.items()},
+    }
+
+
+def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    others = _references(draw, groups)
+    if not others:
+        return found
+    errors = np.array([draw.mse(other).value for other in others])
+    for name in _asked(draw, groups):
+        interval = draw.crossing(name, others)
+        lowest = np.asarray(draw.mse(name).value) < errors.min(axis=0)
+        found[name] = number_with_interval(interval) | {
+            "holds": bool(interval.value <= LOWEST_FROM),
+            "share_of_budgets": float(lowest[(BUDGETS >= LOWEST_FROM) & (BUDGETS < 1)].mean()),
+        }
+    return found
+
+
+def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
+    """Strategies that the paper compares with: they use the screen or the octree, without further rays."""
+    return [name for name in draw.strategies if groups[name] in _REFERENCES and name not in _NOT_IN_THE_PAPER]
+
+
+def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
+    """Strategies of the network, then the exact oracles measured beside them."""
+    networks = [name for name in draw.strategies if groups[name] == "network"]
+    return [*networks, *(name for name in _ORACLES if name in draw.strategies)]
+
+
+def _half(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in [*_asked(draw, groups), *(name for name in draw.strategies if groups[name] == "rays")]:
+        interval = draw.ratio(name, VARIANCE, RATIOS)
+        found[name] = {
+            "budgets": list(RATIOS),
+            "value": np.asarray(interval.value).tolist(),
+            "low": np.asarray(interval.low).tolist(),
+            "high": np.asarray(interval.high).tolist(),
+            "holds": bool(np.asarray(interval.value)[RATIOS.index(0.3)] <= HALF),
+        }
+    return found
+
+
+def generalisation_of(
+    draws: Mapping[str, Bootstrap], networks: Sequence[PatchNetwork], octrees: Mapping[str, str]
+) -> dict[str, Any]:
+    """Errors of networks over that of screen-space variance at BUDGET on every scene, by score, with intervals.
+
+    draws: of each scene. octrees: hash of each scene's. `networks` of a score: {network: {scene: {value, low, high,
+    seen}}}, None where the variance leaves no error.
+    """
+    found = {}
+    for score in SCORES:
+        cells = {
+            network.name: {
+                scene: number_with_interval(draws[scene].ratio(strategy_name(network.name, score), VARIANCE, (BUDGET,)))
+                | {"seen": seen(network, scene, octree)}
+                for scene, octree in octrees.items()
+            }
+            for network in networks
+        }
+        found[score] = {"networks": cells}
+    return found
+
+
+def seen(network: PatchNetwork, scene: str, octree: str) -> bool:
+    """Return whether a scene, by the hash of its octree, was in a network's training, by its name or its weights."""
+    if network.name.startswith(WITHOUT):
+        named = scene != network.name.removeprefix(WITHOUT)
+    else:
+        named = scene == network.name
+    return named or octree in network.octrees

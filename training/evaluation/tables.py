@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..benchmarks.tables import markdown_table
-from .claims import VARIANCE
+from ..benchmarks import markdown_table
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
-from .results import POOLED
+from .results import POOLED, VARIANCE
 from .strategies import network_name
 
 TITLE = "# Tables of an evaluation"
@@ -169,10 +168,7 @@ def geometric_means(ratios: pd.DataFrame) -> pd.Series:
 
 
 def over_scenes(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
-    """Strategies over all scenes as text, grouped by rays, oracles last.
-
-    Milliseconds of a staged strategy are at BUDGET.
-    """
+    """Strategies over all scenes as text, grouped by rays, oracles last; milliseconds of staged ones are at BUDGET."""
     first, areas = next(iter(scenes.values())), excess_areas(scenes, names)
     means = pd.DataFrame({f"{at}%": geometric_means(variance_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
     table = _by_strategy(means.map(lambda mean: f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}"), "{}")

@@ -34,7 +34,7 @@ class PatchNet(nn.Module):
         super().__init__()
         self.lookahead, self.kind, self.encoder_kind = weights.lookahead, weights.kind, weights.encoder_kind
         self.encoder = nn.ModuleList(_encoder_layers(self.encoder_kind, self.lookahead))
-        self.decoder = nn.ModuleList(_linear_layers(self.kind.decoder))
+        self.decoder = nn.ModuleList(nn.Linear(*sizes) for sizes in itertools.pairwise(self.kind.decoder))
         arrays = weights.arrays()
         if not isinstance(self.encoder_kind, ConvolvingKind):
             columns = self._columns()
@@ -75,12 +75,11 @@ class PatchNet(nn.Module):
         apart = corner_codes[:, None].expand(-1, batch.ratio.shape[1], -1, -1)
         return self.decode_mixture(codes, apart, batch.nearby, batch.direction, batch.up, batch.ratio)
 
-    def seen_channels(self, blocks: Tensor) -> Tensor:
-        """Channels of blocks (U, B) that the encoder uses."""
-        return _without_luminance(blocks) if self.kind.mixes else blocks
-
     def encode(self, patches: Tensor, dtype: torch.dtype = torch.float32) -> Tensor:
-        """Codes (C, 10) of patches (C, 8, B); products run in `dtype`, those of the last layer in float32."""
+        """Codes (C, 10) of patches (C, 8, B); products run in `dtype`, those of the last layer in float32.
+
+        Patches of a mixture may have luminance, too, if its encoder convolves: its weights of it are 0.
+        """
         with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             values = self._hidden(patches)
         codes: Tensor = self.encoder[-1](values.float())
@@ -91,7 +90,7 @@ class PatchNet(nn.Module):
         if not isinstance(self.encoder_kind, ConvolvingKind):
             return torch.relu(_run_layers(self.encoder[:-1], patches.flatten(1)))
         *layers, hidden = self.encoder[:-1]
-        cells = _cells(_with_luminance(patches) if self.kind.mixes else patches)
+        cells = _cells(patches if patches.shape[2] == CHANNELS * 8**self.lookahead else _with_luminance(patches))
         cells = cells.contiguous(memory_format=torch.channels_last_3d)
         left = iter(layers)
         for stage in self.encoder_kind.stages(self.lookahead):
@@ -154,11 +153,6 @@ def _bounded(outputs: Tensor) -> Tensor:
     return OUTPUT_LOW + OUTPUT_RANGE * torch.sigmoid(outputs)
 
 
-def _without_luminance(blocks: Tensor) -> Tensor:
-    """Inverse of `_with_luminance`."""
-    return blocks.unflatten(-1, (-1, CHANNELS))[..., _SHAPE].flatten(-2)
-
-
 def _with_luminance(blocks: Tensor) -> Tensor:
     """Blocks (..., 5 n) with luminance 0 from blocks (..., 4 n) without luminance."""
     cells = blocks.unflatten(-1, (-1, len(_SHAPE)))
@@ -177,10 +171,6 @@ def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
         for branch, shape in zip(branches, shapes, strict=False)
     ]
     return layers + [nn.Linear(shape[1], shape[0]) for shape in shapes[len(branches) :]]
-
-
-def _linear_layers(sizes: tuple[int, ...]) -> list[nn.Linear]:
-    return [nn.Linear(first, second) for first, second in itertools.pairwise(sizes)]
 
 
 def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:

@@ -15,10 +15,7 @@ _CHUNK = 512  # corners per batch
 
 
 def research_encoder(weights: Weights) -> Encoder | None:
-    """Encoder on torch for weights with a convolutional encoder; None for `mlp`, which the engine implements.
-
-    Raises SettingError without torch.
-    """
+    """Encoder on torch for weights whose encoder convolves; None for `mlp`. Raises SettingError without torch."""
     if not isinstance(weights.encoder_kind, ConvolvingKind):
         return None
     if not has_torch():
@@ -43,7 +40,7 @@ class _ModelEncoder:
         """Encode, see `Encoder`."""
         import torch
 
-        seen = self._model.seen_channels(torch.from_numpy(blocks))
+        patches = torch.from_numpy(blocks)[torch.from_numpy(rows.astype(np.int64))]
         with torch.inference_mode():
-            codes: np.ndarray = self._model.encode(seen[torch.from_numpy(rows.astype(np.int64))]).numpy()
+            codes: np.ndarray = self._model.encode(patches).numpy()
         return codes

@@ -13,23 +13,32 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
+from torch import nn
 
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.runtime import bounds
 from ...patchnet_addon.runtime.errors import PatchNetError
+from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.sampling.plus.forms import FORMS
-from ...patchnet_addon.sampling.plus.weights import Estimators, save_estimators
+from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of
+from ...patchnet_addon.sampling.plus.forms import FORMS, Form, Plane
+from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, Network, layer_sizes, save_estimators
+from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions
-from .frames import TrackSettings, views_of
-from .learner import FormLearner
-from .pixel_table import SYMMETRIES, PixelTable
-from .run_files import ESTIMATORS, LOG, check_plus_run
+from .frames import SYMMETRIES, PixelTable, TrackSettings, views_of
 
+ESTIMATORS = "plus.safetensors"
+REFERENCES = "references"  # folder of references
+RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
+"""The weights file contains PatchNet's weights and the estimator."""
 _WARM_UP = 200  # steps
 _LAST_RATE = 0.01  # of the first
 _SCALED_BY = 20_000  # pixels
+_MOVING = 0.002  # share of the present weights in the moving mean, per step
+_POWER = 1.25  # 1 is Poisson's distribution, 2 the gamma distribution: higher values weigh small errors more
+_FIRST_MEAN = 0.3  # initial ratio of error and scale
 
 
 @dataclass(frozen=True)
@@ -45,12 +54,70 @@ class PlusSettings:
     rate: float = 3e-3
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        bounds.STOP_AFTER.check(self.steps)
-        bounds.BATCH.check(self.batch)
-        bounds.FRAME_PIXELS.check(self.pixels)
-        bounds.LEARNING_RATE.check(self.rate)
-        bounds.SEED.check(self.seed)
+
+class FormLearner:
+    """Network of a form, trained on windows of pixels and their squared errors.
+
+    mean, deviation: (F,) float32 of the features, for normalization. unit: mean squared error of all pixels, the unit
+    of the loss.
+    """
+
+    def __init__(self, form: Form, windows: np.ndarray, unit: float, rate: float, seed: int) -> None:
+        """Create the network of a form; windows: (C, 9, N) of all planes of some pixels, to normalize features."""
+        self.form, self.unit, self.losses = form, max(unit, 1e-12), list[float]()
+        features, _ = features_of(windows, form, tuple(Plane))
+        self.mean, self.deviation = features.mean(axis=1), features.std(axis=1) + np.float32(1e-3)
+        count, hidden, _, outputs = layer_sizes(form)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            layers = nn.Linear(count, hidden), nn.Linear(hidden, hidden), nn.Linear(hidden, outputs)
+        self.skip = nn.Parameter(torch.zeros(count))
+        with torch.no_grad():
+            layers[-1].weight.zero_()
+            layers[-1].bias.copy_(torch.tensor([0.0, _FIRST_MEAN]))
+        self.model = nn.Sequential(layers[0], nn.ReLU(), layers[1], nn.ReLU(), layers[2])
+        self.parameters = [*self.model.parameters(), self.skip]
+        self.moving = [parameter.detach().clone() for parameter in self.parameters]
+        self.optimizer = torch.optim.Adam(self.parameters, rate)
+        self.steps = 0
+
+    def step(self, windows: np.ndarray, errors: np.ndarray, rate: float) -> None:
+        """Take one step with windows (C, 9, B) of pixels and squared errors (B,), at a learning rate."""
+        features, scale = features_of(windows, self.form, tuple(Plane))
+        inputs = ((features - self.mean[:, None]) / self.deviation[:, None]).T
+        expected = torch.from_numpy(scale) * self._outputs(torch.from_numpy(np.ascontiguousarray(inputs)))
+        # Deviance of Tweedie's distribution up to constants: its minimum is the mean for any distribution.
+        # A constant mean of all pixels has a deviance of 1.
+        ratio, true = expected / self.unit, torch.from_numpy(errors / np.float32(self.unit))
+        loss = ((_POWER - 1) * ratio ** (2 - _POWER) + (2 - _POWER) * true * ratio ** (1 - _POWER)).mean()
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        self.optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.optimizer.step()
+        self.steps += 1
+        self.losses.append(loss.item())
+        share = max(_MOVING, 1 / self.steps)
+        with torch.no_grad():
+            for moving, parameter in zip(self.moving, self.parameters, strict=True):
+                moving.lerp_(parameter, share)
+
+    def network(self) -> Network:
+        """Network of the moving mean, for raw features."""
+        *arrays, skip = (moving.numpy().astype(np.float64) for moving in self.moving)
+        (first, bias), *others = zip(arrays[::2], arrays[1::2], strict=True)
+        first, skip = first / self.deviation, skip / self.deviation
+        others[-1][1][1] -= skip @ self.mean  # of the second output
+        layers = [(first, bias - first @ self.mean), *others]
+        return Network(
+            tuple((matrix.astype(np.float32), offset.astype(np.float32)) for matrix, offset in layers),
+            skip.astype(np.float32),
+        )
+
+    def _outputs(self, inputs: torch.Tensor) -> torch.Tensor:
+        """Expected squared error over the squared scale, (B,)."""
+        variance, mean = self.model(inputs).unbind(1)
+        return (mean + inputs @ self.skip) ** 2 + torch.exp(variance.clamp(LOWEST, HIGHEST))
 
 
 def pixels_of(
@@ -69,11 +136,10 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
     """Train the networks of all forms on a table, and return the path of their weights.
 
     Updates `log.jsonl` in `options.out` and writes `plus.safetensors` at the end. Raises PatchNetError without pixels
-    or if the loss is not finite, OutputError for files that cannot be written.
+    or if the loss is not finite.
     """
     if len(table) == 0:
         raise PatchNetError("The octrees' tracks show no surface to train on: give octrees with surfaces")
-    check_plus_run(options.out)
     options.out.mkdir(parents=True, exist_ok=True)
     log, began = Log(options.out / LOG, 0), time.monotonic()
     random = np.random.default_rng(settings.seed)

@@ -26,10 +26,7 @@ class Processes:
 
     @classmethod
     def joined(cls) -> Processes:
-        """Join the processes that torchrun started; without it a single process.
-
-        Raises SettingError for invalid variables of torchrun.
-        """
+        """Join the processes that torchrun started, else a single one; raises SettingError for invalid variables."""
         try:
             rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
             if not 0 <= rank < count:

@@ -21,10 +21,7 @@ RUN_FILES = {WEIGHTS: WEIGHTS_KIND, LOG: TRAINING_LOG, CHECKPOINT: CHECKPOINT_KI
 
 
 def log_lines(path: Path) -> list[dict[str, Any]]:
-    """Lines of a run's log; a truncated last line of a killed run is omitted.
-
-    Raises FileFormatError for other invalid lines.
-    """
+    """Lines of a run's log but a truncated last one; raises FileFormatError for other invalid lines."""
     lines = path.read_text(encoding="utf-8").splitlines()
     found = []
     for number, line in enumerate(lines, 1):

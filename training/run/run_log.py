@@ -73,5 +73,5 @@ def _scalars(entry: dict[str, Any]) -> dict[str, float]:
     found = {f"training/{name}": entry[name] for name in ("coverage", "luminance", "loss", "rate") if name in entry}
     for scene, errors in entry.get("validation", {}).items() if isinstance(entry.get("validation"), dict) else ():
         if isinstance(errors, dict):
-            found |= {f"validation/{scene}/{name}": value for name, value in errors.items()}
+            found |= {f"validation/{scene}/{name}": value for name, value in errors.items() if value is not None}
     return found

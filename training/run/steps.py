@@ -18,8 +18,7 @@ import torch
 from ...patchnet_addon.network.devices import CPU, enough_memory
 from ..data.augmentation import Augmentation
 from ..data.batches import Batch
-from ..data.corpus import Corpus
-from ..data.fresh import FreshCorpus
+from ..data.corpus import Corpus, FreshCorpus
 from ..data.tensor_batch import TensorBatch, tensor_batch
 from ..settings import TrainSettings
 from .processes import Processes
@@ -48,7 +47,10 @@ class StepPlan:
     def batch(self, step: int) -> Batch:
         """Batch of this process's share of a step."""
         own = self.processes.part(self.voxels)
-        augmentation = augmentation_of_step(self.settings, self.voxels, step).part(own.start, own.stop)
+        augmentation = Augmentation.none(self.voxels)
+        if self.settings.augment:
+            augmentation = Augmentation.random(self.voxels, np.random.default_rng([self.settings.seed, 2, step]))
+        augmentation = augmentation.part(own.start, own.stop)
         if isinstance(self.corpus, FreshCorpus):
             return self.corpus.batch_of_step(self.settings.seed, step, own, augmentation)
         return self.corpus.batch(rows_of_step(self.corpus, self.settings, self.voxels, step)[own], augmentation)
@@ -57,10 +59,7 @@ class StepPlan:
 def batches_ahead(
     plan: StepPlan, first: int, end: int, device: torch.device, threads: int
 ) -> Generator[TensorBatch, None, None]:
-    """Batches of steps `first` to `end` (exclusive) on a device, prefetched by threads.
-
-    One thread for training on the CPU, `threads` for a GPU.
-    """
+    """Batches of steps `first` to `end` on a device, prefetched by one thread on the CPU, `threads` for a GPU."""
     ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
 
     def gathered(step: int) -> TensorBatch:
@@ -77,13 +76,6 @@ def batches_ahead(
                 yield batch
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def augmentation_of_step(settings: TrainSettings, voxels: int, step: int) -> Augmentation:
-    """Augmentation of the voxels of a step, by seed and step."""
-    if not settings.augment:
-        return Augmentation.none(voxels)
-    return Augmentation.random(voxels, np.random.default_rng([settings.seed, 2, step]))
 
 
 def rows_of_step(corpus: Corpus, settings: TrainSettings, voxels: int, step: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,17 +25,16 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.threads import usable_cores
-from ..data.corpus import Corpus, corpus_of
+from ..data.corpus import Corpus, corpus_of, fresh_corpus_of
 from ..data.dataset import Dataset
-from ..data.fresh import fresh_corpus_of
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
+from . import torch_threads
 from .learner import Learner, Resumable, learning_rate, mean_errors
 from .processes import Processes
 from .provenance import describe_data
 from .run_files import CHECKPOINT, LOG, WEIGHTS, check_run
 from .run_log import Log
 from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
-from .torch_threads import torch_threads
 from .validation import ValidationSet, validate, validation_sets
 
 
@@ -72,7 +71,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     threads = usable_cores() if options.threads is None else options.threads
     THREADS.check(threads)
     processes = Processes.joined()
-    corpus, held_out = _corpora(datasets, settings)
+    read: Callable[..., tuple[AnyCorpus, dict[str, Corpus]]] = fresh_corpus_of if settings.fresh else corpus_of
+    corpus, held_out = read(datasets, nearby=settings.kind.mixes)
     sets = validation_sets(held_out, datasets, options.validation, corpus.lookahead, nearby=corpus.nearby)
     notes = describe_data(datasets, options.validation) | options.notes
     voxels = max(1, settings.batch // corpus.views_per_voxel)
@@ -114,55 +114,46 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     return learner.mean.to_weights(notes | _extent(learner, per_step))
 
 
-def _corpora(datasets: Sequence[Dataset], settings: TrainSettings) -> tuple[AnyCorpus, dict[str, Corpus]]:
-    """Training data of a run, and its held-out parts by data set."""
-    nearby = settings.kind.mixes
-    if not settings.fresh:
-        return corpus_of(datasets, nearby=nearby)
-    return fresh_corpus_of(datasets, nearby=nearby)
-
-
 def _draw_of(dataset: Dataset) -> list[Any]:
     """Identity of a draw of an octree's samples."""
     return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
 
 
+@dataclass
 class _Keeper:
     """Files of a run in progress: log, validations, checkpoints."""
 
-    def __init__(
-        self,
-        learner: Learner,
-        options: RunOptions,
-        run: dict[str, Any],
-        notes: dict[str, Any],
-        sets: Mapping[str, ValidationSet],
-        per_step: int,
-        end: int,
-    ) -> None:
-        self._learner, self._options, self._run, self._notes, self._sets = learner, options, run, notes, sets
-        self._per_step, self._end = per_step, end
-        self._log = Log(options.out / LOG, learner.steps, board=options.tensorboard)
+    learner: Learner
+    options: RunOptions
+    run: dict[str, Any]
+    notes: dict[str, Any]
+    sets: Mapping[str, ValidationSet]
+    per_step: int
+    end: int
+
+    def __post_init__(self) -> None:
+        self._log = Log(self.options.out / LOG, self.learner.steps, board=self.options.tensorboard)
         self._saved = time.monotonic()
 
     def keep_step(self, sums: torch.Tensor, rate: float) -> None:
         """Log a step's errors, from their sums (3,); validate and save at their intervals."""
-        learner, options = self._learner, self._options
+        learner, options = self.learner, self.options
         self._log.add(mean_errors(sums))
-        passes, ends = learner.steps * self._per_step, learner.steps == self._end
+        passes, ends = learner.steps * self.per_step, learner.steps == self.end
         if learner.steps % options.log_steps == 0 or ends:
             self._log.write_means(learner.steps, passes, rate, learner.seconds)
         if learner.steps % options.validate_steps == 0 or ends:
-            errors = validate(learner.mean, {name: each.corpus for name, each in self._sets.items()})
-            why = {name: each.not_held_out for name, each in self._sets.items() if each.not_held_out}
+            errors = {name: validate(learner.mean, each.corpus) for name, each in self.sets.items()}
+            why = {name: each.not_held_out for name, each in self.sets.items() if each.not_held_out}
             self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
         if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
             self.save()
 
     def save(self) -> None:
         """Write the checkpoint and the present weights."""
-        notes = self._notes | _extent(self._learner, self._per_step)
-        save_checkpoint(self._options.out, self._learner, self._run, notes)
+        notes = self.notes | _extent(self.learner, self.per_step)
+        write_checkpoint(self.options.out, self.run, self.learner.state())
+        save_weights(self.learner.mean.to_weights(notes), self.options.out / WEIGHTS)
         self._saved = time.monotonic()
 
 
@@ -174,21 +165,11 @@ def _extent(learner: Learner, per_step: int) -> dict[str, Any]:
 
 def encoder_type(settings: TrainSettings, share: float, device: str = CPU) -> torch.dtype:
     """Number type of the encoder's products on a device after `share` of the run."""
-    if settings.precision == AUTO:
-        return torch.bfloat16 if device == CPU and has_fast_bf16() and share < 0.98 else torch.float32
-    return torch.bfloat16 if settings.precision == BF16 else torch.float32
-
-
-def has_fast_bf16() -> bool:
-    """Return whether this processor multiplies bf16 matrices in hardware."""
-    capability = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
-    return bool(capability.get("amx_bf16") or capability.get("avx512_bf16"))
-
-
-def save_checkpoint(out: Path, learner: Learner, run: dict[str, Any], notes: dict[str, Any]) -> None:
-    """Write the state of a run and its present weights, each atomically."""
-    write_checkpoint(out, run, learner.state())
-    save_weights(learner.mean.to_weights(notes), out / WEIGHTS)
+    if settings.precision != AUTO:
+        return torch.bfloat16 if settings.precision == BF16 else torch.float32
+    units = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+    is_fast = units.get("amx_bf16") or units.get("avx512_bf16")  # products in hardware
+    return torch.bfloat16 if device == CPU and is_fast and share < 0.98 else torch.float32
 
 
 def write_checkpoint(out: Path, run: dict[str, Any], state: dict[str, Any]) -> None:

@@ -14,9 +14,8 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.augmentation import Augmentation
 from ..data.corpus import Corpus
-from ..data.dataset import Dataset, check_names
+from ..data.dataset import Dataset, check_names, why_not_held_out
 from ..data.forest import concatenate, voxel_luminance
-from ..data.held_out import why_not_held_out
 from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
@@ -24,45 +23,26 @@ from ..settings import VALIDATION_VOXELS
 _CHUNK = 512
 
 
-def validate(model: PatchNet, sets: Mapping[str, Corpus]) -> dict[str, dict[str, float]]:
-    """Mean absolute errors of coverage and luminance by data set, in float32 and clipped as at inference.
+def validate(model: PatchNet, corpus: Corpus, voxels: int = VALIDATION_VOXELS) -> dict[str, float | None]:
+    """Errors of the first `voxels`, in float32 and clipped as at inference, plain JSON values.
 
-    `constant_coverage` and `constant_luminance` are those of the best constant guess, `voxel_luminance` that of the
-    voxel's own luminance, which a pixel shows without a network. Errors of luminance are over views with coverage. Only
-    the first VALIDATION_VOXELS of each are used; samples are in random order.
+    `views`, mean absolute `coverage` and `luminance`, that of `voxel_luminance`, the voxel's own luminance, which a
+    pixel shows without a network, and of the best constants, `constant_coverage` and `constant_luminance`;
+    `luminance_ratio` of luminance to the voxel's own; mean squares: `coverage_squared`, and `luminance_squared_ratio`
+    over views weighted by coverage.
     """
-    result = {}
-    for name, corpus in sets.items():
-        coverage, luminance, guess, target, own = predicted_views(model, corpus, VALIDATION_VOXELS)
-        seen = coverage > 0
-        result[name] = {
-            "coverage": _mean(np.abs(guess - coverage)),
-            "luminance": _mean(np.abs(target - luminance)[seen]),
-            "voxel_luminance": _mean(np.abs(own - luminance)[seen]),
-            "constant_coverage": _mean(np.abs(np.median(coverage) - coverage)),
-            "constant_luminance": _mean(np.abs(np.median(luminance[seen]) - luminance[seen])) if seen.any() else 0.0,
-        }
-    return result
+    count = min(voxels, len(corpus.tree))
+    chunks = np.split(np.arange(count), range(_CHUNK, count, _CHUNK))
+    return _errors(np.concatenate([_predicted(model, corpus, rows) for rows in chunks], axis=1))
 
 
-def predicted_views(model: PatchNet, corpus: Corpus, limit: int) -> tuple[np.ndarray, ...]:
-    """True coverage and luminance, predicted ones, and the voxels' own luminance, each (N,), of the first voxels."""
-    count = min(limit, len(corpus.tree))
-    parts = [_predicted(model, corpus, start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
-    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
-
-
-def _predicted(model: PatchNet, corpus: Corpus, first: int, last: int) -> tuple[np.ndarray, ...]:
-    rows = np.arange(first, last)
+def _predicted(model: PatchNet, corpus: Corpus, rows: np.ndarray) -> np.ndarray:
+    """True coverage and luminance, predicted ones, and the voxels' own luminance, (5, N), of voxels `rows`."""
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad(), float32_products(model.device):
         predicted = model(tensor_batch(batch, model.device)).clamp(0, 1).cpu().numpy()
     own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
-    return batch.coverage.ravel(), batch.luminance.ravel(), predicted[..., 0].ravel(), predicted[..., 1].ravel(), own
-
-
-def _mean(values: np.ndarray) -> float:
-    return _rounded(values.mean()) if values.size else 0.0
+    return np.stack([batch.coverage.ravel(), batch.luminance.ravel(), *predicted.reshape(-1, 2).T, own])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,19 +85,13 @@ def all_of(dataset: Dataset, *, nearby: bool = False) -> Corpus:
 
 
 def weights_errors(weights: Weights, dataset: Dataset, voxels: int) -> dict[str, float | None]:
-    """Errors of the first `voxels` of a data set, plain JSON values.
-
-    `views`, mean absolute `coverage` and `luminance`, the luminance error of `voxel_luminance`, the voxel's own
-    luminance, `luminance_ratio` of these two, and mean squares: `coverage_squared`, and `luminance_squared_ratio` over
-    views weighted by coverage. Raises SettingError if samples and weights have another look-ahead.
-    """
+    """Errors of the first `voxels` of a data set, see `validate`; raises SettingError for another look-ahead."""
     if weights.lookahead != dataset.lookahead:
         raise SettingError(
             f"{dataset.name} looks {dataset.lookahead} levels ahead, the weights {weights.lookahead}: draw the samples "
             f"with --lookahead {weights.lookahead}"
         )
-    corpus = all_of(dataset, nearby=weights.kind.mixes)
-    return _errors(np.stack(predicted_views(PatchNet(weights), corpus, voxels)))
+    return validate(PatchNet(weights), all_of(dataset, nearby=weights.kind.mixes), voxels)
 
 
 def _errors(found: np.ndarray) -> dict[str, float | None]:
@@ -128,6 +102,7 @@ def _errors(found: np.ndarray) -> dict[str, float | None]:
     coverage, luminance, guess, target, own = found.astype(np.float64)
     seen = coverage > 0
     ours, voxels = (target - luminance)[seen], (own - luminance)[seen]
+    middle = np.median(luminance[seen]) if seen.any() else 0.0
     weight = coverage[seen]
     return {
         "views": len(coverage),
@@ -135,6 +110,8 @@ def _errors(found: np.ndarray) -> dict[str, float | None]:
         "coverage_squared": _rounded(np.square(guess - coverage).mean()),
         "luminance": _rounded(np.abs(ours).sum() / max(len(ours), 1)),
         "voxel_luminance": _rounded(np.abs(voxels).sum() / max(len(voxels), 1)),
+        "constant_coverage": _rounded(np.abs(np.median(coverage) - coverage).mean()),
+        "constant_luminance": _rounded(np.abs(middle - luminance[seen]).sum() / max(len(ours), 1)),
         "luminance_ratio": _ratio(np.abs(ours).sum(), np.abs(voxels).sum()),
         "luminance_squared_ratio": _ratio((weight * ours**2).sum(), (weight * voxels**2).sum()),
     }

@@ -2,12 +2,8 @@
 """Research strategies by name: those of the panel, of the literature, and rivals with finer rays."""
 
 from ...patchnet_addon.sampling.registry import STRATEGIES
-from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
 from ...patchnet_addon.sampling.strategy import Strategy
-from . import divergences, entropy, fine_rays, fusion, mitchell, plain_plus, ss_variance_hits, tsallis, ws_lut
+from . import contrasts, fine_rays, plain_plus, ws_lut
 
-_MODULES = fusion, plain_plus, fine_rays, ss_variance_hits, mitchell, entropy, divergences, tsallis, ws_lut
+_MODULES = fine_rays, plain_plus, contrasts, ws_lut
 EVALUATED: dict[str, Strategy] = STRATEGIES | {each.name: each for module in _MODULES for each in module.STRATEGIES}
-
-STAGED = frozenset(name for name, strategy in EVALUATED.items() if isinstance(strategy, StagedStrategy))
-"""Names of staged strategies, which rank separately for each budget."""

@@ -18,7 +18,7 @@ from ....operators.demo_scene.courtyard import build_light
 from ....operators.demo_scene.geometry import Shape, add_object, box, join, place
 from ....operators.demo_scene.materials import principled
 from ....patchnet_addon.runtime.errors import OutputError
-from ....patchnet_addon.runtime.file_kinds import BLEND, GLB
+from ....patchnet_addon.runtime.file_kinds import FileKind
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.replace import replaced_path
 from .floor_plan import FloorPlan, Placement
@@ -28,9 +28,6 @@ from .models import library_meshes, vertices_of
 from .own_meshes import own_meshes
 from .plans import plan_garden, plan_interior
 from .shell import build_shell, build_yard
-
-INTERIOR, GARDEN = "interior", "garden"
-KINDS = (INTERIOR, GARDEN)
 
 
 @dataclass(frozen=True)
@@ -54,10 +51,10 @@ def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Compose
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
     shell, furniture, light = (_part(scene, name) for name in ("Shell", "Furniture", "Light"))
-    if kind == INTERIOR:
-        room = plan_interior(stock, layout)
-        plan, own = room.plan, "floor, ceiling, walls, windows, door frame"
-        build_shell(shell, room, looks)
+    if kind == "interior":
+        plan, openings = plan_interior(stock, layout)
+        own = "floor, ceiling, walls, windows, door frame"
+        build_shell(shell, plan, openings, looks)
     else:
         plan, own = plan_garden(stock, layout), "lawn, path, grass, fence"
         build_yard(shell, plan, looks)
@@ -66,7 +63,7 @@ def compose_scene(libraries: Sequence[Library], kind: str, seed: int) -> Compose
     meshes = library_meshes(pieces) | own_meshes(mine, looks)
     stools = _place_all(furniture, plan.placements, meshes)
     build_light(scene, light)
-    _add_camera(scene, plan, inside=kind == INTERIOR)
+    _add_camera(scene, plan, inside=kind == "interior")
     own = ", ".join([own, *(piece.model for piece in mine), *["stools"] * bool(stools)])
     return Composed(plan, stock.role, own)
 
@@ -133,18 +130,14 @@ def _stool(back: np.ndarray, height: float) -> Shape:
     return join([box((x0, y0, height - 0.04), (x1, y1, height)), *legs])
 
 
-ENDINGS = {".blend": BLEND, ".glb": GLB}
-
-
-def save_composed(path: Path) -> None:
-    """Write the open scene with its images, in the format of the ending of `path`.
+def save_composed(path: Path, kind: FileKind) -> None:
+    """Write the open scene with its images to `path`, as a .blend or .glb file by `kind`.
 
     A .glb has no lamps, since glTF has no sky: commands light it by their own sun and sky. Raises OutputError if it
     cannot be written.
     """
-    ending = path.suffix.lower()
-    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, ENDINGS[ending]) as temporary:
-        made = Path(folder) / f"scene{ending}"
+    with tempfile.TemporaryDirectory(prefix="patchnet-") as folder, replaced_path(path, kind) as temporary:
+        made = Path(folder) / f"scene{kind.endings[0]}"
         try:
             with interrupts_wait():
                 _write(made)

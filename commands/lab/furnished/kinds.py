@@ -8,7 +8,7 @@ have no such pieces, because scenes for testing share them.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -67,15 +67,6 @@ def kind_of(piece: Piece) -> str | None:
     return next((kind for kind, fits in _RULES if fits(words, piece)), None)
 
 
-def pieces_by_kind(pieces: Iterable[Piece]) -> dict[str, list[Piece]]:
-    """Pieces of each kind, in the order given."""
-    found: dict[str, list[Piece]] = {}
-    for piece in pieces:
-        if (kind := kind_of(piece)) is not None:
-            found.setdefault(kind, []).append(piece)
-    return found
-
-
 def _is_indoor_lamp(words: set[str], piece: Piece) -> bool:
     return "lights" in words and not words & _OUTDOOR and piece.elevation == 0.0 and "candle" not in words
 
@@ -115,14 +106,13 @@ def own_piece(kind: str) -> Piece | None:
 
 
 class Stock:
-    """Stock of libraries' pieces; raises SettingError for libraries that must not be mixed.
-
-    role: role of a scene of these libraries.
-    """
+    """Stock of libraries' pieces for a scene of `role`; raises SettingError for libraries that must not be mixed."""
 
     def __init__(self, libraries: Sequence[Library], rng: np.random.Generator) -> None:
         self.role = common_role(library.role for library in libraries)
-        self._kinds = pieces_by_kind(piece for library in libraries for piece in library.pieces)
+        self._kinds: dict[str | None, list[Piece]] = {}
+        for piece in (piece for library in libraries for piece in library.pieces):
+            self._kinds.setdefault(kind_of(piece), []).append(piece)
         self._rng = rng
         self._left: dict[str, list[Piece]] = {}
 

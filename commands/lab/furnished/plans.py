@@ -41,16 +41,8 @@ class Opening:
     lintel: float
 
 
-@dataclass(frozen=True)
-class Room:
-    """Room: its plan, and the openings in its walls."""
-
-    plan: FloorPlan
-    openings: tuple[Opening, ...]
-
-
-def plan_interior(stock: Stock, rng: np.random.Generator) -> Room:
-    """Furnish a room of 5 to 7.4 by 4.4 to 6.2 metres; `rng` determines every random choice."""
+def plan_interior(stock: Stock, rng: np.random.Generator) -> tuple[FloorPlan, tuple[Opening, ...]]:
+    """Furnish a room of 5 to 7.4 by 4.4 to 6.2 metres with openings; `rng` determines every random choice."""
     plan = FloorPlan(
         float(rng.uniform(5.0, 7.4)), float(rng.uniform(4.4, 6.2)), float(rng.uniform(2.5, 2.9))
     )  # fmt: skip
@@ -65,7 +57,7 @@ def plan_interior(stock: Stock, rng: np.random.Generator) -> Room:
     _people(plan, stock, rng)
     for table in tables:
         _things_on(plan, table, stock, rng)
-    return Room(plan, openings)
+    return plan, openings
 
 
 def _openings(plan: FloorPlan, rng: np.random.Generator) -> tuple[Opening, ...]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import bpy
@@ -13,16 +14,17 @@ from ....operators.demo_scene import textures
 from ....operators.demo_scene.geometry import Shape, box, join, place
 from ....operators.demo_scene.materials import principled
 from .floor_plan import FloorPlan
-from .plans import Opening, Room
+from .plans import Opening
 
 _WALL = 0.16  # metres
 _BAR, _SLAT = 0.028, 0.002
 _PALETTE = ((0.90, 0.87, 0.80), (0.76, 0.83, 0.84), (0.86, 0.76, 0.66), (0.80, 0.85, 0.74), (0.92, 0.91, 0.89))
 
 
-def build_shell(collection: bpy.types.Collection, room: Room, rng: np.random.Generator) -> None:
+def build_shell(
+    collection: bpy.types.Collection, plan: FloorPlan, openings: Sequence[Opening], rng: np.random.Generator
+) -> None:
     """Build floor, ceiling and four walls around a room's plan, closed except for its openings."""
-    plan = room.plan
     x, y = plan.width / 2 + _WALL, plan.depth / 2 + _WALL
     planks = principled("Planks", image=textures.to_image("Planks", _planks(rng)), roughness=0.7)
     white = principled("White paint", (0.93, 0.92, 0.90))
@@ -30,13 +32,12 @@ def build_shell(collection: bpy.types.Collection, room: Room, rng: np.random.Gen
     place(collection, "Ceiling", box((-x, -y, plan.height), (x, y, plan.height + _WALL)), white)
     colours = rng.permutation(len(_PALETTE))
     for wall in range(4):
-        openings = [opening for opening in room.openings if opening.wall == wall]
+        own = [opening for opening in openings if opening.wall == wall]
         paint = principled(f"Wall {wall + 1}", _PALETTE[colours[0 if wall % 2 else 1]])
-        place(collection, f"Wall {wall + 1}", _set(plan, wall, _wall(plan, wall, openings)), paint)
-        trims = [_trim(opening) for opening in openings]
-        trims += [_skirting(plan, wall, openings)]
+        place(collection, f"Wall {wall + 1}", _set(plan, wall, _wall(plan, wall, own)), paint)
+        trims = [*map(_trim, own), _skirting(plan, wall, own)]
         place(collection, f"Frames {wall + 1}", _set(plan, wall, join(trims)), white)
-        for number, opening in enumerate(opening for opening in openings if opening.sill > 0 and wall):
+        for number, opening in enumerate(opening for opening in own if opening.sill > 0 and wall):
             place(collection, f"Blind {wall + 1}.{number}", _set(plan, wall, _blind(opening)), white)
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from ....patchnet_addon.runtime.errors import SettingError
 from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
-from ...encoders import load_weights
 from ..catalogue import SCENES as CATALOGUE
 from ..catalogue import Scene
 from ..codes import coded_octree
@@ -33,27 +32,17 @@ def figure_files(figure: str) -> dict[str, FileKind]:
     return {f"{figure}.png": PNG, f"{figure}.svg": SVG, f"{figure}.json": FIGURE_VALUES}
 
 
-def make_split(octree: Path, weights: Path | None, out: Path, size_px: int = SPLIT_PX) -> Steps[list[Path]]:
-    """Draw the figure of the shuttle from its octree file; returns its files.
-
-    weights: file of the network, None for the shipped one.
-    """
-    network = load_weights(weights)
+def make_split(octree: Path, network: Weights, out: Path) -> Steps[list[Path]]:
+    """Draw the figure of the shuttle from its octree file; returns its files."""
     coded = yield from coded_octree(octree, network)
-    camera = yield from hardest_end(coded.octree, (size_px, size_px), lookahead=network.lookahead)
+    camera = yield from hardest_end(coded.octree, (SPLIT_PX, SPLIT_PX), lookahead=network.lookahead)
     view = yield from split_view(coded, camera)
     paths = draw_split(view, out, SPLIT, _title(SCENES[SPLIT]))
     return [*paths, _write(SPLIT, octree_hash(coded.octree), {SPLIT: network}, view.values(), out)]
 
 
-def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) -> Steps[list[Path]]:
-    """Draw the figure of the table from its octree file; returns its files.
-
-    named: names and weights files of networks whose scores are shown beside the exact ones. Raises SettingError if two
-    of them have the same look-ahead.
-    """
-    networks = {name: load_weights(path) for name, path in named}
-    check_look_aheads(list(networks.values()))
+def make_look_ahead(octree: Path, networks: Mapping[str, Weights], out: Path) -> Steps[list[Path]]:
+    """Draw the figure of the table, scores of `networks` by name beside the exact ones; returns its files."""
     coded: list[CodedOctree] = []
     for network in networks.values():
         coded.append((yield from coded_octree(octree, network)))
@@ -72,7 +61,7 @@ def make_look_ahead(octree: Path, named: Sequence[tuple[str, Path]], out: Path) 
     return [*paths, _write(LOOK_AHEAD, octree_hash(tree), networks, {"distances": values, "shown": shown_values}, out)]
 
 
-def check_look_aheads(networks: Sequence[Weights]) -> None:
+def check_look_aheads(networks: Iterable[Weights]) -> None:
     """Raise SettingError if two networks have the same look-ahead: the figure has one column for each."""
     levels = [network.lookahead for network in networks]
     for each in levels:

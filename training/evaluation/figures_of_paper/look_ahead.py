@@ -232,23 +232,23 @@ def draw_look_ahead(
     """
     from matplotlib.figure import Figure
 
-    exact, networks = ([name for name in _names(kind[0]) if name in shown[0].scores] for kind in (EXACT, NETWORK))
-    rows = 2 if networks else 1  # of a view
-    size = _PANEL * (_PICTURES + len(exact)) + 1.4, (_PANEL + 0.3) * rows * len(shown) + 3.6
+    kinds = [kind[0] for kind in (EXACT, NETWORK) if not shown[0].scores.keys().isdisjoint(_names(kind[0]))]
+    columns, rows = _PICTURES + len(LOOKAHEADS), len(kinds) * len(shown)
+    size = _PANEL * columns + 1.4, (_PANEL + 0.3) * rows + 3.6
     figure = Figure(figsize=size, dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=11)
     parts: Any = figure.subfigures(2, 1, height_ratios=(size[1] - 3.3, 3.3))
     above, below = parts
     largest = float(np.quantile(np.concatenate([view.error.ravel() for view in shown]), _QUANTILE)) or 1.0
-    grid = above.add_gridspec(rows * len(shown), _PICTURES + len(exact))
-    for number, (view, found) in enumerate(zip(shown, shown_values, strict=True)):
-        first = rows * number
-        pictures = [above.add_subplot(grid[first : first + rows, column]) for column in range(_PICTURES)]
-        _draw_pictures(pictures, view, found, largest)
-        for row, names in enumerate([exact, _names(NETWORK[0])][:rows]):
-            panels = [above.add_subplot(grid[first + row, _PICTURES + column]) for column in range(len(names))]
-            _draw_scores(panels, names, view, found, largest)
-    above.colorbar(pictures[2].images[0], ax=above.axes, shrink=0.6, label="luminance error, true and expected")
+    panels = above.subplots(rows, columns, squeeze=False).reshape(len(shown), len(kinds), columns)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for lines, view, found in zip(panels, shown, shown_values, strict=True):
+        _draw_pictures(lines[0], view, found, largest)
+        for line, kind in zip(lines, kinds, strict=True):
+            _draw_scores(line[_PICTURES:], _names(kind), view, found, largest)
+    image = panels[0, 0, 2].images[0]
+    above.colorbar(image, ax=above.axes, shrink=0.6, label="luminance error, true and expected")
     left, right = below.subplots(1, 2, sharey=True)
     _draw_found(left, values, "region", "pixels of the cloth")
     _draw_found(right, values, "picture", "all pixels")
@@ -276,14 +276,11 @@ def _draw_scores(
 ) -> None:
     """Scores with their found shares; empty for a look-ahead without a network."""
     for axes, name in zip(row, names, strict=True):
-        if name not in view.scores:
-            axes.set_axis_off()
-            continue
-        kind, lookahead = name.split()
-        label = "exact" if kind in EXACT else "network"
-        share = found["region"]["strategies"][name]["found"]
-        title = f"{label}, {lookahead} ahead: {share:.0%}"
-        show_values(axes, view.buffers.picture(view.scores[name]), largest, title)
+        if name in view.scores:
+            kind, lookahead = name.split()
+            label = "exact" if kind in EXACT else "network"
+            title = f"{label}, {lookahead} ahead: {found['region']['strategies'][name]['found']:.0%}"
+            show_values(axes, view.buffers.picture(view.scores[name]), largest, title)
 
 
 def _draw_found(axes: Axes, values: Sequence[Mapping[str, Any]], part: str, title: str) -> None:

@@ -107,10 +107,12 @@ class SplitView:
         }
 
     def _crop_values(self, better: str, crop: Crop) -> dict[str, Any]:
-        truth = self.pictures[REFERENCE][crop.slices].astype(np.float64)
-        shown = {name: picture[crop.slices] for name, picture in self.pictures.items() if name != REFERENCE}
+        rows, columns = crop
+        truth = self.pictures[REFERENCE][crop].astype(np.float64)
+        shown = {name: picture[crop] for name, picture in self.pictures.items() if name != REFERENCE}
         mse = {name: float(np.mean((picture - truth) ** 2)) for name, picture in shown.items()}
-        return {"better": better, "row": crop.row, "column": crop.column, "side": crop.side, "mse": mse}
+        side = rows.stop - rows.start
+        return {"better": better, "row": rows.start, "column": columns.start, "side": side, "mse": mse}
 
 
 def found_share(before: float, after: float) -> float:
@@ -181,9 +183,10 @@ def _draw_stripes(axes: Axes, view: SplitView) -> None:
         if number:
             axes.axvline(number * width / len(view.pictures) - 0.5, color="w", lw=0.8)
     rows, columns = view.bounds
-    for crop, color in zip(view.crops, _COLORS, strict=True):
-        corner = crop.column - columns.start - 0.5, rows.stop - crop.row - crop.side - 0.5
-        axes.add_patch(Rectangle(corner, crop.side, crop.side, fill=False, ec=color, lw=1.5))
+    for (crop_rows, crop_columns), color in zip(view.crops, _COLORS, strict=True):
+        corner = crop_columns.start - columns.start - 0.5, rows.stop - crop_rows.stop - 0.5
+        side = crop_rows.stop - crop_rows.start
+        axes.add_patch(Rectangle(corner, side, side, fill=False, ec=color, lw=1.5))
 
 
 def _draw_crops(figure: SubFigure, view: SplitView) -> None:
@@ -193,7 +196,7 @@ def _draw_crops(figure: SubFigure, view: SplitView) -> None:
         row.suptitle(f"where {better} is ahead of {worse} by most", fontsize=9)
         panels = row.subplots(1, len(view.pictures))
         for axes, (name, picture) in zip(panels, view.pictures.items(), strict=True):
-            show_picture(axes, gray(picture[crop.slices]), _TITLES.get(name, name))
+            show_picture(axes, gray(picture[crop]), _TITLES.get(name, name))
             axes.title.set_fontsize(8)
             axes.set_axis_on()
             axes.set(xticks=[], yticks=[])

@@ -3,21 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....patchnet_addon.runtime.errors import PatchNetError, WeightsFileError
+from ....patchnet_addon.runtime.errors import WeightsFileError
 from ....patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ....patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
 from ....patchnet_addon.runtime.files import content_hash, read_arrays, write_arrays
 from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
-from ...run.run_files import CHECKPOINT, LOG, check_run
-from ...run.torch_threads import torch_threads
+from ...run import torch_threads
+from ...run.run_files import CHECKPOINT, LOG
 from . import NAMES
 from .frames import NEEDS, gbuffer
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 KIND = "sampling-map"
 MAP = "sampling_map.safetensors"
 FRAMES = "frames"  # folder of rendered frames
-_KINDS = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)}
+RUN_FILES = {CHECKPOINT: CHECKPOINT_KIND, LOG: TRAINING_LOG, MAP: arrays_kind(KIND)}
 
 
 def save_map(path: Path, network: str, weights: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
@@ -56,21 +56,13 @@ def map_networks() -> dict[str, MapNetwork]:
     return dict(zip(NAMES, (WEISS, KUZNETSOV, UNET), strict=True))
 
 
-def check_map_run(out: Path, inputs: Iterable[Path] = (), *, resume: bool) -> None:
-    """Check that a run can start or resume in `out`; raises as `check_run`."""
-    check_run(out, inputs, resume=resume, kinds=_KINDS)
-
-
 def map_strategy(path: Path) -> Strategy:
     """Strategy `witw20`, `kkr18` or `ss-unet` of a weights file of `patchnet lab train-maps`.
 
-    Raises PatchNetError without torch, and WeightsFileError for a file that is missing, damaged, or of another network
-    or version.
+    Raises WeightsFileError for a file that is missing, damaged, or of another network or version.
     """
-    try:
-        import torch
-    except ImportError as cause:
-        raise PatchNetError(f"Sampling maps need torch ({cause}): install patchnet-blender[train]") from cause
+    import torch
+
     weights, notes = read_map(path)
     network = map_networks().get(notes.get("network", ""))
     if network is None:

@@ -18,18 +18,17 @@ import numpy as np
 import torch
 
 from ....patchnet_addon.network.devices import enough_memory, found_device
-from ....patchnet_addon.runtime import bounds
-from ....patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ....patchnet_addon.runtime.errors import PatchNetError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.learner import Resumable
-from ...run.run_files import CHECKPOINT, LOG
+from ...run.run_files import CHECKPOINT, LOG, check_run
 from ...run.run_log import Log
 from ...run.trainer import RunOptions, load_checkpoint, write_checkpoint
 from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
-from .maps import MAP, check_map_run, map_networks, save_map
+from .maps import MAP, RUN_FILES, map_networks, save_map
 
 _NETWORKS = map_networks()
 
@@ -82,16 +81,6 @@ class MapSettings:
     rate: float = 1e-4
     seed: int = 0
 
-    def __post_init__(self) -> None:
-        if self.network not in _NETWORKS:
-            raise SettingError(f"Unknown network {self.network!r}: choose one of {', '.join(_NETWORKS)}")
-        bounds.STOP_AFTER.check(self.steps)
-        bounds.LEARNING_RATE.check(self.rate)
-        bounds.SEED.check(self.seed)
-        for row, value in ((bounds.BATCH, self.batch), (bounds.CROP, self.crop)):
-            if value:
-                row.check(value)
-
 
 class MapLearner(Resumable):
     """Network and optimiser of a run on one device."""
@@ -122,11 +111,11 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
 
     key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
     `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is not finite, and as
-    `check_map_run` and `load_checkpoint`.
+    `check_run` and `load_checkpoint`.
     """
     if not frames:
         raise PatchNetError("There is nothing to train on: name at least one octree")
-    check_map_run(options.out, resume=options.resume)
+    check_run(options.out, resume=options.resume, kinds=RUN_FILES)
     options.out.mkdir(parents=True, exist_ok=True)
     with enough_memory("training"):
         learner = MapLearner(settings, found_device(options.device))
