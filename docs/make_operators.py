@@ -21,8 +21,7 @@ import bpy  # noqa: TID251
 import patchnet
 from patchnet.__main__ import leave
 from patchnet.operators.jobs.job_operator import JobOperator
-from patchnet.operators.properties import PatchNetSettings
-from patchnet.operators.properties.scene import DerivedProperties
+from patchnet.operators.properties.stages import DerivedProperties, PatchNetSettings
 
 PAGE = Path(__file__).with_name("operators.md")
 

@@ -7,8 +7,7 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.worker import computed
-from .jobs.job_operator import JobOperator
-from .jobs.polls import in_object_mode
+from .jobs.job_operator import JobOperator, in_object_mode
 from .settings.job_settings import JobSettings
 
 NAME = "PatchNet Courtyard"
@@ -56,11 +55,4 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     menu.layout.operator(PATCHNET_OT_add_demo_scene.bl_idname, icon="HOME")
 
 
-def register() -> None:
-    """Add the operator to the viewport's menu Add."""
-    bpy.types.VIEW3D_MT_add.append(_draw_in_menu)
-
-
-def unregister() -> None:
-    """Remove the operator from the menu."""
-    bpy.types.VIEW3D_MT_add.remove(_draw_in_menu)
+MENUS = (("VIEW3D_MT_add", _draw_in_menu),)

@@ -8,15 +8,13 @@ import bpy
 from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
-from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
-from .properties import AnimationProperties, FrameProperties, JobProperties, is_given, setting
+from .jobs.job_operator import JobOperator, tell
+from .properties.job import is_given, setting
+from .properties.stages import AnimationProperties, FrameProperties, JobProperties
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_bake_animation(
-    FrameProperties, AnimationProperties, JobProperties, JobOperator, bpy.types.Operator
-):
+class PATCHNET_OT_bake_animation(FrameProperties, AnimationProperties, JobProperties, JobOperator, bpy.types.Operator):
     """Run all steps for every frame, each into a folder of its own in the output folder"""
 
     bl_idname = "patchnet.bake_animation"

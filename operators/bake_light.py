@@ -7,9 +7,8 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
-from .jobs.polls import VoxelJob
-from .jobs.tell import tell_notes
-from .properties import LightProperties
+from .jobs.job_operator import VoxelJob, tell_notes
+from .properties.stages import LightProperties
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings

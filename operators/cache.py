@@ -15,8 +15,8 @@ from pathlib import Path
 import bpy
 
 from ..patchnet_addon.runtime.cache_folder import BAKES, KERNELS, OCTREES, user_cache_folder
-from .jobs.polls import no_job_runs
-from .properties.preferences import apply_preferences, kept
+from .jobs.job_operator import no_job_runs
+from .properties.preferences import PatchNetPreferences, apply_preferences
 
 # Patterns of PatchNet's file names in each folder of the cache.
 _FILES = {
@@ -83,8 +83,8 @@ class PATCHNET_OT_measure_cache(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure, and keep the text."""
         apply_preferences(context)
-        kept.cache = size_text(cache_size(user_cache_folder()))
-        self.report({"INFO"}, f"Cache: {kept.cache}")
+        PatchNetPreferences.cache_size = size_text(cache_size(user_cache_folder()))
+        self.report({"INFO"}, f"Cache: {PatchNetPreferences.cache_size}")
         return {"FINISHED"}
 
 
@@ -109,6 +109,6 @@ class PATCHNET_OT_clear_cache(bpy.types.Operator):
         apply_preferences(context)
         root = user_cache_folder()
         freed = clear_cache(root)
-        kept.cache = size_text(cache_size(root))
+        PatchNetPreferences.cache_size = size_text(cache_size(root))
         self.report({"INFO"}, f"{freed / 2**20:.1f} MiB were freed in {root}")
         return {"FINISHED"}

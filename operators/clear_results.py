@@ -7,11 +7,11 @@ import bpy
 
 from ..patchnet_addon.runtime.heap import page_out
 from . import overlay
-from .jobs.polls import no_job_runs
+from .jobs.job_operator import no_job_runs
 from .scene_access.images import free_copies
 from .scene_access.own import is_own
 from .session import results
-from .session.memory import give_back
+from .session.scene_session import give_back
 
 _DRAWN_AGAIN_S = 0.5
 

@@ -6,9 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
-from .jobs.job_operator import JobOperator
-from .jobs.tell import tell, tell_notes
-from .properties import CameraProperties, LightProperties, VoxelizeProperties
+from .jobs.job_operator import JobOperator, tell, tell_notes
+from .properties.stages import CameraProperties, LightProperties, VoxelizeProperties
 from .session.scene_session import session_of
 from .settings.job_settings import ESTIMATED, JobSettings, recorded
 

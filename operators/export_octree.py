@@ -10,8 +10,9 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
-from .jobs.polls import VoxelJob
-from .properties import LevelProperties, absolute_path, setting
+from .jobs.job_operator import VoxelJob
+from .properties.job import absolute_path, setting
+from .properties.stages import LevelProperties
 from .session import results
 from .settings.job_settings import JobSettings
 

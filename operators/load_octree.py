@@ -14,9 +14,9 @@ from ..patchnet_addon.runtime.errors import CodesFileError, SettingError
 from ..patchnet_addon.runtime.progress import Progress, Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.worker import computed
-from .jobs.job_operator import JobOperator
-from .jobs.tell import tell
-from .properties import CodesProperties, absolute_path
+from .jobs.job_operator import JobOperator, tell
+from .properties.job import absolute_path
+from .properties.stages import CodesProperties
 from .session import results
 from .session.scene_result import SceneResult
 from .session.staleness import look_again
@@ -126,11 +126,4 @@ def _draw_in_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     menu.layout.operator(PATCHNET_OT_load_octree.bl_idname, text="PatchNet Octree (.safetensors)")
 
 
-def register() -> None:
-    """Add the operator to the menu File > Import."""
-    bpy.types.TOPBAR_MT_file_import.append(_draw_in_menu)
-
-
-def unregister() -> None:
-    """Remove the operator from the menu."""
-    bpy.types.TOPBAR_MT_file_import.remove(_draw_in_menu)
+MENUS = (("TOPBAR_MT_file_import", _draw_in_menu),)

@@ -10,8 +10,8 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
-from .jobs.polls import VoxelJob
-from .properties import CodesProperties
+from .jobs.job_operator import VoxelJob
+from .properties.stages import CodesProperties
 from .session import results
 from .settings.job_settings import JobSettings
 

@@ -11,9 +11,9 @@ from ..patchnet_addon.runtime.eta import JobEta
 from ..patchnet_addon.runtime.progress import Steps, changed
 from ..patchnet_addon.runtime.quantities import error_text
 from . import overlay
-from .jobs.polls import CodesJob
-from .jobs.tell import tell_notes
-from .properties import CameraProperties, CyclesRefineProperties, ViewProperties, cycles_settings
+from .jobs.job_operator import CodesJob, tell_notes
+from .properties.job import cycles_settings
+from .properties.stages import CameraProperties, CyclesRefineProperties, ViewProperties
 from .render_preview import look
 from .schema.table import SELECTED
 from .session import results
@@ -41,13 +41,13 @@ class PATCHNET_OT_refine_with_cycles(
         """Trace, score, choose pixels, render them, show."""
         from .pipeline.cycles_pictures import show_cycles
         from .pipeline.cycles_refine import check_light, refine_view
-        from .pipeline.job_work import JobFigures, Rates, work_of
+        from .pipeline.job_work import Rates, work_of
         from .scene.cameras import camera_size_px
 
         wanted = cycles_settings(context, self)
         check_light(results.codes_of(context.scene).octree)
         width, height = camera_size_px(context.scene, settings.view.size)
-        work = work_of(JobFigures(0, 0, 0, width * height), settings.changed(cycles=wanted))
+        work = work_of(settings.changed(cycles=wanted), pixels=width * height)
         eta, seconds = JobEta(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
         eta.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
         looking = look(context, settings, compare=settings.view.reference)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -16,14 +16,12 @@ from . import (
     bake_light,
     cache,
     clear_results,
-    compare,
     copy_diagnostics,
     estimate,
     export_octree,
     load_octree,
     overlay,
     precompute_codes,
-    properties,
     refine_with_cycles,
     render_engine,
     render_preview,
@@ -33,36 +31,32 @@ from . import (
     voxelize_objects,
 )
 from .jobs import job_operator
-from .properties import preferences
-from .scene_access import bake_operator, overrides, temporary, unread_file
+from .overlay import drawing, mouse, open_pictures, overlay_settings
+from .overlay import panel as overlay_panel
+from .properties import preferences, stages
+from .render_engine import panels
+from .scene_access import overrides, temporary, unread_file, window_job
 from .session import octree_cache, scene_session, staleness, world_maps
 from .ui import presets_menu
 
-# Have HANDLERS, names and functions for `bpy.app.handlers`, or register() or unregister(), or all of these.
-_BEFORE = (
+# Of each module Blender gets its CLASSES, or all that it declares; the functions in its HANDLERS, by their names in
+# `bpy.app.handlers`, and in its MENUS, by the type of menu. Then its register() is called. Its TIMERS end with it.
+_MODULES = (
     preferences,
-    properties,
+    stages,
     scene_session,
     staleness,
     overrides,
     temporary,
-    bake_operator,
+    window_job,
     job_operator,
     unread_file,
     octree_cache,
     world_maps,
-    presets_menu,
-    load_octree,
-    copy_diagnostics,
-    add_demo_scene,
-)
-_AFTER = (overlay, render_engine)
-_OPERATORS = (
     voxelize_objects,
     bake_light,
     precompute_codes,
     render_preview,
-    compare,
     refine_with_cycles,
     run_all,
     load_octree,
@@ -75,16 +69,26 @@ _OPERATORS = (
     cache,
     copy_diagnostics,
     add_demo_scene,
+    ui,
+    overlay_settings,
+    drawing,
+    mouse,
+    open_pictures,
+    overlay_panel,
+    overlay,
+    render_engine,
+    panels,
 )
+_KINDS = (
+    bpy.types.Operator, bpy.types.Macro, bpy.types.Panel, bpy.types.PropertyGroup, bpy.types.AddonPreferences
+)  # fmt: skip
 
 
-def _operators_of(module: ModuleType) -> list[type]:
-    """Operators that a module declares."""
-    kinds = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
-    return [item for item in kinds if issubclass(item, bpy.types.Operator)]
-
-
-_CLASSES = (*(item for module in _OPERATORS for item in _operators_of(module)), *ui.CLASSES)
+def classes_of(module: ModuleType) -> Sequence[type]:
+    """Classes of a module for Blender."""
+    own = (item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__)
+    found: Sequence[type] = getattr(module, "CLASSES", None) or [item for item in own if issubclass(item, _KINDS)]
+    return found
 
 
 def _handlers_of(module: ModuleType) -> Iterator[tuple[list[Any], Any]]:
@@ -94,28 +98,17 @@ def _handlers_of(module: ModuleType) -> Iterator[tuple[list[Any], Any]]:
             yield getattr(bpy.app.handlers, name), function
 
 
-def _register(modules: Iterable[ModuleType]) -> None:
-    for module in modules:
-        for handlers, function in _handlers_of(module):
-            handlers.append(function)
-        if hasattr(module, "register"):
-            module.register()
-
-
-def _unregister(modules: Sequence[ModuleType]) -> None:
-    for module in reversed(modules):
-        for handlers, function in _handlers_of(module):
-            handlers.remove(function)
-        if hasattr(module, "unregister"):
-            module.unregister()
-
-
 def register() -> None:
     """Register everything with Blender."""
-    _register(_BEFORE)
-    for item in _CLASSES:
-        bpy.utils.register_class(item)
-    _register(_AFTER)
+    for module in _MODULES:
+        for item in classes_of(module):
+            bpy.utils.register_class(item)
+        for handlers, function in _handlers_of(module):
+            handlers.append(function)
+        for menu, draw in getattr(module, "MENUS", ()):
+            getattr(bpy.types, menu).append(draw)
+        if hasattr(module, "register"):
+            module.register()
     # Blender disables extensions before it exits. As a module it hangs on classes that are still registered.
     if not preferences.IS_EXTENSION:
         atexit.register(unregister)
@@ -125,7 +118,15 @@ def unregister() -> None:
     """Unregister everything in reverse order, after the end of a job that works, which needs it."""
     atexit.unregister(unregister)
     job_operator.stop_running_job()
-    _unregister(_AFTER)
-    for item in reversed(_CLASSES):
-        bpy.utils.unregister_class(item)
-    _unregister(_BEFORE)
+    for module in reversed(_MODULES):
+        if hasattr(module, "unregister"):
+            module.unregister()
+        for timer in getattr(module, "TIMERS", ()):
+            if bpy.app.timers.is_registered(timer):
+                bpy.app.timers.unregister(timer)
+        for menu, draw in getattr(module, "MENUS", ()):
+            getattr(bpy.types, menu).remove(draw)
+        for handlers, function in _handlers_of(module):
+            handlers.remove(function)
+        for item in reversed(classes_of(module)):
+            bpy.utils.unregister_class(item)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operator that renders one camera's preview, its heatmap, and the picture refined by the budget."""
+"""Operators that render one camera's preview, heatmap and refined picture, and compare all strategies on it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
-from .jobs.polls import CodesJob
-from .jobs.tell import tell_notes
-from .properties import CameraProperties, ViewProperties
+from .jobs.job_operator import CodesJob, tell_notes
+from .properties.stages import CameraProperties, ViewProperties
 from .session import results
-from .session.shown_view import attach_view_stats
+from .session.shown_view import attach_view_stats, comparison_of
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
@@ -64,3 +63,19 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     results.keep(context.scene, attach_view_stats(before, result, compared=compare), "view")
     overlay.show(context, [result], settings.view)
     return result
+
+
+class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
+    """Trace a reference for the first camera, and measure the error that each strategy leaves after the budget"""
+
+    bl_idname = "patchnet.compare"
+    bl_label = "Compare Strategies"
+
+    def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
+        """Trace the view with all strategies and keep the table."""
+        result = yield from look(context, settings, compare=True)
+        found = comparison_of(result)
+        best = next(row for row in found.rows if row.name != "optimal")
+        before, after = error_text(found.unrefined), error_text(best.error)
+        said = tell_notes(self, result.warnings)
+        return f"{found.view}: error x 10,000 {before}, best {best.title} with {after}{said}"

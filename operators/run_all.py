@@ -10,9 +10,8 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
-from .jobs.job_operator import JobOperator
-from .jobs.tell import tell_notes
-from .properties import JobProperties
+from .jobs.job_operator import JobOperator, tell_notes
+from .properties.stages import JobProperties
 from .schema.table import SELECTED
 from .session import octree_cache, results
 from .session.scene_result import SceneResult

@@ -6,10 +6,10 @@ from __future__ import annotations
 import bpy
 
 from ..patchnet_addon.runtime.errors import PatchNetError
-from .jobs.polls import has_voxels, in_object_mode, no_job_runs
-from .jobs.tell import tell, tell_start
-from .properties import DisplayProperties, setting
+from .jobs.job_operator import has_voxels, in_object_mode, no_job_runs, tell, tell_start
+from .properties.job import setting
 from .properties.preferences import apply_preferences
+from .properties.stages import DisplayProperties
 from .scene_access.own import quiet
 from .session import results
 from .voxel_object import show

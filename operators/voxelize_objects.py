@@ -8,9 +8,8 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
-from .jobs.job_operator import JobOperator
-from .jobs.tell import tell_notes
-from .properties import CameraProperties, VoxelizeProperties
+from .jobs.job_operator import JobOperator, tell_notes
+from .properties.stages import CameraProperties, VoxelizeProperties
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings

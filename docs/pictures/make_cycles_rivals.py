@@ -32,8 +32,7 @@ from patchnet.operators.cycles.camera_render import (
     render_reference,
 )
 from patchnet.operators.cycles.pixel_renders import Chosen, pixel_renders
-from patchnet.operators.cycles.render_call import render
-from patchnet.operators.cycles.scene_copy import prepared
+from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, wanted_pixels, wanted_surface
 from patchnet.operators.schema.table import COMBINED
 from patchnet.operators.settings.job_settings import JobSettings

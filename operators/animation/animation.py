@@ -30,10 +30,11 @@ from ..pipeline.reports import REPORT_NAME, machine, versions, write_json
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
-from .frame_maker import FrameMaker, SharedSettings
-from .frame_record import (
+from .frame_maker import (
     RECORD_NAME,
+    FrameMaker,
     FrameRecord,
+    SharedSettings,
     content_key,
     discard,
     files_in,

@@ -45,8 +45,7 @@ DAYLIGHT = np.array(SKY_COLOR, np.float32) * np.float32(SKY_STRENGTH)  # of a sc
 class SeenWorld(NamedTuple):
     """World as cameras see it, until the scene changes.
 
-    color: scene-linear (3,) if it is uniform, else None. world: the evaluated one, None without one. frame: frame and
-    subframe.
+    color: scene-linear (3,) if it is uniform, else None. world: the evaluated one otherwise. frame: frame and subframe.
     """
 
     color: np.ndarray | None
@@ -83,7 +82,8 @@ def seen_world(depsgraph: bpy.types.Depsgraph, *, baked: bool, daylight: bool | 
         world = None
     if world is not None:  # the graph of a render names the original
         world = world.original.evaluated_get(depsgraph)
-    return SeenWorld(world_color(world), world, frame)
+    color = world_color(world)
+    return SeenWorld(color, world if color is None else None, frame)
 
 
 def background(
@@ -98,8 +98,8 @@ def background(
     if choice == BLACK_BACKGROUND:
         return BLACK_GROUND
     seen = seen_world(depsgraph, baked=baked, daylight=daylight)
-    if seen.color is not None or seen.world is None:
-        return Background(BLACK if seen.color is None else seen.color)
+    if seen.world is None:
+        return Background(seen.color)
     try:
         return Background((yield from world_view(seen.world.original, seen.frame, camera, SAMPLES)))
     except SceneError as error:

@@ -20,8 +20,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from .daylight import light_of_bake
-from .render_call import render
-from .scene_copy import prepared
+from .scene_copy import prepared, render
 
 
 def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[tuple[Reference, Reference]]:

@@ -20,10 +20,9 @@ from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.blender_version import start_nodes
-from ..scene_access.image_editors import editors_keep_images
 from ..scene_access.own import quiet
 from ..scene_access.temporary import sync_view_layers, temporary
-from ..scene_access.window_job import window_is_alive
+from ..scene_access.window_job import editors_keep_images, window_is_alive
 from .scene_copy import looking_through
 
 SAMPLES = 16  # a pixel of a picture

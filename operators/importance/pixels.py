@@ -22,8 +22,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.importance import PixelRect, beside_hits, picture_weights
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.surface.chroma import REC709
-from ..scene.render_geometry import render_geometry
-from ..scene.surface_instances import shown_instances, shows_mesh
+from ..scene.render_geometry import render_geometry, shown_instances, shows_mesh
 from .painted import Importance
 
 _LABEL = "Looking up importance"

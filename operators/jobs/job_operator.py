@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base of all job operators: run steps, show progress, stop, and report errors."""
+"""Base of all job operators: requirements, messages, steps with progress, stop, and reports of errors."""
 
 from __future__ import annotations
 
+import logging
 import time
+from collections.abc import Iterable
 from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -12,28 +14,63 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
+from ...patchnet_addon.runtime import log
 from ...patchnet_addon.runtime.errors import FileAccessError, FilesGoneError, PatchNetError, StoppedError
 from ...patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_code_of, prompt_interrupt
 from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
+from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.streams import keep_streams
 from ...patchnet_addon.runtime.worker import attended
-from ..properties import job_settings
+from ..properties.job import job_settings
 from ..properties.preferences import apply_preferences
 from ..scene_access.own import quiet
 from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
 from ..scene_access.window_job import in_window, others_job_is_running
-from ..session.memory import give_back
+from ..session import results
+from ..session.octree_cache import result_or_kept
+from ..session.scene_session import give_back
 from ..settings.job_settings import JobSettings
 from ..state import watch as job_watch
 from .job_window import JobDisplay, passes
-from .tell import tell, tell_start
 
 if TYPE_CHECKING:
     from bpy.types import Operator as _Operator
 else:
     _Operator = object  # Blender requires its own class among the direct bases of each operator
+
+
+_EVENTS = {
+    "INFO": ("result", logging.INFO),
+    "WARNING": ("warning", logging.WARNING),
+    "ERROR": ("error", logging.ERROR),
+}
+
+
+def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str = "", **fields: Any) -> None:
+    """Report INFO, WARNING or ERROR, and log it.
+
+    logged_as: another kind for the log. fields: of the event.
+    """
+    operator.report({kind}, text)
+    name, level = _EVENTS[logged_as or kind]
+    log.event(name, text, level, **fields)
+
+
+def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = "Preview Selection") -> str:
+    """Report notes as warnings; return the end of a report with their number and place."""
+    said = list(dict.fromkeys(notes))
+    for text in said:
+        tell(operator, "WARNING", text)
+    where = "" if bpy.app.background else f" below {below}"
+    return f"; {counted(len(said), 'note')}{where}" if said else ""
+
+
+def tell_start(operator: bpy.types.Operator) -> None:
+    """Log that an operator begins, with its file."""
+    log.start(operator.bl_label, file=bpy.data.filepath or None)
+
 
 SLICE_S = 0.05  # of work between two redraws of the window
 _TICK_S = 0.02
@@ -257,3 +294,44 @@ def stop_running_job(*_: object) -> None:
 
 # Blender 4.5 has no exit_pre.
 HANDLERS = tuple((name, stop_running_job) for name in ("undo_pre", "redo_pre", "load_pre", "exit_pre"))
+
+
+class VoxelJob(JobOperator):
+    """Job on the voxels of the scene."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Require voxels."""
+        return has_voxels(cls, context) and super().poll(context)
+
+
+class CodesJob(JobOperator):
+    """Job on the codes of the scene."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Require codes."""
+        result = result_or_kept(context.scene)
+        return _unless(cls, result is None or result.coded is None, results.NO_CODES) and super().poll(context)
+
+
+def has_voxels(operator: Any, context: bpy.types.Context) -> bool:
+    """Return whether there are voxels; else set the poll message."""
+    return _unless(operator, result_or_kept(context.scene) is None, results.NO_VOXELS)
+
+
+def in_object_mode(operator: Any, context: bpy.types.Context, what: str) -> bool:
+    """Return whether Object Mode is active, which `what` needs; else set the poll message."""
+    return _unless(operator, context.mode != "OBJECT", f"{what} in Object Mode only: leave the present mode")
+
+
+def no_job_runs(operator: Any) -> bool:
+    """Return whether no job runs in a window; else set the poll message."""
+    running = JobOperator.running
+    return _unless(operator, bool(running), f"{running} is running: wait for it, or press Esc over the window")
+
+
+def _unless(operator: Any, hindered: bool, sentence: str) -> bool:
+    if hindered:
+        operator.poll_message_set(sentence)
+    return not hindered

@@ -14,20 +14,17 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ...patchnet_addon.image.tone import to_bytes
-from ..session.result_images import show_images
 from ..session.scene_session import session_of
 from ..session.shown_view import view_to_show
-from ..session.views import keep_view, view_of_camera
+from ..session.views import show_images
 from ..settings.groups import ViewSettings
-from . import handlers, mouse, open_pictures, overlay_settings, panel
+from . import open_pictures, overlay_settings
 from .drawing import inspected
+from .open_pictures import unfinished_pictures as unfinished_pictures
 from .paint import free_textures
-from .unfinished import unfinished_pictures as unfinished_pictures
 
 if TYPE_CHECKING:
     from ..pipeline.views import View
-
-_CLASSES = (*handlers.CLASSES, *mouse.CLASSES, *open_pictures.CLASSES, *panel.CLASSES)
 
 
 def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings) -> None:
@@ -37,13 +34,13 @@ def show(context: bpy.types.Context, views: Sequence[View], wanted: ViewSettings
         made = view_to_show(view, wanted, context.scene.patchnet.heatmap_maximum)
         heatmaps.append(show_images(view, made)["heatmap"])
         if not bpy.app.background:  # no editor draws views
-            keep_view(context.scene, made)
+            session_of(context.scene).views[made.camera.name] = made
     _come_up(context, heatmaps[0])
 
 
 def add(context: bpy.types.Context, camera: str, name: str, image: bpy.types.Image, picture: np.ndarray) -> None:
     """Add a picture, encoded colours, to a camera's view, and show its image in an Image Editor."""
-    view = view_of_camera(context.scene, camera)
+    view = session_of(context.scene).views.get(camera)
     if view is not None:
         view.looks[name] = to_bytes(picture)
     _come_up(context, image)
@@ -70,21 +67,3 @@ def _switch_off(*_: object) -> None:
 
 
 HANDLERS = (("load_pre", _switch_off),)
-
-
-def register() -> None:
-    """Settings, operators, panels; after the main panel."""
-    overlay_settings.register()
-    handlers.register()
-    for item in _CLASSES:
-        bpy.utils.register_class(item)
-
-
-def unregister() -> None:
-    """Unregister all, with callbacks and textures."""
-    handlers.unregister()
-    open_pictures.unregister()
-    inspected.clear()
-    for item in reversed(_CLASSES):
-        bpy.utils.unregister_class(item)
-    overlay_settings.unregister()

@@ -11,14 +11,17 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.colormaps import colormap
+from ...patchnet_addon.runtime import log
 from ..properties.preferences import preferences
 from ..scene_access.images import VIEW_TRANSFORM, unlike_view
 from ..session import views
+from ..session.scene_session import session_of
 from ..session.shown_view import CYCLES_PICTURE, TITLES, ShownView
+from . import overlay_settings as settings
 from . import paint
-from .framed import EDITORS, framed, free_rect
-from .layout import Rect, beside
+from .framed import EDITORS, Rect, beside, framed, free_rect
 from .overlay_settings import NOTHING, overlay_settings
+from .paint import free_shader, free_textures
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not rendered yet: press Refine with Cycles"
@@ -170,3 +173,62 @@ def _draw_inspected(context: bpy.types.Context, pixel: InspectedPixel) -> None:
     size = paint.box_size(pixel.lines, scale)
     corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(context.area, context.region))
     paint.box(pixel.lines, corner, scale)
+
+
+NO_VIEW = "There are no pictures yet: run Render Preview first"
+_handles: dict[Any, Any] = {}  # by the space type that they draw in
+
+
+def _draw() -> None:
+    """Draw in the current region; the first error switches the overlay off, as each redraw would repeat it."""
+    if settings.problem:
+        return
+    try:
+        draw_region(bpy.context)
+    except Exception as error:  # noqa: BLE001  any error would come again with every redraw
+        settings.fail(f"The overlay cannot be drawn and is switched off: {error}")
+        log.unexpected(error)
+
+
+def register() -> None:
+    """Add the draw handlers of viewports and Image Editors."""
+    for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
+        _handles[space] = space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Remove the draw handlers, textures and the shader."""
+    while _handles:
+        space, handle = _handles.popitem()
+        space.draw_handler_remove(handle, "WINDOW")
+    free_textures()
+    free_shader()
+    inspected.clear()
+
+
+class PATCHNET_OT_toggle_overlay(bpy.types.Operator):
+    """Lay the chosen picture over the camera's view, or over the image in an Image Editor"""
+
+    bl_idname = "patchnet.toggle_overlay"
+    bl_label = "Overlay"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Require a picture, except to switch off."""
+        values = overlay_settings(context)
+        if not (session_of(context.scene).views or values.show_viewport or values.show_editor):
+            cls.poll_message_set(NO_VIEW)
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Switch the overlay of this editor; in other editors that of the viewport."""
+        values, name = overlay_settings(context), switch_of(context)
+        setattr(values, name, not getattr(values, name))
+        return {"FINISHED"}
+
+
+def switch_of(context: bpy.types.Context) -> str:
+    """Name of the setting that switches the overlay of the current editor."""
+    return "show_editor" if context.area is not None and context.area.type == "IMAGE_EDITOR" else "show_viewport"

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..session import views
+from ..session.scene_session import session_of
 from . import overlay_settings as settings
-from .drawing import InspectedPixel, inspected, live, maximum_of
-from .framed import UnderMouse, under_mouse
-from .handlers import NO_VIEW, switch_of
-from .layout import pixel_at
+from .drawing import NO_VIEW, InspectedPixel, inspected, live, maximum_of, switch_of
+from .framed import UnderMouse, pixel_at, under_mouse
 from .overlay_settings import overlay_settings, refresh
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ class _MouseOperator(_Operator):
     @classmethod
     def has_pictures(cls, context: bpy.types.Context) -> bool:
         """Return whether there is a picture."""
-        return views.has_views(context.scene)
+        return bool(session_of(context.scene).views)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -89,7 +87,7 @@ class PATCHNET_OT_inspect_pixels(_MouseOperator, bpy.types.Operator):
     @classmethod
     def has_pictures(cls, context: bpy.types.Context) -> bool:
         """Return whether there is a picture or a live heatmap."""
-        return bool(live) or views.has_views(context.scene)
+        return bool(live) or bool(session_of(context.scene).views)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start in this window, or stop if it runs there."""
@@ -145,6 +143,3 @@ def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
     pixels = (pixel_at(rect, view.size_px, cursor.x, cursor.y) for rect in rects)
     pixel = next((item for item in pixels if item is not None), None)
     return view.describe_pixel(*pixel, maximum_of(context.scene, view)) if pixel is not None else []
-
-
-CLASSES = (PATCHNET_OT_drag_wipe, PATCHNET_OT_inspect_pixels)

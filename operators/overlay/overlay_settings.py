@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty
 
-from ..properties.shapes import share
+from ..properties.stages import share
 from ..session.shown_view import HEATMAP, PREVIEW, TITLES
 from .framed import EDITORS
 from .paint import free_textures
@@ -106,11 +106,9 @@ def overlay_settings(context: bpy.types.Context) -> bpy.types.PropertyGroup:
 
 def register() -> None:
     """Register the settings."""
-    bpy.utils.register_class(PatchNetOverlaySettings)
     bpy.types.WindowManager.patchnet_overlay = PointerProperty(type=PatchNetOverlaySettings, options={"SKIP_SAVE"})
 
 
 def unregister() -> None:
     """Unregister the settings."""
     del bpy.types.WindowManager.patchnet_overlay
-    bpy.utils.unregister_class(PatchNetOverlaySettings)

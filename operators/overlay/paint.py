@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..session.shown_view import ShownView
-from .layout import Rect
+from .framed import Rect
 
 Color = tuple[float, float, float, float]
 INK: Color = (0.92, 0.92, 0.92, 1.0)
@@ -48,11 +48,6 @@ def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
 def free_textures() -> None:
     """Free the memory on the graphics card."""
     _texture.cache_clear()
-
-
-def held() -> int:
-    """Number of cached textures."""
-    return _texture.cache_info().currsize
 
 
 def texels(picture: np.ndarray) -> np.ndarray:

@@ -7,12 +7,10 @@ import bpy
 
 from ...patchnet_addon.runtime.quantities import named_list
 from ..scene_access.images import unlike_view
-from ..session import views
 from ..session.scene_session import session_of
 from ..ui.tab import OVERLAY, PanelBase, draw_sentence, split
 from . import overlay_settings as settings
-from .drawing import inspected
-from .handlers import NO_VIEW
+from .drawing import NO_VIEW, inspected
 from .overlay_settings import overlay_settings
 
 
@@ -28,7 +26,7 @@ class _OverlayPanel(PanelBase):
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
         if settings.problem:
             draw_sentence(layout, context, settings.problem, "ERROR")
-        elif not views.has_views(context.scene):
+        elif not session_of(context.scene).views:
             draw_sentence(layout, context, NO_VIEW, "INFO")
         elif on and not context.space_data.overlay.show_overlays:
             draw_sentence(layout, context, "Hidden by Show Overlays", "INFO")
@@ -80,6 +78,3 @@ class PATCHNET_PT_image_overlay(_OverlayPanel, bpy.types.Panel):
     bl_label = "Overlay"
     bl_space_type = "IMAGE_EDITOR"
     shown_by = "show_editor"
-
-
-CLASSES = (PATCHNET_PT_overlay, PATCHNET_PT_image_overlay)

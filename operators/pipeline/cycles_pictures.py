@@ -14,8 +14,7 @@ from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.runtime.quantities import error_text
 from ..scene_access.images import ERROR_MAXIMUM, save_png, show_image
-from .cycles_figures import COMPOSITED, FULL
-from .cycles_refine import CyclesView
+from .cycles_refine import COMPOSITED, FULL, CyclesView
 
 _SHEET_NAME = "cycles_compare.png"
 _DIMMED = 0.35  # of the heatmap where Cycles does not render

@@ -17,23 +17,96 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, Pace, in_batches
+from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
+from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
+from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import Chosen, pixel_renders
 from ..scene.images import ImageReader
 from ..scene.materials import is_partly_transparent, read_material
 from ..scene.read import LEFT_OUT, read_scene
+from ..scene.render_geometry import shown_instances, shows_itself
 from ..scene.scene_mesh import SceneMesh
-from ..scene.surface_instances import shown_instances, shows_itself
 from ..scene_access.blender_version import tree_in_use
 from ..schema.table import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
 from ..settings.cycles_settings import REFERENCE_FACTOR, REFERENCE_SEED, WITH_GLOSS, CyclesSettings
-from .cycles_figures import Renders, cycles_report, shown_light, squared_errors
 from .unfinished import Ground
 from .views import View
 
 if TYPE_CHECKING:
     from ...patchnet_addon.tracing.supersample import PixelMeans
+
+
+REFINED, COMPOSITED, OVER_UNREFINED, FULL = "refined_octree", "composited", "composited_over_unrefined", "full"
+
+
+@dataclass(eq=False)
+class Renders:
+    """Cycles pictures, (H, W, 4) float32, linear unexposed light and alpha, and their wall seconds.
+
+    pixels: the chosen pixels, empty elsewhere. seconds: of these, with reading the scene; sync_seconds: of reading
+    alone. full: the whole picture with the same samples and seed, in full_seconds, with reading the scene. reference:
+    with more samples and another seed.
+    """
+
+    pixels: np.ndarray
+    seconds: float = 0.0
+    sync_seconds: float = 0.0
+    full: np.ndarray | None = None
+    full_seconds: float = 0.0
+    reference: np.ndarray | None = None
+
+
+def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray:
+    """Linear light (H, W, 3), or with alpha (H, W, 4), as the octree shows it: exposed, in [0, 1], (H, W) unless
+    `colored`."""
+    light = light[..., :3]
+    return np.clip(np.float32(exposure) * (light if colored else luminance(light)), 0.0, 1.0).astype(np.float32)
+
+
+def cycles_report(priority: np.ndarray, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> dict[str, Any]:
+    """Shares and seconds."""
+    total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))
+    report: dict[str, Any] = {
+        "budget": settings.budget,
+        "samples": settings.samples,
+        "light": settings.light,
+        "pixels_share": float(mask.mean()),
+        "priority_share": held / total if total > 0 else 0.0,
+        "seconds": {"pixels": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
+    }
+    if renders.full is not None:
+        report["seconds"]["full"] = renders.full_seconds
+        report["reference_samples"] = REFERENCE_FACTOR * settings.samples
+    return report
+
+
+def squared_errors(
+    buffers: PixelBuffers, mask: np.ndarray, renders: Renders, exposure: float, octree: tuple[np.ndarray, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Squared luminance errors (H, W) float64 against the reference, by name of the picture.
+
+    octree: (P,) luminance of the view's refined picture, and of the octree's own rays below the pixels of Cycles. All
+    errors include the noise of the reference.
+    """
+    assert renders.reference is not None and renders.full is not None
+    reference, cycles, full = (
+        shown_light(light, exposure, False) for light in (renders.reference, renders.pixels, renders.full)
+    )
+    refined, own = (buffers.picture(luminance) for luminance in octree)
+    shown = buffers.picture(buffers.shown)
+    pictures = {
+        PREVIEW: buffers.picture(buffers.preview),
+        OVER_UNREFINED: np.where(mask, cycles, shown),
+        REFINED: refined,
+        COMPOSITED: np.where(mask, cycles, own),
+        FULL: full,
+    }
+    if buffers.shows_predicted:
+        pictures[PREDICTED] = shown
+    return {name: (picture.astype(np.float64) - reference) ** 2 for name, picture in pictures.items()}
+
 
 OWN_SIDE = 4  # of the octree's rays in pixels that Cycles does not render
 
@@ -86,18 +159,8 @@ def _kind(material: bpy.types.Material | None) -> bool:
     return reading.alpha_texture is None and is_partly_transparent(reading)
 
 
-class WantedPixels(NamedTuple):
-    """Pixels of a camera whose nearest surface is wanted or lies behind a box.
-
-    mask: (H, W) bool. depth_world: of the nearest surface or box of all pixels, infinite without one.
-    """
-
-    mask: np.ndarray
-    depth_world: float
-
-
-def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
-    """Find the pixels that only Cycles shows correctly."""
+def wanted_pixels(surface: WantedSurface, camera: Camera) -> Chosen:
+    """Pixels of a camera that only Cycles shows correctly: their nearest surface is wanted, or lies behind a box."""
     from ...patchnet_addon.tracing.seen_triangles import Sight
 
     size = camera.width_px, camera.height_px
@@ -112,7 +175,7 @@ def wanted_pixels(surface: WantedSurface, camera: Camera) -> WantedPixels:
     around.add(sides, np.ones(len(sides), bool), 0)
     surfaces, boxes = sight.seen.depth[0], around.seen.depth[0]
     mask |= (boxes < surfaces) | any(_is_in(box, camera) for box in surface.boxes)
-    return WantedPixels(mask, float(min(surfaces.min(), boxes.min())))
+    return Chosen(mask, float(min(surfaces.min(), boxes.min())))
 
 
 def _is_in(box: np.ndarray, camera: Camera) -> bool:
@@ -172,7 +235,7 @@ def refine_view(
     added = not has_light(depsgraph) if sun is None else sun
     gloss = bool(wanted.mask.any()) or octree.provenance.get("gloss", GLOSS_OFF) != GLOSS_OFF
     light = WITH_GLOSS if settings.light == DIFFUSE and gloss else settings.light
-    renders = yield from _rendered(context, camera, Chosen(mask, wanted.depth_world), (settings, light), added)
+    renders = yield from _rendered(context, camera, wanted._replace(mask=mask), (settings, light), added)
     tracing = Progress(0, 1, f"{camera.name}: tracing all others")
     own = yield from run_in_worker(lambda: _own_rays(view, np.flatnonzero(~mask)), tracing)
     result = yield from computed(

@@ -23,7 +23,7 @@ from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
-from .job_work import JobFigures, Rates, pixels_of, texels_of, time_line, work_of
+from .job_work import Rates, pixels_of, texels_of, time_line, work_of
 from .stages import GridChoice, encoder_text, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
@@ -99,7 +99,9 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     if light.is_baked:
         texels = yield from texels_of(source, GridChoice(Grid.around(bounds, depth)), settings)
     rates = Rates()
-    seconds = rates.seconds(work_of(JobFigures(source.triangle_count, leaves, texels, pixels_of(cameras)), settings))
+    triangles = source.triangle_count
+    work = work_of(settings, pixels=pixels_of(cameras), triangles=triangles, leaves=leaves, texels=texels)
+    seconds = rates.seconds(work)
     return Estimate(
         depth=depth,
         fitted=surface.fit,

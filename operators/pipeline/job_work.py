@@ -8,7 +8,6 @@ import logging
 import os
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
@@ -35,40 +34,32 @@ _ELSEWHERE = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class JobFigures:
-    """Figures of a job that decide its time.
-
-    triangles: of the surface. leaves: of the octree. texels: of the bake, 0 without one. pixels: of all cameras.
-    """
-
-    triangles: int
-    leaves: int
-    texels: int
-    pixels: int
-
-
 def pixels_of(cameras: Sequence[Camera]) -> int:
     """Pixels of all cameras."""
     return sum(camera.pixel_count for camera in cameras)
 
 
-def work_of(figures: JobFigures, settings: JobSettings) -> dict[str, float]:
-    """Units of work of each stage, in the order of the job; 0 for a stage that the job skips."""
+def work_of(
+    settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: int = 0, texels: int = 0
+) -> dict[str, float]:
+    """Units of work of each stage, in the order of the job; 0 for a stage that the job skips.
+
+    pixels: of all cameras. triangles: of the surface. leaves: of the octree. texels: of the bake, 0 without one.
+    """
     view, light = settings.view, settings.light
     rays = view.spp or 1.0 + view.budget * view.refined_samples
-    cycles = 0.0 if view.cycles is None else figures.pixels * view.cycles.budget * view.cycles.samples
+    cycles = 0.0 if view.cycles is None else pixels * view.cycles.budget * view.cycles.samples
     if view.cycles is not None and view.cycles.compare:
-        cycles += 5.0 * figures.pixels * view.cycles.samples
-    surface = figures.triangles + 100_000.0
+        cycles += 5.0 * pixels * view.cycles.samples
+    surface = triangles + 100_000.0
     return {
         "read": surface,
         "depth": surface,
-        "light": figures.texels * (light.samples + 4.0),
-        "denoise": float(figures.texels) if light.denoise else 0.0,
-        "voxelize": figures.leaves + surface,
-        "codes": float(figures.leaves),
-        "views": figures.pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
+        "light": texels * (light.samples + 4.0),
+        "denoise": float(texels) if light.denoise else 0.0,
+        "voxelize": leaves + surface,
+        "codes": float(leaves),
+        "views": pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
         "cycles": cycles,
     }
 
@@ -140,8 +131,8 @@ class JobPlan:
         if self._settings.light.is_baked:
             counting = Progress(0, 1, "Counting texels")
             texels = yield from run_in_worker(lambda: texels_of(source, choice, self._settings), counting)
-        figures = JobFigures(source.triangle_count, choice.leaves, texels, pixels_of(cameras))
-        work = work_of(figures, self._settings)
+        pixels, triangles = pixels_of(cameras), source.triangle_count
+        work = work_of(self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves, texels=texels)
         self._work = {name: units for name, units in work.items() if not stages or name in stages}
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
 

@@ -68,16 +68,8 @@ def scene_settings(scene: bpy.types.Scene) -> JobSettings:
 
 def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) -> CyclesSettings:
     """Settings of a refinement by Cycles, from the operator where they are set, else from the scene."""
-
-    def value(name: str) -> Any:
-        return setting(context, operator, f"cycles_{name}")
-
-    return CyclesSettings(
-        budget=value("budget"),
-        samples=value("samples"),
-        light=value("light"),
-        compare=value("compare"),
-    )
+    names = "budget", "samples", "light", "compare"
+    return CyclesSettings(**{name: setting(context, operator, f"cycles_{name}") for name in names})
 
 
 # Settings whose values mean what they mean beside others; all else is taken as it stands.

@@ -23,20 +23,11 @@ KEPT_GIB, CARD_GIB = 4.0, 2.0
 _LEVELS = ("ERROR", "WARNING", "INFO", "DEBUG")
 
 
-@dataclass
-class _Kept:
-    """Finding of an operator that the preferences show: the size of the cache."""
-
-    cache: str = ""
-
-
-kept = _Kept()
-
-
 class PatchNetPreferences(bpy.types.AddonPreferences):
     """Shown under Edit > Preferences > Add-ons."""
 
     bl_idname = ROOT_PACKAGE
+    cache_size = ""  # in words, once measured
 
     cache_folder: StringProperty(
         name="Cache Folder",
@@ -111,7 +102,7 @@ class PatchNetPreferences(bpy.types.AddonPreferences):
             layout.prop(self, name)
         layout.prop(self, "cache_folder", placeholder="The Extension's Own")
         split = layout.split(factor=0.6)  # room for all sizes
-        split.label(text=kept.cache or "Size not measured")
+        split.label(text=PatchNetPreferences.cache_size or "Size not measured")
         row = split.row()
         row.operator("patchnet.measure_cache", text="Measure")
         row.operator("patchnet.clear_cache", text="Clear", icon="TRASH")
@@ -162,11 +153,5 @@ def _name_cache_folder(chosen: Preferences) -> None:
 
 
 def register() -> None:
-    """Make the preferences known."""
-    bpy.utils.register_class(PatchNetPreferences)
+    """Name the cache folder."""
     _name_cache_folder(preferences(bpy.context))  # before anything imports kernels, as a render without a window does
-
-
-def unregister() -> None:
-    """Forget the preferences."""
-    bpy.utils.unregister_class(PatchNetPreferences)

@@ -10,25 +10,18 @@ import bpy
 from ..gpu_view import cards
 from ..scene_access.stop_cycles import forget_engine
 from ..session.scene_session import in_main_thread, open_sessions
-from . import engine, panels, viewport
-
-_CLASSES = (*engine.CLASSES, *panels.CLASSES)
+from . import viewport
+from .engine import PatchNetRenderEngine
 
 
 def register() -> None:
-    """Register the engine, and enable Blender's panels for it."""
-    for item in _CLASSES:
-        bpy.utils.register_class(item)
-    panels.add_to_blenders()
+    """Register the engine."""
+    bpy.utils.register_class(PatchNetRenderEngine)
 
 
 def unregister() -> None:
     """Unregister the engine."""
-    panels.remove_from_blenders()
-    for item in reversed(panels.CLASSES):
-        bpy.utils.unregister_class(item)
-    for item in engine.CLASSES:
-        forget_engine(item)
+    forget_engine(PatchNetRenderEngine)
     viewport.unregister()
 
 

@@ -76,6 +76,3 @@ class PatchNetRenderEngine(bpy.types.RenderEngine):
         """Report the sentence in the status bar and the render window; scripts get an exception."""
         self.report({"ERROR"}, sentence)
         self.error_set(sentence)
-
-
-CLASSES = (PatchNetRenderEngine,)

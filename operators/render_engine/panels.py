@@ -107,14 +107,14 @@ def _draw_live(header: bpy.types.Header, context: bpy.types.Context) -> None:
         header.layout.prop(overlay_settings(context), "live", text="")
 
 
-def add_to_blenders() -> None:
+def register() -> None:
     """Show Blender's own panels with this engine."""
     bpy.types.VIEW3D_HT_header.append(_draw_live)
     for panel in _fitting():
         panel.COMPAT_ENGINES.add(ENGINE)
 
 
-def remove_from_blenders() -> None:
+def unregister() -> None:
     """Hide Blender's own panels again."""
     bpy.types.VIEW3D_HT_header.remove(_draw_live)
     for panel in bpy.types.Panel.__subclasses__():

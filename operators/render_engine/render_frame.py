@@ -21,7 +21,7 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.background import background
 from ..importance.pixels import read_strokes
-from ..properties import scene_settings
+from ..properties.job import scene_settings
 from ..properties.preferences import apply_preferences
 from ..scene.cameras import focus_warnings
 from ..scene_access.frames import values_of_graph

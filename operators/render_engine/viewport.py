@@ -22,21 +22,20 @@ from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.tracing.camera import Camera
 from ..gpu_view import cards
-from ..gpu_view.blender_device import CardError
 from ..gpu_view.card_octree import CardOctree
+from ..gpu_view.cards import CardError
 from ..overlay.drawing import live
 from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
 from ..properties.preferences import apply_preferences, preferences
 from ..session import results
-from ..session.memory import give_back
 from ..session.scene_result import SceneResult
+from ..session.scene_session import give_back
 from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
-from .viewport_card import CardPicture
-from .viewport_heat import CardHeat, HeatKind, strategy_on_card
+from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
-from .viewport_world import PictureTexture, ViewportWorld, draw_message
+from .viewport_world import ViewportWorld, draw_message, draw_picture, picture_texture
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
@@ -59,7 +58,7 @@ class Viewport:
         self._preview: ViewportPreview | None = None
         self._preparation: Preparation | None = None
         self._prepared_for: tuple[Any, ...] = ()
-        self._texture: PictureTexture | None = None
+        self._texture: Any = None
         self._asked = 0.0  # time of the last request to redraw
         self._on_card: CardPicture | None = None
         self._heat: CardHeat | None = None
@@ -123,11 +122,11 @@ class Viewport:
         preview = self._preview_of(context, depsgraph, result, camera)
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as a redraw takes
-            self._texture = PictureTexture(preview.pixels())
+            self._texture = picture_texture(preview.pixels())
             if preview.done:
                 trim()  # a moving view frees many arrays
         if self._on_card is None or preview.picture.buffers is not None:
-            self._texture.draw(engine, context.scene)
+            draw_picture(self._texture, engine, context.scene)
         else:  # better than a coarse picture
             self._on_card.draw(engine, context.scene)
         self._say(engine, preview.status, result)

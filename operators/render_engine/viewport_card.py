@@ -1,14 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture of one viewport on the graphics card: a ray a pixel while the view moves, then one sample after the other."""
+"""Picture and live heatmap of one viewport on the graphics card.
+
+The picture has a ray a pixel while the view moves, then one sample after the other; the heatmap half the resolution
+while the view moves, then bands of rows.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import time
+from typing import Any, NamedTuple
+from weakref import ReferenceType, ref
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.codes.coded_octree import CodedOctree
+from ...patchnet_addon.image.colormaps import colormap
+from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.sampling.registry import STRATEGIES
+from ...patchnet_addon.sampling.strategy import Strategy
+from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube, camera_part
 from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.packing import world_words
 from ..gpu_view.shaders import CENTRE, FLOATS
@@ -78,3 +89,147 @@ class CardPicture:
         self._means = other, mean
         self._samples += 1
         self.done = self._samples == len(self._places)
+
+
+_RAMP = 256
+_FIRST_ROWS, _FEWEST_ROWS = 32, 8  # rows of a band
+_QUICK_S, _SLOW_S = 0.02, 0.05  # time between two redraws: bands grow below, shrink above
+
+_PRIORITY = 1  # kind of a heatmap
+_PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
+
+
+class HeatKind(NamedTuple):
+    """Settings of a heatmap.
+
+    kind, most: see `CardOctree.heat`. ramp: name of a colour map. ranked_by: one of the card's strategies.
+    """
+
+    kind: int
+    most: float
+    ramp: str
+    ranked_by: Strategy
+
+    @property
+    def estimated(self) -> bool:
+        """Return whether the heatmap needs the estimator of errors."""
+        return self.kind == _PRIORITY and self.ranked_by is _NO_RAY
+
+
+def strategy_on_card(chosen: Strategy, card: CardOctree) -> tuple[Strategy, str]:
+    """Strategy that ranks live priority if `chosen` is the scene's, and a sentence about it.
+
+    The card traces no finer rays, so the estimator without them replaces all strategies but the paper's score.
+    """
+    if chosen is _PAPER or not card.estimates:
+        return _PAPER, _said(_PAPER, chosen, "these weights have no estimator of errors")
+    return _NO_RAY, _said(_NO_RAY, chosen, f"{chosen.title} is computed on the CPU only")
+
+
+def _said(used: Strategy, chosen: Strategy, why: str) -> str:
+    return f"Priority by {used.title}" if used is chosen else f"Priority by {used.title}: {why}"
+
+
+class CardHeat:
+    """Heatmap of a view; dropping it frees its images.
+
+    shown: texture to draw over the view, in display colours. done: it has the view's resolution.
+    """
+
+    def __init__(self) -> None:
+        self.shown: Any = None
+        self.done = False
+        self._wanted: tuple[Any, ...] = ()
+        self._half: _Pass | None = None  # kept while the view moves, when memory grows less with Vulkan
+        self._pass: _Pass | None = None
+        self._rows, self._last = _FIRST_ROWS, 0.0
+        self._seen: tuple[ReferenceType[CodedOctree], Camera, Strategy] | None = None
+
+    def look(self, card: CardOctree, coded: CodedOctree, view: tuple[Any, ...], camera: Camera, kind: HeatKind) -> None:
+        """Continue the heatmap of a view."""
+        self._seen = ref(coded), camera, kind.ranked_by
+        now, wanted = time.perf_counter(), (view, kind)
+        if wanted != self._wanted:
+            self._wanted, self.done, self._pass = wanted, False, None
+            half = camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1))
+            if self._half is None or not self._half.fits(card, half, kind):
+                self._half = _Pass(card, half, kind)
+            self._half.begin(half)
+            self._half.decode(half.height_px)
+            self.shown = self._half.heat()
+        elif not self.done:
+            if self._pass is None:
+                self._pass = _Pass(card, camera, kind)
+                self._pass.begin(camera)
+            elif now - self._last < _QUICK_S:
+                self._rows *= 2
+            elif now - self._last > _SLOW_S:
+                self._rows = max(self._rows // 2, _FEWEST_ROWS)
+            if self._pass.decode(self._rows):
+                self.shown, self._pass, self.done = self._pass.heat(), None, True
+        self._last = now
+
+    def describe_pixel(self, column: int, row: int) -> list[str]:
+        """Lines about a pixel of the view, computed on the CPU: nothing is read back from the card."""
+        from ...patchnet_addon.sampling.trace import trace_view
+
+        if self._seen is None or (coded := self._seen[0]()) is None:
+            return []
+        _, camera, ranked_by = self._seen
+        left, low = max(column - 1, 0), max(row - 1, 0)  # the estimator needs the pixels around it
+        wide, high = min(column + 2, camera.width_px) - left, min(row + 2, camera.height_px) - low
+        part = camera_part(camera, left, low, wide, high)
+        view = drain(trace_view(coded.octree, part, [ranked_by], coded=coded, reference=False))
+        pixel, found = (row - low) * wide + column - left, view.prediction
+        if found is None or not view.hit[pixel]:
+            return [f"Pixel {column}, {row}", "Level none: background"]
+        return [
+            f"Pixel {column}, {row}",
+            f"Priority {ranked_by.scores(view)[pixel]:.4g}",
+            f"Coverage {found.coverage[pixel]:.3f}" + ("" if found.look_ahead[pixel] else ": no look-ahead"),
+            f"Preview luminance {view.preview[pixel]:.4f}",
+            f"Luminance of the patch {found.luminance[pixel]:.4f}",
+            f"Level {view.hits.level[pixel]}",
+        ]
+
+
+class _Pass:
+    """Images of a heatmap, and the number of rows decoded so far."""
+
+    def __init__(self, card: CardOctree, camera: Camera, kind: HeatKind) -> None:
+        device, size = card.device, (camera.width_px, camera.height_px)
+        self.camera: CameraUnit = camera_in_unit_cube(camera, card.grid)
+        self._card, self._kind, self._row = card, kind, 0
+        self._hits, self._decoded = card.hit_images(self.camera), device.image(*size, FLOATS)
+        self._scored = device.image(*size, FLOATS) if kind.estimated else None
+        self._made = device.image(*size, FLOATS)
+        colors = np.ones((_RAMP, 4), np.float32)
+        colors[:, :3] = colormap(np.linspace(0, 1, _RAMP), kind.ramp)
+        self._ramp = device.texture(colors.view(np.uint32))
+
+    def fits(self, card: CardOctree, camera: Camera, kind: HeatKind) -> bool:
+        """Return whether the images are those of this octree, size and kind."""
+        same_size = (self.camera.width_px, self.camera.height_px) == (camera.width_px, camera.height_px)
+        return self._card is card and self._kind == kind and same_size
+
+    def begin(self, camera: Camera) -> None:
+        """Trace a view, of which no row is decoded then."""
+        self.camera, self._row = camera_in_unit_cube(camera, self._card.grid), 0
+        self._card.trace(self.camera, self._hits)
+
+    def decode(self, rows: int) -> bool:
+        """Decode the next rows; returns whether these are the last."""
+        rows = min(rows, self.camera.height_px - self._row)
+        self._card.decode(self.camera, self._hits, self._decoded, (self._row, rows))
+        first, self._row = max(self._row - 1, 0), self._row + rows
+        done = self._row == self.camera.height_px
+        if self._scored is not None:  # up to the row before the last one, whose upper neighbors may be missing
+            band = first, self._row - first - (0 if done else 1)
+            self._card.estimate(self.camera, self._hits, self._decoded, self._scored, band)
+        return done
+
+    def heat(self) -> Any:
+        """Texture of the heatmap."""
+        seen = self._decoded if self._scored is None else self._scored
+        self._card.heat(self.camera, self._hits, seen, self._ramp, self._kind[:2], self._made)
+        return self._made

@@ -25,20 +25,12 @@ _TEXT_PX = 15
 _MARGIN_PX = 20
 
 
-class PictureTexture:
-    """Picture on the graphics card, freed with this object."""
+def picture_texture(pixels: np.ndarray) -> Any:
+    """Texture of pixels (H, W, 4) float32, scene-linear, premultiplied by alpha."""
+    import gpu
 
-    def __init__(self, pixels: np.ndarray) -> None:
-        """Upload pixels (H, W, 4) float32, scene-linear, premultiplied by alpha."""
-        import gpu
-
-        self.height_px, self.width_px = pixels.shape[:2]
-        data = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).ravel())
-        self._texture = gpu.types.GPUTexture((self.width_px, self.height_px), format="RGBA16F", data=data)
-
-    def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
-        """Fill the current region."""
-        draw_picture(self._texture, engine, scene)
+    data = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).ravel())
+    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format="RGBA16F", data=data)
 
 
 def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
@@ -100,9 +92,8 @@ class ViewportWorld:
         if scene.render.film_transparent:
             return WorldBehind(None, "transparent")
         seen = self._seen(depsgraph, octree)
-        if seen.color is not None or seen.world is None:
-            color = BLACK if seen.color is None else seen.color
-            return WorldBehind(color, color.tobytes())
+        if seen.color is not None:
+            return WorldBehind(seen.color, seen.color.tobytes())
         kept = session_of(scene.original).world
         if (kept is None or kept.key != self._key) and self._asked != self._key:
             self._asked = self._key
@@ -120,7 +111,7 @@ class ViewportWorld:
             daylit = baked and not has_light(depsgraph)
             self._known = state, daylit
             seen = seen_world(depsgraph, baked=baked, daylight=daylit)
-            self._key = world_hash(seen.world) if seen.color is None else ""
+            self._key = world_hash(seen.world) if seen.world is not None else ""
             self._asked = "" if seen.color is not None else self._asked
             return seen
         return seen_world(depsgraph, baked=self._known[1], daylight=self._known[1])

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
 from .images import ImageReader
-from .node_links import Input, Output, source
-from .node_terms import REC709, NotUnderstoodError
+from .node_terms import REC709, Input, NotUnderstoodError, Output, source
 from .node_values import NodeValues
 
 _SHARP = 0.25  # roughness below which a reflection is sharp and depends on the view

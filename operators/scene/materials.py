@@ -13,8 +13,7 @@ import numpy as np
 from ...patchnet_addon.surface.mesh import Material, Texture
 from ..scene_access.blender_version import tree_in_use
 from .images import ImageReader
-from .node_links import Input, Output, source
-from .node_terms import ColorTerm, NotUnderstoodError, NumberTerm, Rgb, TextureUse
+from .node_terms import ColorTerm, Input, NotUnderstoodError, NumberTerm, Output, Rgb, TextureUse, source
 from .node_values import NodeValues
 
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)

@@ -10,19 +10,21 @@ import bpy
 import numpy as np
 
 from .images import ImageReader, usable
-from .node_links import Input, Output, source
 from .node_terms import (
     MISSING,
     REC709,
     WHITE,
     ColorTerm,
+    Input,
     NotUnderstoodError,
     NumberTerm,
+    Output,
     Rgb,
     TextureUse,
     Transform,
     number,
     rgb,
+    source,
 )
 
 

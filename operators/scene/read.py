@@ -23,10 +23,9 @@ from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import MaterialReading, as_cut_out, is_partly_transparent, read_material
-from .render_geometry import render_geometry
+from .render_geometry import render_geometry, shown_instances, shows_itself, shows_mesh
 from .scene_mesh import MeshInstances, SceneMesh
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
-from .surface_instances import shown_instances, shows_itself, shows_mesh
 
 _NO_MATERIAL = ""
 _NOTHING = {

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Jobs in a responsive window, among them Blender's bake and render jobs on copies of scenes."""
+"""Jobs in a responsive window, among them Blender's bake and render jobs on copies of scenes.
+
+Blender's bake operator ends at the next event unless the window shows the baked scene, and frees the reports that the
+job's thread writes to. As the first step of a macro it lives until the second step ends, which waits for the job. The
+macro also hides the report at the end of each page, which asks users to save an image that is not theirs.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import bpy
 
@@ -120,3 +126,61 @@ def _end(kind: str, scene: bpy.types.Scene) -> None:
     if job_is_running(kind):
         with bpy.context.temp_override(scene=scene), stopped_cycles() if kind == BAKE else nullcontext():
             bpy.ops.scene.delete()
+
+
+@contextmanager
+def editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[], None]]:
+    """Restore the images of Image Editors: Blender shows a baked image in the largest one, and a job's in all of them.
+
+    The value restores them at once; Blender replaces the images shortly after a job begins.
+    """
+    areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    shown = [(area.spaces.active, area.spaces.active.image) for area in areas]
+
+    def give_back() -> None:
+        for space, image in shown:
+            with suppress(ReferenceError):  # the editor or the image is gone
+                if space.image != image:
+                    space.image = image
+
+    try:
+        yield give_back
+    finally:
+        give_back()
+
+
+class PATCHNET_OT_await_bake(bpy.types.Operator):
+    """Wait until the bake has ended"""
+
+    bl_idname = "patchnet.await_bake"
+    bl_label = "Await Bake"
+    bl_options: ClassVar[set[str]] = {"INTERNAL"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Begin to wait."""
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, _context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Pass all events through."""
+        return {"PASS_THROUGH"} if job_is_running(BAKE) else {"FINISHED", "PASS_THROUGH"}
+
+
+class PATCHNET_OT_bake_beside_window(bpy.types.Macro):
+    """Bake a copy of the scene beside the window"""
+
+    bl_idname = "patchnet.bake_beside_window"
+    bl_label = "Bake Beside Window"
+    bl_options: ClassVar[set[str]] = {"INTERNAL"}
+
+
+def start_bake(arguments: dict[str, Any]) -> set[str]:
+    """Start Blender's bake with these arguments, in the context's scene."""
+    result: set[str] = bpy.ops.patchnet.bake_beside_window("INVOKE_DEFAULT", OBJECT_OT_bake=arguments)
+    return result
+
+
+def register() -> None:
+    """Register the steps of the macro."""
+    for name in ("OBJECT_OT_bake", "PATCHNET_OT_await_bake"):
+        PATCHNET_OT_bake_beside_window.define(name)

@@ -63,7 +63,7 @@ def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
     if all(notes.get("fingerprint") != fingerprint for notes in cache.notes().values()):
         return None  # without hashing the scene
     from ..pipeline.stages import load_network
-    from ..properties import scene_settings
+    from ..properties.job import scene_settings
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
@@ -104,7 +104,7 @@ def _cache() -> OctreeCache:
 
 def _key(state: SceneState) -> str:
     """Key of an octree without its settings, which the entry holds."""
-    from ..animation.frame_record import code_hash
+    from ..animation.frame_maker import code_hash
 
     return state.identity(code_hash(), bpy.app.version_string)
 
@@ -175,6 +175,7 @@ def _restore_shown() -> None:
 
 
 HANDLERS = (("load_post", _on_load_post),)
+TIMERS = (_restore_shown,)
 
 
 def register() -> None:
@@ -184,7 +185,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop caching and restoring results."""
+    """Stop caching results."""
     results.listeners.remove(keep_on_disk)
-    if bpy.app.timers.is_registered(_restore_shown):
-        bpy.app.timers.unregister(_restore_shown)

@@ -20,7 +20,6 @@ from .scene_session import in_main_thread, session_of
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.coded_octree import CodedOctree
-    from ..pipeline.estimate import Estimate
     from ..settings.job_settings import JobSettings
 
 _LIGHTS = {"none": "none, the surface's own color", "cycles": "Cycles", "two-lights": "Two Lights"}
@@ -115,8 +114,3 @@ def redraw_viewports() -> None:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
-
-
-def estimate_of(scene: bpy.types.Scene) -> Estimate | None:
-    """Last estimate for `scene`, or None."""
-    return session_of(scene).estimate

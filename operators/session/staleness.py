@@ -127,9 +127,4 @@ HANDLERS = (
     ("undo_post", _on_undo_post),
     ("redo_post", _on_undo_post),
 )
-
-
-def unregister() -> None:
-    """Stop comparing."""
-    if bpy.app.timers.is_registered(look):
-        bpy.app.timers.unregister(look)
+TIMERS = (look,)

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Views for the overlay, by camera, and whether they still fit the scene."""
+"""Views for the overlay, by camera, whether they still fit the scene, and their images, named after the camera."""
 
 from __future__ import annotations
+
+import re
+from hashlib import blake2b
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -9,28 +13,54 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import scene_cameras, tracing_camera
-from ..scene_access.images import PICTURES
+from ..scene_access.images import PICTURES, drop_image, show_image
 from ..scene_access.own import OWNER
-from .result_images import RAW, image_name
 from .scene_session import session_of
-from .shown_view import ShownView
+from .shown_view import COVERAGE, LEVEL, LUMINANCES, PRIORITY, ShownView
+
+if TYPE_CHECKING:
+    from ..pipeline.views import View
+
+
+RAW = (PRIORITY, COVERAGE, LEVEL, *LUMINANCES)
+PAGES = {"heatmap": 1, "overlay": 1, "error": 2}  # pictures with a legend, and the number of views on them
+_NAME = re.compile(r"PatchNet (.+?) ((?:cycles )?\w+)")
+_NAME_BYTES = 34  # of a camera's name, so that Blender 4.5 does not truncate the image's name
+
+
+def image_name(camera: str, name: str) -> str:
+    """Name of an image, such as "PatchNet Camera priority"; `name`: of PICTURES or RAW."""
+    if len(camera.encode()) > _NAME_BYTES:
+        kept = camera.encode()[: _NAME_BYTES - 5].decode(errors="ignore")
+        camera = f"{kept}~{blake2b(camera.encode(), digest_size=2).hexdigest()}"  # other names may begin alike
+    return f"PatchNet {camera} {name}"
+
+
+def shown_pictures() -> dict[str, dict[str, str]]:
+    """Names of PatchNet's images except the raw ones: camera -> what it shows -> name."""
+    found: dict[str, dict[str, str]] = {}
+    for name in (image.get(OWNER, "") for image in bpy.data.images):
+        match = _NAME.fullmatch(name)
+        if match and not name.endswith(RAW):
+            found.setdefault(match[1], {})[match[2]] = name
+    return found
+
+
+def show_images(view: View, shown: ShownView) -> dict[str, bpy.types.Image]:
+    """Create or update all images of a view; raw ones are float, Non-Color. Unknown quantities have none, such as a
+    missing reference and errors against it."""
+    images = {}
+    for name in (*PICTURES, *RAW):
+        of, raw = image_name(view.camera.name, name), name in RAW
+        picture = (shown.values if raw else view.pictures).get(name)
+        if picture is None:
+            drop_image(of)
+        else:
+            images[name] = show_image(of, picture, raw=raw)
+    return images
+
 
 _SAME = 1e-5  # of lengths and angles that single precision keeps
-
-
-def keep_view(scene: bpy.types.Scene, view: ShownView) -> None:
-    """Keep a view in place of the last one of its camera."""
-    session_of(scene).views[view.camera.name] = view
-
-
-def has_views(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene has a view for the overlay."""
-    return bool(session_of(scene).views)
-
-
-def view_of_camera(scene: bpy.types.Scene, name: str) -> ShownView | None:
-    """View of the camera called `name`."""
-    return session_of(scene).views.get(name)
 
 
 def view_of_image(scene: bpy.types.Scene, image: bpy.types.Image) -> tuple[ShownView, str] | None:

@@ -63,8 +63,8 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
     if depsgraph.scene.render.film_transparent:
         return Background(None)
     seen = seen_world(depsgraph, baked=baked)
-    if seen.color is not None or seen.world is None:
-        return Background(BLACK if seen.color is None else seen.color)
+    if seen.world is None:
+        return Background(seen.color)
     session, key = session_of(depsgraph.scene.original), world_hash(seen.world)
     if session.world is None or session.world.key != key:
         asked = _awaited = _Awaited(depsgraph, seen, key, time.monotonic())
@@ -154,7 +154,7 @@ def keep_map(scene: bpy.types.Scene) -> Steps[None]:
         return
     seen = seen_world(depsgraph, baked=False)
     session, key = session_of(scene), world_hash(seen.world)
-    if seen.color is None and seen.world is not None and (session.world is None or session.world.key != key):
+    if seen.world is not None and (session.world is None or session.world.key != key):
         yield from _kept(scene, seen, key)
 
 
@@ -181,9 +181,10 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End the timer."""
+    """End the current map."""
     listeners.remove(_after_step)
     _waiting.clear()
     _end_map()
-    if bpy.app.timers.is_registered(_make_maps):
-        bpy.app.timers.unregister(_make_maps)
+
+
+TIMERS = (_make_maps,)

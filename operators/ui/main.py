@@ -10,30 +10,18 @@ from ...patchnet_addon.runtime.quantities import counted
 from ..jobs.job_operator import JobOperator
 from ..scene_access.images import PICTURES
 from ..session import results
-from ..session.memory import held
-from ..session.result_images import shown_pictures
+from ..session.scene_session import held, session_of
 from ..session.staleness import PERHAPS
+from ..session.views import shown_pictures
 from ..settings.job_settings import ESTIMATED
+from . import tab
 from .presets_menu import PATCHNET_PT_presets
-from .tab import (
-    LAST,
-    SubPanel,
-    Tab,
-    changed_text,
-    draw_automatic,
-    draw_first,
-    draw_notes,
-    draw_progress,
-    draw_sentence,
-    draw_stale,
-    split,
-)  # fmt: skip
 
 _MOST_CAMERAS = 3
 _TITLES = {"overlay": "Refined First"}  # of pictures; not the sub-panel Overlay
 
 
-class PATCHNET_PT_main(Tab, bpy.types.Panel):
+class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
     """The whole job in one click, and its estimate."""
 
     bl_label = "PatchNet"
@@ -44,21 +32,21 @@ class PATCHNET_PT_main(Tab, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
-        layout = split(self.layout)
-        draw_first(layout, context.scene.patchnet)
+        layout = tab.split(self.layout)
+        tab.draw_first(layout, context.scene.patchnet)
         row = layout.row()
         row.scale_y = 1.5
         if JobOperator.running:
-            draw_progress(row)
+            tab.draw_progress(row)
         else:
             row.operator("patchnet.run_all", icon="PLAY")
         _draw_pictures(layout, context)
         result = results.result_of(context.scene)
         notes = [] if result is None else result.all_notes
-        draw_notes(layout, context, notes, "result")
+        tab.draw_notes(layout, context, notes, "result")
         layout.operator("patchnet.estimate", icon="INFO")
         _draw_estimate(layout, context, notes)
-        draw_stale(layout, context, "surface", "light")  # of the view beside its button, in Preview
+        tab.draw_stale(layout, context, "surface", "light")  # of the view beside its button, in Preview
 
 
 def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -74,7 +62,7 @@ def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
             grid.operator("patchnet.show_picture", text=text, icon="IMAGE_DATA").image = names[what]
     if len(cameras) > _MOST_CAMERAS:
         more = len(cameras) - _MOST_CAMERAS
-        draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
+        tab.draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
 
 
 def _place(what: str) -> int:
@@ -84,7 +72,7 @@ def _place(what: str) -> int:
 def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said: list[str]) -> None:
     """Draw the last estimate, what it was made for, and its notes but those that were `said`."""
     scene = context.scene
-    found = results.estimate_of(scene)
+    found = session_of(scene).estimate
     if found is None:
         return
     header, body = layout.panel("PATCHNET_estimate")
@@ -92,33 +80,33 @@ def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said:
     if body is None:
         return
     box = body.box().column(align=True)
-    why = changed_text(scene.patchnet, found.settings, *ESTIMATED) or (PERHAPS if found.outdated else "")
+    why = tab.changed_text(scene.patchnet, found.settings, *ESTIMATED) or (PERHAPS if found.outdated else "")
     if why:
-        draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
+        tab.draw_sentence(box, context, f"Estimate again: {why}", "ERROR")
     for line in found.made_for:
-        draw_sentence(box, context, line)
+        tab.draw_sentence(box, context, line)
     for line in found.lines:
         row = box.row()
         row.active = not why
-        draw_sentence(row, context, line)
+        tab.draw_sentence(row, context, line)
     if found.too_large:
-        draw_sentence(box, context, "Does not fit into memory", "ERROR")
-    draw_notes(layout, context, [text for text in found.notes if text not in said], "estimate")
+        tab.draw_sentence(box, context, "Does not fit into memory", "ERROR")
+    tab.draw_notes(layout, context, [text for text in found.notes if text not in said], "estimate")
 
 
-class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
+class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
     """Size, time and errors of the result."""
 
     bl_label = "Statistics"
-    bl_order = LAST
+    bl_order = tab.LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Lines of the last step, memory in use, and the button that frees it."""
-        layout = split(self.layout)
+        layout = tab.split(self.layout)
         result = results.result_of(context.scene)
         if result is None:
-            draw_sentence(layout, context, "Nothing computed yet")
+            tab.draw_sentence(layout, context, "Nothing computed yet")
             return
         taken = held()
         memory = [f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}"]
@@ -127,7 +115,7 @@ class PATCHNET_PT_statistics(SubPanel, bpy.types.Panel):
         for lines in (result.summary, memory):
             column = layout.column(align=True)
             for line in lines:
-                draw_sentence(column, context, line)
+                tab.draw_sentence(column, context, line)
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 
@@ -135,20 +123,20 @@ def _size(nbytes: int) -> str:
     return f"{nbytes / 2**20:.1f} MiB" if nbytes < 2**30 else f"{nbytes / 2**30:.2f} GiB"
 
 
-class PATCHNET_PT_export(SubPanel, bpy.types.Panel):
+class PATCHNET_PT_export(tab.SubPanel, bpy.types.Panel):
     """Display and export of voxels."""
 
     bl_label = "Show and Export"
-    bl_order = LAST
+    bl_order = tab.LAST
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the two buttons, and formats that this Blender cannot write."""
-        layout = split(self.layout)
-        draw_automatic(layout, context.scene.patchnet, "level", "Level", "Finest")
+        layout = tab.split(self.layout)
+        tab.draw_automatic(layout, context.scene.patchnet, "level", "Level", "Finest")
         for name in ("display", "limit"):
             layout.prop(context.scene.patchnet, name)
         layout.operator("patchnet.show_voxels", icon="MESH_CUBE")
         layout.operator("patchnet.export_octree", icon="EXPORT")
         if not vdb_module_name():  # looked for once
-            draw_sentence(layout, context, "This Blender cannot write .vdb", "INFO")
+            tab.draw_sentence(layout, context, "This Blender cannot write .vdb", "INFO")

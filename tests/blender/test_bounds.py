@@ -8,9 +8,9 @@ import bpy
 import pytest
 
 from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
-from patchnet.operators.properties import PatchNetSettings
 from patchnet.operators.properties.preferences import PatchNetPreferences
-from patchnet.operators.registration import _CLASSES
+from patchnet.operators.properties.stages import PatchNetSettings
+from patchnet.operators.registration import _MODULES, classes_of
 from patchnet.patchnet_addon.runtime import bounds
 
 ROWS = [row for row in vars(bounds).values() if isinstance(row, bounds.Bounds)]
@@ -24,7 +24,8 @@ def of_the_table(low: float, high: float) -> bool:
 
 def numbers() -> Iterator[tuple[str, bpy.types.Property]]:
     """All numbers that our operators, settings and preferences declare."""
-    of_operators = [item for item in _CLASSES if issubclass(item, bpy.types.Operator)]
+    declared = (item for module in _MODULES for item in classes_of(module))
+    of_operators = [item for item in declared if issubclass(item, bpy.types.Operator)]
     for item in (*of_operators, PatchNetSettings, PatchNetOverlaySettings, PatchNetPreferences):
         rna = item.bl_rna
         if item in of_operators:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.cycles import pixel_renders as renders
-from patchnet.operators.cycles import render_call
+from patchnet.operators.cycles import scene_copy
 from patchnet.operators.pipeline.cycles_refine import OWN_SIDE, CyclesView, refine_view, wanted_pixels, wanted_surface
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
@@ -233,7 +233,7 @@ def test_a_marker_with_another_camera_changes_nothing() -> None:
 
 
 def test_what_cycles_says_moves_the_progress() -> None:
-    status = render_call._Status()
+    status = scene_copy._Status()
     status.check_finished()  # no word of it is none against it
     said = [
         ("Mem: 1M | Synchronizing object | Sample 3", 0.0),
@@ -258,7 +258,7 @@ def test_cycles_says_so_when_it_has_finished() -> None:
     """In this Blender, in tiles and without."""
     build()
     for side in (8, 2048):
-        status = render_call._Status()
+        status = scene_copy._Status()
         bpy.app.handlers.render_stats.append(status.hear)
         try:
             with renders.pixel_renders(bpy.context, eye(), COMBINED) as cycles:

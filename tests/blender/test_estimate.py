@@ -5,6 +5,7 @@ import bpy
 import pytest
 
 from patchnet.operators.session import results
+from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.ui.main import PATCHNET_PT_main
 from patchnet.tests.blender.drawn import drawn, small_preview
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -20,7 +21,7 @@ def test_estimate(scene: bpy.types.Scene) -> None:
     before = scene_snapshot()
     assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), samples=4) == {"FINISHED"}
     assert_unchanged(before)
-    found = results.estimate_of(scene)
+    found = session_of(scene).estimate
     assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
     made = small_preview()
     assert found.leaves == pytest.approx(made.octree.leaf_count, rel=0.3)
@@ -36,10 +37,10 @@ def test_estimate(scene: bpy.types.Scene) -> None:
 
 def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
-    assert results.estimate_of(scene).too_large
+    assert session_of(scene).estimate.too_large
     assert "Does not fit into memory" in drawn(PATCHNET_PT_main)
     assert bpy.ops.patchnet.estimate(resolution="FIT", size=(24, 16)) == {"FINISHED"}
-    assert results.estimate_of(scene).fitted and not results.estimate_of(scene).too_large
+    assert session_of(scene).estimate.fitted and not session_of(scene).estimate.too_large
 
 
 def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:

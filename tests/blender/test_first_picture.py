@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import unfinished as unfinished_image
+from patchnet.operators.overlay import open_pictures as unfinished_image
 from patchnet.operators.pipeline import unfinished
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished

@@ -12,12 +12,12 @@ import pytest
 
 from patchnet.commands.benches.gpu import compare_estimates, compare_with
 from patchnet.operators.gpu_view import card_octree, cards
-from patchnet.operators.gpu_view.blender_device import BlenderDevice
 from patchnet.operators.gpu_view.card_octree import CardOctree
+from patchnet.operators.gpu_view.cards import BlenderDevice
 from patchnet.operators.gpu_view.packing import world_words
 from patchnet.operators.gpu_view.shaders import FLOATS, WORDS
 from patchnet.operators.properties.preferences import VIEWPORT_CARD, VIEWPORT_CPU, Preferences
-from patchnet.operators.render_engine.viewport_heat import CardHeat, HeatKind, strategy_on_card
+from patchnet.operators.render_engine.viewport_card import CardHeat, HeatKind, strategy_on_card
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.predict import predict

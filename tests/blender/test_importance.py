@@ -14,7 +14,7 @@ from patchnet.operators.importance.pixels import importance_key
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.views import View
 from patchnet.operators.scene_access.images import save_png
-from patchnet.operators.session.result_images import image_name
+from patchnet.operators.session.views import image_name
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order

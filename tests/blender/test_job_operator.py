@@ -82,7 +82,8 @@ def in_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(job_operator, "job_settings", lambda context, operator: None)
     monkeypatch.setattr(job_operator, "apply_preferences", lambda context: None)
     monkeypatch.setattr(job_operator, "passes", lambda context, event: event.type.startswith("WHEEL"))
-    monkeypatch.setattr(job_operator, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), types=bpy.types))
+    app = SimpleNamespace(background=False)
+    monkeypatch.setattr(job_operator, "bpy", SimpleNamespace(app=app, types=bpy.types, data=bpy.data))
 
 
 def event(kind: str) -> SimpleNamespace:

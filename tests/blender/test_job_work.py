@@ -8,14 +8,14 @@ import bpy
 import pytest
 
 from patchnet.operators.pipeline.estimate import estimate_job
-from patchnet.operators.pipeline.job_work import FILE_NAME, JobFigures, Rates, time_line, work_of
+from patchnet.operators.pipeline.job_work import FILE_NAME, Rates, time_line, work_of
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import SMALL, build
 
-FIGURES = JobFigures(triangles=1000, leaves=1_000_000, texels=500_000, pixels=384)
+FIGURES = {"triangles": 1000, "leaves": 1_000_000, "texels": 500_000, "pixels": 384}
 
 
 @pytest.fixture
@@ -25,15 +25,15 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_work_follows_what_is_asked_for() -> None:
-    plain = work_of(FIGURES, JobSettings())
-    assert work_of(FIGURES, JobSettings.of(samples=36))["light"] == pytest.approx(plain["light"] * 40 / 8)
-    assert work_of(FIGURES, JobSettings.of(reference=True))["views"] > 20 * plain["views"]
-    assert work_of(FIGURES, JobSettings.of(refined_samples=1024.0))["views"] > 3 * plain["views"]
-    assert plain["cycles"] == 0.0 < work_of(FIGURES, JobSettings.of(cycles=CyclesSettings()))["cycles"]
+    plain = work_of(JobSettings(), **FIGURES)
+    assert work_of(JobSettings.of(samples=36), **FIGURES)["light"] == pytest.approx(plain["light"] * 40 / 8)
+    assert work_of(JobSettings.of(reference=True), **FIGURES)["views"] > 20 * plain["views"]
+    assert work_of(JobSettings.of(refined_samples=1024.0), **FIGURES)["views"] > 3 * plain["views"]
+    assert plain["cycles"] == 0.0 < work_of(JobSettings.of(cycles=CyclesSettings()), **FIGURES)["cycles"]
 
 
 def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
-    work = work_of(FIGURES, JobSettings())
+    work = work_of(JobSettings(), **FIGURES)
     rates = Rates()
     assert not rates.measured and "(measured elsewhere)" in time_line(rates.seconds(work), rates)
     rates.learn({"light": 1000.0}, {"light": 2.0})
@@ -72,7 +72,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
         assert seconds == pytest.approx(result.report["timings_s"][name])
     found = drain(estimate_job(bpy.context, settings))
     assert found.time_line in found.lines and "elsewhere" not in found.time_line
-    figures = JobFigures(result.report["light"]["triangles"], found.leaves, found.texels, 384)
-    assert found.seconds == pytest.approx(Rates().seconds(work_of(figures, settings)))
+    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves, "texels": found.texels}
+    assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, **figures)))
     for name, (seconds, _) in learned.items():
         assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"

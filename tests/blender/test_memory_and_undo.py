@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.scene_access.images import free_copies, show_image
-from patchnet.operators.session.memory import held
-from patchnet.operators.session.scene_session import open_sessions
+from patchnet.operators.session.scene_session import held, open_sessions
 from patchnet.tests.blender.job_scene import drop_result_images, pixels_of, principled, result, run_small
 
 pytestmark = pytest.mark.usefixtures("scene")

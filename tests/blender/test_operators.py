@@ -13,8 +13,8 @@ import pytest
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.scene_access.images import OF_REFERENCE, PICTURES, show_image
 from patchnet.operators.session import results
-from patchnet.operators.session.result_images import image_name
 from patchnet.operators.session.scene_session import open_sessions
+from patchnet.operators.session.views import image_name
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.file import load_codes
 from patchnet.patchnet_addon.network.weights import load_weights

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import drawing, layout, open_pictures
-from patchnet.operators.overlay.layout import Rect
+from patchnet.operators.overlay import drawing, open_pictures
+from patchnet.operators.overlay import framed as layout
+from patchnet.operators.overlay.framed import Rect
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
 from patchnet.operators.scene_access.images import ERROR_MAXIMUM
 from patchnet.operators.scene_access.own import quiet
 from patchnet.operators.session import results, shown_view, views
-from patchnet.operators.session.result_images import PAGES, RAW, image_name, show_images
+from patchnet.operators.session.scene_session import session_of
 from patchnet.operators.session.staleness import look_again
+from patchnet.operators.session.views import PAGES, RAW, image_name, show_images
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.patchnet_addon.image.colormaps import colormap
 from patchnet.patchnet_addon.image.heatmap import heatmap, places_on_page, with_legend
@@ -170,7 +172,7 @@ def test_images_are_named_after_the_camera(made: tuple[View, ViewSettings]) -> N
         show_images(result, dataclasses.replace(shown, values=unknown))
     assert image_name("Eye", "coverage") not in bpy.data.images
     assert "Coverage not computed" in dataclasses.replace(shown, values=unknown).describe_pixel(0, 0, 1.0)
-    views.keep_view(bpy.context.scene, shown)
+    session_of(bpy.context.scene).views[shown.camera.name] = shown
     assert views.view_of_image(bpy.context.scene, images["heatmap"]) == (shown, "heatmap")
     assert views.view_of_image(bpy.context.scene, bpy.data.images.new("Own", 4, 4)) is None
     long = image_name("Ü" * 60, "reference luminance")
@@ -182,7 +184,7 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, ViewSettings]) ->
     result, wanted = made
     scene = bpy.context.scene
     shown = shown_view.view_to_show(result, wanted, 0.0)
-    views.keep_view(scene, shown)
+    session_of(scene).views[shown.camera.name] = shown
     assert views.why_stale(scene, shown) == ""
     where = scene.camera.location.x
     scene.camera.location.x += 0.5
@@ -201,14 +203,14 @@ def test_views_say_when_they_are_out_of_date(made: tuple[View, ViewSettings]) ->
     bpy.ops.patchnet.voxelize(depth=6)
     assert views.why_stale(scene, shown) == "voxels were made anew"
     overlay.forget(bpy.context)
-    assert not views.has_views(scene)
+    assert not session_of(scene).views
 
 
 def test_nothing_is_shown_in_background(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     overlay.forget(bpy.context)
     overlay.show(bpy.context, [result], wanted)
-    assert not views.has_views(bpy.context.scene)
+    assert not session_of(bpy.context.scene).views
     for operator in (bpy.ops.patchnet.drag_wipe, bpy.ops.patchnet.inspect_pixels):
         assert not operator.poll()
     with pytest.raises(RuntimeError, match="no pictures yet: run Render Preview"):

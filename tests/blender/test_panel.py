@@ -18,8 +18,13 @@ from patchnet.operators.session.staleness import look_again
 from patchnet.operators.settings.job_settings import recorded
 from patchnet.operators.ui import tab
 from patchnet.operators.ui.main import PATCHNET_PT_main, PATCHNET_PT_statistics
-from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview, advice
-from patchnet.operators.ui.stages import PATCHNET_PT_network, PATCHNET_PT_octree
+from patchnet.operators.ui.stages import (
+    PATCHNET_PT_compare,
+    PATCHNET_PT_network,
+    PATCHNET_PT_octree,
+    PATCHNET_PT_preview,
+    advice,
+)
 from patchnet.operators.ui.tab import FIRST
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.patchnet_addon.sampling.registry import FOR_USERS
@@ -221,7 +226,7 @@ def test_what_is_left_out_is_said_in_the_panel(scene: bpy.types.Scene) -> None:
     with_notes(scene)
     values = {"scope": "VISIBLE", "depth": 4, "size": (24, 16)}
     bpy.ops.patchnet.estimate(**values)
-    known = results.estimate_of(scene).notes
+    known = session_of(scene).estimate.notes
     for name in ("'Eye'", "'Glass'", "'Mirror'", "'Curtain'", "'Mist'", "'Smoke'"):
         assert any(name in text for text in known), name
     scene.patchnet.gloss = "off"
@@ -293,6 +298,6 @@ def test_device(scene: bpy.types.Scene) -> None:
     with pytest.raises(RuntimeError, match=r"no GPU to bake on: enable one in the preferences"):
         bpy.ops.patchnet.run_all(depth=4, size=(16, 16), device="GPU")
     bpy.ops.patchnet.estimate(depth=4, size=(16, 16), device="CPU")
-    assert "Bake on: CPU" in results.estimate_of(scene).lines
+    assert "Bake on: CPU" in session_of(scene).estimate.lines
     with pytest.raises(RuntimeError, match=r"needs an NVIDIA GPU, and PyTorch .* finds none|needs PyTorch"):
         bpy.ops.patchnet.run_all(light="two-lights", depth=4, size=(16, 16), network_device="GPU")

@@ -10,9 +10,9 @@ import pytest
 from patchnet.commands import run
 from patchnet.commands.shared.job_arguments import job_settings
 from patchnet.operators import ui
-from patchnet.operators.properties import scene_settings
+from patchnet.operators.properties.job import scene_settings
 from patchnet.operators.properties.preferences import PatchNetPreferences
-from patchnet.operators.properties.scene import DerivedProperties
+from patchnet.operators.properties.stages import DerivedProperties
 from patchnet.operators.render_engine.panels import PATCHNET_PT_render_refinement
 from patchnet.operators.schema.table import TABLE
 from patchnet.operators.settings.groups import ViewSettings

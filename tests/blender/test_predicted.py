@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.views import View
-from patchnet.operators.properties import scene_settings
+from patchnet.operators.properties.job import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
 from patchnet.operators.session import results
 from patchnet.operators.session.shown_view import view_to_show
 from patchnet.operators.settings.groups import ViewSettings
-from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
+from patchnet.operators.ui.stages import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.operators.ui.tab import stale_text
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.ranking import rank

@@ -264,9 +264,9 @@ def test_the_properties_editor_is_not_empty() -> None:
         "DATA_PT_lens", "RENDER_PT_format", "RENDER_PT_output", "WORLD_PT_context_world", "EEVEE_WORLD_PT_surface",
         "EEVEE_MATERIAL_PT_surface", "DATA_PT_EEVEE_light", "RENDER_PT_color_management", "OBJECT_PT_visibility",
     } <= named  # fmt: skip
-    panels.remove_from_blenders()
+    panels.unregister()
     assert with_our_engine() == {item.__name__ for item in panels.CLASSES}
-    panels.add_to_blenders()
+    panels.register()
 
 
 @pytest.mark.parametrize("moving", [True, False], ids=["all of it", "the world alone"])

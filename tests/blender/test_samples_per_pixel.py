@@ -4,13 +4,13 @@
 import bpy
 import pytest
 
-from patchnet.operators.properties import scene_settings
+from patchnet.operators.properties.job import scene_settings
 from patchnet.operators.render_engine import panels as engine_panels
 from patchnet.operators.session import results
 from patchnet.operators.settings.groups import ViewSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.ui.main import PATCHNET_PT_statistics
-from patchnet.operators.ui.preview import PATCHNET_PT_compare, PATCHNET_PT_preview
+from patchnet.operators.ui.stages import PATCHNET_PT_compare, PATCHNET_PT_preview
 from patchnet.patchnet_addon.runtime.quantities import error_text
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL

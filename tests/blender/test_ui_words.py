@@ -8,9 +8,8 @@ import bpy
 import pytest
 
 from patchnet.operators.overlay.overlay_settings import PatchNetOverlaySettings
-from patchnet.operators.properties import PatchNetSettings
 from patchnet.operators.properties.preferences import PatchNetPreferences
-from patchnet.operators.properties.shapes import camera_candidates
+from patchnet.operators.properties.stages import PatchNetSettings, camera_candidates
 from patchnet.operators.scene_access.lengths import length_text
 from patchnet.tests.blender.job_scene import build
 

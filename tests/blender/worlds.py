@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from patchnet.operators.cycles.camera_render import combined_light
-from patchnet.operators.cycles.render_call import render
-from patchnet.operators.cycles.scene_copy import prepared
+from patchnet.operators.cycles.scene_copy import prepared, render
 from patchnet.operators.pipeline.run import JobResult, run_job
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene_access.blender_version import start_nodes

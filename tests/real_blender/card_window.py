@@ -262,7 +262,7 @@ def reloaded():
     viewports.clear()
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
     yield 3.0
-    module("session.memory").give_back()
+    module("session.scene_session").give_back()
     seen["octrees after another file"] = len(module("gpu_view.cards")._cards)
     for step in ("voxelize", "bake_light"):  # of the file that was saved while the view turned
         getattr(bpy.ops.patchnet, step)()

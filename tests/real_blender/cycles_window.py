@@ -140,7 +140,7 @@ def by_button() -> clicks.Session:
     yield from watched(lambda: not running())
     seen["button"] = {"ended": list(ended), "ticks": watch["ticks"], "draws": watch["draws"]}
     beside = pixels()
-    seen["in overlay"] = module("session.views").view_of_camera(clicks.window().scene, "Eye").has("CYCLES")
+    seen["in overlay"] = module("session.scene_session").session_of(clicks.window().scene).views["Eye"].has("CYCLES")
     yield from clicks.screenshot(OUT / "cycles-button.png")
     seen["changed"] = differences(before)
     with bpy.context.temp_override(window=clicks.window(), area=area):

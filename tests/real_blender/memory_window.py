@@ -34,7 +34,7 @@ def measure(part: str, looks: int = 1) -> clicks.Session:
         yield 1.0
         heap.trim()
         found.append(heap.resident_bytes())
-    held = module("session.memory").held()
+    held = module("session.scene_session").held()
     seen[part] = {"process": min(found), "results": held.results, "images": held.images}
     visit.save(part)
 

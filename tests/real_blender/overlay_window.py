@@ -179,7 +179,7 @@ def unfinished():
         meanwhile(item)
         path = yield from shot("overlay-unfinished")
         with bpy.context.temp_override(window=clicks.window(), area=clicks.area("VIEW_3D"), region=region):
-            rect = module("overlay.unfinished").inset_rect(bpy.context, picture)
+            rect = module("overlay.open_pictures").inset_rect(bpy.context, picture)
         seen["unfinished"] = pairs(path, rect, region, [picture, picture])
     seen["unfinished windows"] = len(bpy.context.window_manager.windows) - before
     preferences.open_pictures = "NEVER"
@@ -239,12 +239,13 @@ def end():
     """A moved camera is marked; free memory ends all."""
     settings, textures, kept = module("overlay.overlay_settings"), module("overlay.paint"), module("session.views")
     scene = clicks.window().scene
+    session = module("session.scene_session").session_of(scene)
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
-    seen["stale"] = kept.why_stale(scene, kept.view_of_camera(scene, "Eye"))
-    seen["drawing"] = [textures.held() > 0, settings.problem]
+    seen["stale"] = kept.why_stale(scene, session.views["Eye"])
+    seen["drawing"] = [textures._texture.cache_info().currsize > 0, settings.problem]
     in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
-    seen["cleared"] = [textures.held(), kept.has_views(scene)]
+    seen["cleared"] = [textures._texture.cache_info().currsize, bool(session.views)]
 
 
 def session():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bake of one object by Blender, by one call or as a job beside a responsive window.
 
-Python cannot stop a call. In a window, the bake is a job of Blender (`bake_operator`): steps wait for it, and Esc stops
+Python cannot stop a call. In a window, the bake is a job of Blender (`window_job`): steps wait for it, and Esc stops
 it within a moment, also between two objects while Cycles reads the scene.
 """
 
@@ -16,9 +16,7 @@ import bpy
 from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ...scene_access.bake_operator import start_bake
-from ...scene_access.image_editors import editors_keep_images
-from ...scene_access.window_job import BAKE, JobEnd, as_job
+from ...scene_access.window_job import BAKE, JobEnd, as_job, editors_keep_images, start_bake
 from .page_mesh import CHART_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start the bake again to resume it"
