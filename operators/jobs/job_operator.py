@@ -105,10 +105,7 @@ class JobOperator(_Operator):
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         """Require that no job runs; operators that need more call this first."""
-        if JobOperator.running:
-            cls.poll_message_set(f"{JobOperator.running} is running: wait for it, or press Esc over the window")
-            return False
-        return True
+        return no_job_runs(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run all steps now; in background, until Ctrl-C, or SIGTERM, which also ends the process."""
