@@ -72,8 +72,7 @@ def _redraw(context: bpy.types.Context, *kinds: str) -> None:
 
 
 _MOUSE = frozenset({"MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "WINDOW_DEACTIVATE"})
-# The region type in which editors edit, and editors without the scene.
-_EDITING_REGION = "WINDOW"
+# Editors without the scene.
 _HARMLESS_EDITORS = frozenset({"FILE_BROWSER", "IMAGE_EDITOR", "INFO", "PREFERENCES", "STATUSBAR", "TOPBAR"})
 # Keymaps that are searched, and operators in them that do not change the scene.
 _KEYMAPS = ("Window", "Screen", "3D View", "3D View Generic", "View2D", "Image", "Image Generic")
@@ -102,7 +101,7 @@ def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
     """Return whether the mouse is over the main region of an editor of the scene, not over menus or sidebars."""
     for area in window.screen.areas:
         if area.type not in _HARMLESS_EDITORS and _inside(area, event):
-            return not any(region.type != _EDITING_REGION and _inside(region, event) for region in area.regions)
+            return not any(region.type != "WINDOW" and _inside(region, event) for region in area.regions)
     return False
 
 

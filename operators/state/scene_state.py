@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import bpy
@@ -105,10 +105,6 @@ class SceneState:
                 named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
                 found.append(Change(steps, _text(named, "changed")))
         return found if found and self.identity() != now.identity() else []
-
-    def seen_from_camera(self, scene: bpy.types.Scene) -> SceneState:
-        """State of a scene whose gloss is baked for the current place of its active camera."""
-        return replace(self, gloss_from=place_of_gloss(scene))
 
     def gloss_has_moved(self, scene: bpy.types.Scene) -> bool:
         """Return whether gloss was baked for a camera's place, and the active camera is elsewhere now."""

@@ -11,11 +11,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SceneError
+from .block_hashes import place_of_gloss
 from .scene_state import Change, SceneState, scene_state
 
 
@@ -82,7 +83,7 @@ def read_state(
                 item.update_from_editmode()
     state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
     if gloss_from_camera:
-        state = state.seen_from_camera(scene)
+        state = replace(state, gloss_from=place_of_gloss(scene))
     monitor = _current.get()
     if monitor is not None:
         monitor.state, monitor.edited = state, False
