@@ -138,10 +138,6 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
 
 def _result(found: CachedOctree, state: SceneState) -> SceneResult:
     notes = found.notes
-    made_with = {
-        step: {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-        for step, values in notes["made_with"].items()
-    }
     return SceneResult(
         octree=found.octree,
         scope=notes["scope"],
@@ -150,7 +146,7 @@ def _result(found: CachedOctree, state: SceneState) -> SceneResult:
         coded=found.coded,
         seconds=notes["seconds"],
         encoder=notes["encoder"],
-        made_with=made_with,
+        made_with=notes["made_with"],
         made_by=notes.get("made_by", {}),
         notes={step: tuple(texts) for step, texts in notes.get("notes", {}).items()},
         state=replace(state, gloss_from=notes.get("gloss_from", "")),

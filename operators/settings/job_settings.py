@@ -34,13 +34,13 @@ def step_settings(values: bpy.types.PropertyGroup, step: str) -> tuple[str, ...]
 
 
 def recorded(values: bpy.types.PropertyGroup, *steps: str) -> dict[str, Any]:
-    """Record the values of the steps' settings for a later comparison."""
+    """Record the values of the steps' settings for a later comparison, as JSON has them."""
     found = {}
     for step in steps:
         for name in step_settings(values, step):
             if TABLE[name].effect is Effect.ALWAYS:
                 value = getattr(values, name)
-                found[name] = tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+                found[name] = list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
     return found
 
 
