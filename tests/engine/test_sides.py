@@ -40,6 +40,16 @@ def plate(layers: list[tuple[float, float, float, float]]) -> tuple[TriangleMesh
     return mesh, lambda _batch, fragments: (tones[fragments.triangle], np.ones(len(fragments), np.float32))
 
 
+def lit_by_side(tones: list[list[float]]) -> object:
+    """Shade of triangles with luminance of front and back (T, 2)."""
+
+    def shade(_batch, fragments):
+        lights = np.array(tones, np.float32)[fragments.triangle, :, None]
+        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
+
+    return shade
+
+
 def along_z(looking: float, pixels: int) -> Camera:
     """Camera of `pixels` a side that looks up or down at the origin."""
     axis = np.array([0.0, 0.0, looking])
@@ -109,11 +119,7 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
     corners[..., 2] += tilt * corners[..., 0]
     mesh = TriangleMesh.from_arrays(corners)
 
-    def shade(_batch, fragments):
-        lights = np.tile(np.array([[0.9], [0.2]], np.float32), (len(fragments), 1, 1))
-        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
-
-    grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 7), np.zeros(2, np.int8)
+    grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), np.zeros(2, np.int8), lit_by_side([[0.9, 0.2]] * 2)
     octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
     for looking, light in ((DOWN, 0.9), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, pixels), light, atol=0.015)
@@ -131,11 +137,7 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
             walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
     mesh = TriangleMesh.from_arrays(np.concatenate(walls))
 
-    def shade(_batch, fragments):
-        lights = np.tile(np.array([[0.8], [0.0]], np.float32), (len(fragments), 1, 1))
-        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
-
-    grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8)
+    grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8), lit_by_side([[0.8, 0.0]] * 10)
     octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
     for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
         forward = np.array(way) / np.linalg.norm(way)
@@ -153,11 +155,7 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
     monkeypatch.setattr(side_levels, "_FREE", 0)
     corners = np.concatenate([quad(-0.5, 1.2, UP), quad(0.3, 0.5, UP)])
     corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
-    tones = np.repeat(np.array([[[0.9], [0.2]], [[0.5], [0.3]]], np.float32), 2, axis=0)
-
-    def shade(_batch, fragments):
-        lights = tones[fragments.triangle]
-        return lights[:, 0, 0], np.ones(len(fragments), np.float32), np.empty((len(fragments), 0)), lights
+    shade = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2)
 
     grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 8), np.zeros(4, np.int8)
     mesh = TriangleMesh.from_arrays(corners)
