@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,40 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
 from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights, colors_at, with_bits
-from .nodes import BoxedNodes, Nodes, without_boxes
 from .sides import NO_SIDES, NodeLight, sides_of
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
 POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+
+
+class Nodes(NamedTuple):
+    """Arrays from nodes of an octree to their children, for kernels that descend.
+
+    child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
+    first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+
+
+class BoxedNodes(NamedTuple):
+    """Nodes of an octree and boxes of its finest leaves, for kernels that trace rays.
+
+    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; all later ones have one.
+    boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: int
+    boxes: np.ndarray
+
+
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+    """Nodes whose leaves are whole voxels."""
+    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
 
 
 @dataclass(frozen=True, eq=False)

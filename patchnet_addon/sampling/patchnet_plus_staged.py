@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 from . import patchnet_plus
 from .plus.forms import FORMS, Form
-from .staged_ranking import Plan, Stage
-from .staged_strategy import in_stages
+from .staged_strategy import Plan, Stage, in_stages
 
 _NETWORK_FROM = 0.25  # budget: below it, rays behind and decoding cost more than the samples they save
 _AROUND_FROM = 0.07  # budget: below it, the largest differences of the finer ray come first in any order

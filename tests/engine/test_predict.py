@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.pixel_tiles import MEAN_SIZE, CornerCodes, write_mean_code
-from patchnet.patchnet_addon.codes.predict import predict
+from patchnet.patchnet_addon.codes.predict import MEAN_SIZE, CornerCodes, predict, write_mean_code
 from patchnet.patchnet_addon.network.compiled_layers import TILE
 from patchnet.patchnet_addon.network.kinds import KINDS, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
