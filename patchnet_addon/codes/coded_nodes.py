@@ -14,19 +14,19 @@ from ..cells.contract import has_lookahead
 from ..octree.octree import Octree
 from ..runtime.bits import count_ones
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
-from ..runtime.kernels import device, kernel
+from ..runtime.kernels import kernel
 from ..runtime.threads import run_parts
 
 
 class CodedNodes(NamedTuple):
     """Coded nodes of an octree.
 
-    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not coded. before:
-    (W,) uint32, coded nodes before each word.
+    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not coded. ranks:
+    (W,) uint32, coded nodes before each word. `row_of` finds the row of a node.
     """
 
     bits: np.ndarray
-    before: np.ndarray
+    ranks: np.ndarray
 
 
 def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
@@ -40,18 +40,6 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
     run_parts(_mark, len(bits), octree.nodes, lookahead, end, bits, counts)
     total = int(counts.sum(dtype=np.int64))
     return CodedNodes(bits, np.cumsum(counts, dtype=np.uint32) - counts), total
-
-
-@device
-def coded_row(coded, node):  # type: ignore[no-untyped-def]
-    """Row of a node among the coded ones, -1 for other nodes and for node -1."""
-    word = node >> 6
-    if node < 0 or word >= len(coded.bits):
-        return np.int64(-1)
-    bits, bit = coded.bits[word], np.uint64(1) << np.uint64(node & 63)
-    if bits & bit == 0:
-        return np.int64(-1)
-    return np.int64(coded.before[word]) + count_ones(bits & (bit - np.uint64(1)))
 
 
 @kernel

@@ -20,11 +20,11 @@ from ..network.compiled_layers import (
 )
 from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
 from ..octree.octree import LUMINANCE_SCALE
-from ..octree.side_kernels import luminance_along
+from ..octree.side_kernels import luminance_along, row_of
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
-from .coded_nodes import CodedNodes, coded_row
+from .coded_nodes import CodedNodes
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 from .footprint import clear_tile, empty_footprint_tile, measure_tile
@@ -87,7 +87,7 @@ def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead)
     coded = corner_codes.nodes
     count = 0
     while pixel < end and count < TILE:
-        row = coded_row(coded, nodes[pixel])
+        row = row_of(coded, nodes[pixel])
         if row >= 0:
             look_ahead[pixel] = True
             pixels[count], rows[count] = pixel, row

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import zip_longest
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,26 +34,36 @@ from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 
 
+class LevelPart(NamedTuple):
+    """Nodes of one level in consecutive blocks, in Morton order, in the octree's compact form.
+
+    child_mask: (n,) uint8, area_world: (n,) float32, normal: (n, 3) int8 as in `Octree`. Of its leaves: leaf_luminance
+    (l,) float32, means before exposure, leaf_chroma (l, 2) uint8, or (l, 0) without colour, leaf_box (l, 3) uint8, and
+    leaf_sides, empty unless sides are stored.
+    """
+
+    child_mask: np.ndarray
+    area_world: np.ndarray
+    normal: np.ndarray
+    leaf_luminance: np.ndarray
+    leaf_chroma: np.ndarray
+    leaf_box: np.ndarray
+    leaf_sides: LeafSides
+
+
 @dataclass(frozen=True, eq=False)
 class Subtrees:
-    """Nodes of consecutive blocks, level by level from `root_level` on; within a level in Morton order.
+    """Subtrees over the leaves of some blocks of space, level by level from the blocks, of `root_level`, down.
 
     root_keys: (r,) uint64 of the nonempty blocks. root_sums: (r, 4) float64, area and area * normal (x, y, z) in world
-    units. Of each level: child_mask (n,) uint8, area_world (n,) float32, normal (n, 3) int8 as in `Octree`,
-    leaf_luminance (l,) float32, means over its leaves before exposure, leaf_chroma (l, 2) uint8, or (l, 0) without
-    colour, leaf_box (l, 3) uint8, and leaf_sides, empty unless sides are stored.
+    units. In a large scene only the leaves of one pass are held as sums; luminance is stored later, since the exposure
+    needs all leaves.
     """
 
     root_level: int
     root_keys: np.ndarray
     root_sums: np.ndarray
-    child_mask: tuple[np.ndarray, ...]
-    area_world: tuple[np.ndarray, ...]
-    normal: tuple[np.ndarray, ...]
-    leaf_luminance: tuple[np.ndarray, ...]
-    leaf_chroma: tuple[np.ndarray, ...]
-    leaf_box: tuple[np.ndarray, ...]
-    leaf_sides: tuple[LeafSides, ...]
+    levels: tuple[LevelPart, ...]
 
 
 def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
@@ -69,9 +80,8 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         sums = sums_of_level(mask, sums, own.sums)
         luminance = own.sums[:, 1] / own.sums[:, 0]
         sides = own.sides or no_sides(colored=width > 5)
-        levels.append((mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
-    columns = (tuple(column) for column in zip(*reversed(levels), strict=True))
-    return Subtrees(root_level, keys, sums, *columns)
+        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
+    return Subtrees(root_level, keys, sums, tuple(reversed(levels)))
 
 
 def _boxes(leaves: LeafSums) -> np.ndarray:
@@ -128,24 +138,22 @@ def _joined(
     grid: Grid,
     exposure: float | None,
     provenance: dict[str, Any],
-    emitters: Emitters | None = None,
+    emitters: Emitters,
     *,
-    boxes: bool = False,
-    sides: bool = False,
+    boxes: bool,
+    sides: bool,
 ) -> Octree:
     """Octree of blocks in Morton order; empties `parts` to save memory."""
-    colored = parts[0].leaf_chroma[0].shape[1] > 0
-    parts[:0] = [_above(parts)]
-    depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
-    light = [_of_level(parts, level, lambda part: part.leaf_luminance, np.float32) for level in range(depth + 1)]
-    masks = [_of_level(parts, level, lambda part: part.child_mask, np.uint8) for level in range(depth + 1)]
-    exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
-    areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
-    normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
-    hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
-    leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
-    side_parts = [_leaf_sides(parts, level) for level in range(depth + 1)] if sides else []
+    blocks = zip_longest(*(part.levels for part in parts))
+    levels = [[part] for part in _above(parts)] + [[part for part in level if part] for level in blocks]
     parts.clear()
+    colored, depth = levels[-1][0].leaf_chroma.shape[1] > 0, len(levels) - 1
+    light, masks = _column(levels, "leaf_luminance"), _column(levels, "child_mask")
+    exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
+    areas, normals, hues = (_column(levels, name) for name in ("area_world", "normal", "leaf_chroma"))
+    leaf_box = _column(levels[-1:], "leaf_box")[0] if boxes else None
+    side_parts = [_leaf_sides(level) for level in levels] if sides else []
+    levels.clear()
     bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     found = None
@@ -176,42 +184,24 @@ def _joined(
     )
 
 
-def _above(parts: Sequence[Subtrees]) -> Subtrees:
+def _above(parts: Sequence[Subtrees]) -> tuple[LevelPart, ...]:
     """Levels above the blocks of all parts, which are of one level."""
-    level = parts[0].root_level
     keys = np.concatenate([part.root_keys for part in parts])
     sums = np.concatenate([part.root_sums for part in parts])
-    columns = np.zeros((len(keys), 5 + parts[0].leaf_chroma[0].shape[1]), np.float64)
+    columns = np.zeros((len(keys), 5 + parts[0].levels[0].leaf_chroma.shape[1]), np.float64)
     columns[:, 0], columns[:, 2:5] = sums[:, 0], sums[:, 1:]
-    whole = subtrees([LeafSums(level, keys, columns)], 0)
-    # The blocks themselves, the last level here, are the parts' roots.
-    return replace(
-        whole,
-        child_mask=whole.child_mask[:-1],
-        area_world=whole.area_world[:-1],
-        normal=whole.normal[:-1],
-        leaf_luminance=whole.leaf_luminance[:-1],
-        leaf_chroma=whole.leaf_chroma[:-1],
-        leaf_box=whole.leaf_box[:-1],
-        leaf_sides=whole.leaf_sides[:-1],
-    )
+    whole = subtrees([LeafSums(parts[0].root_level, keys, columns)], 0)
+    return whole.levels[:-1]  # the blocks themselves are the parts' roots
 
 
-def _leaf_sides(parts: Sequence[Subtrees], level: int) -> LeafSides:
+def _leaf_sides(level: Sequence[LevelPart]) -> LeafSides:
     """Sides of a level's leaves of all parts, in order."""
-    within = [part for part in parts if 0 <= level - part.root_level < len(part.child_mask)]
-    here = [part.leaf_sides[level - part.root_level] for part in within]
-    return joined_sides(here, [len(part.leaf_luminance[level - part.root_level]) for part in within])
+    return joined_sides([part.leaf_sides for part in level], [len(part.leaf_luminance) for part in level])
 
 
-def _of_level(
-    parts: Sequence[Subtrees], level: int, column: Callable[[Subtrees], Sequence[np.ndarray]], dtype: type
-) -> np.ndarray:
-    """Concatenate one column of one level of all parts, in order."""
-    arrays = [
-        column(part)[level - part.root_level] for part in parts if 0 <= level - part.root_level < len(part.child_mask)
-    ]
-    return np.concatenate(arrays) if arrays else np.empty(0, dtype)
+def _column(levels: Sequence[Sequence[LevelPart]], name: str) -> list[np.ndarray]:
+    """Concatenate one column of each level of all parts, in order."""
+    return [np.concatenate([getattr(part, name) for part in level]) for level in levels]
 
 
 def _luminance(

@@ -19,38 +19,18 @@ _LEAST = 1.0 / 65535.0  # least stored excess luminance, the step of luminance i
 
 
 class HdrHighlights(NamedTuple):
-    """Light above white in the form of kernels.
+    """Light above white of b nodes in the form of kernels.
 
-    bits: (n / 8,) uint8, whether a node has some, or (0,) if none has. nodes: (b,) uint32, ascending. colors: (b, 3)
-    float32, linear and exposed, to be added to the node's colour.
+    bits, ranks: nodes that have some, as in `Sides`. colors: (b, 3) float32, linear and exposed, to be added to the
+    node's colour.
     """
 
     bits: np.ndarray
-    nodes: np.ndarray
+    ranks: np.ndarray
     colors: np.ndarray
 
 
-NO_HIGHLIGHTS = HdrHighlights(np.empty(0, np.uint8), np.empty(0, np.uint32), np.empty((0, 3), np.float32))
-
-
-def with_bits(nodes: np.ndarray, colors: np.ndarray, node_count: int) -> HdrHighlights:
-    """Light above white of `nodes` (b,) among `node_count`, with a bit per node, by which most rays skip it."""
-    if not len(nodes):
-        return NO_HIGHLIGHTS
-    bits = np.zeros(-(-node_count // 8), np.uint8)
-    np.bitwise_or.at(bits, nodes >> np.uint32(3), (1 << (nodes & np.uint32(7))).astype(np.uint8))
-    return HdrHighlights(bits, nodes, colors)
-
-
-def colors_at(above: HdrHighlights, nodes: np.ndarray) -> np.ndarray:
-    """Light above white (N, 3) float32 of nodes (N,) int64; 0 for nodes without, and for misses (-1)."""
-    colors = np.zeros((len(nodes), 3), np.float32)
-    if not len(above.nodes):
-        return colors
-    place = np.minimum(np.searchsorted(above.nodes, nodes), len(above.nodes) - 1)
-    found = above.nodes[place] == nodes
-    colors[found] = above.colors[place[found]]
-    return colors
+NO_HIGHLIGHTS = HdrHighlights(np.empty(0, np.uint64), np.empty(0, np.uint32), np.empty((0, 3), np.float32))
 
 
 def light_hdr_highlights(

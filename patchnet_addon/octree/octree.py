@@ -16,8 +16,8 @@ from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
-from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights, colors_at, with_bits
-from .sides import NO_SIDES, NodeLight, sides_of
+from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
+from .sides import NO_SIDES, NodeLight, marked, sides_of
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
@@ -144,7 +144,7 @@ class Octree:
         """Light above white, for kernels."""
         if self.bright_nodes is None or self.bright_colors is None:
             return NO_HIGHLIGHTS
-        return with_bits(self.bright_nodes, self.bright_colors, self.node_count)
+        return HdrHighlights(*marked(self.bright_nodes, self.node_count), self.bright_colors)
 
     @cached_property
     def light(self) -> NodeLight:
@@ -226,7 +226,12 @@ class Octree:
 
     def color_above_white(self, nodes: np.ndarray) -> np.ndarray:
         """Linear colours (N, 3) float32 removed from nodes (N,) by the clamp; 0 for misses (-1)."""
-        return colors_at(self.hdr_highlights, nodes)
+        colors = np.zeros((len(nodes), 3), np.float32)
+        if self.bright_nodes is not None and self.bright_colors is not None and len(self.bright_nodes):
+            place = np.minimum(np.searchsorted(self.bright_nodes, nodes), len(self.bright_nodes) - 1)
+            found = self.bright_nodes[place] == nodes
+            colors[found] = self.bright_colors[place[found]]
+        return colors
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Mean normals (N, 3) float32, length at most 1."""

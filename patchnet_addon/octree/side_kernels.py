@@ -17,20 +17,21 @@ _LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
 
 
 @lean_device
-def sides_row(sides, node):  # type: ignore[no-untyped-def]
-    """Row of a node's sides, -1 if it has none."""
-    if len(sides.bits) == 0:
+def row_of(marked, node):  # type: ignore[no-untyped-def]
+    """Row of a node among those marked by `bits` and `ranks`, -1 for other nodes and for node -1."""
+    word = node >> 6
+    if node < 0 or word >= len(marked.bits):
         return np.int64(-1)
-    word, bit = sides.bits[node >> 6], np.uint64(node & 63)
-    if word >> bit & np.uint64(1) == 0:
+    bits, bit = marked.bits[word], np.uint64(1) << np.uint64(node & 63)
+    if bits & bit == 0:
         return np.int64(-1)
-    return np.int64(sides.ranks[node >> 6]) + count_ones(word & ((np.uint64(1) << bit) - np.uint64(1)))
+    return np.int64(marked.ranks[word]) + count_ones(bits & (bit - np.uint64(1)))
 
 
 @lean_device
 def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, of a node along a direction."""
-    row = sides_row(light.sides, node)
+    row = row_of(light.sides, node)
     return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
 
 
@@ -124,7 +125,7 @@ def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[
 def see_colors(first, last, sides, nodes, directions, seen):  # type: ignore[no-untyped-def]
     """Replace colours (P, 3) float32 of nodes (P,) int64 by those of their sides along directions (P, 3)."""
     for i in range(first, last):
-        row = sides_row(sides, nodes[i]) if nodes[i] >= 0 else np.int64(-1)
+        row = row_of(sides, nodes[i])
         if row >= 0:
             way = directions[i]
             mean = np.float64(seen[i, 0]), np.float64(seen[i, 1]), np.float64(seen[i, 2])

@@ -54,9 +54,15 @@ def sides_of(
     """Sides of ascending nodes (s,) of an octree with child masks (n,), for kernels."""
     if not len(nodes):
         return NO_SIDES
-    bits = np.zeros(-(-len(child_mask) // _WORD) * 8, np.uint8)
+    hue = _GRAY if chroma is None else chroma.reshape(-1, FACES, 2)
+    return Sides(*marked(nodes, len(child_mask)), light, share, child_mask[nodes] != 0, hue)
+
+
+def marked(nodes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bits (count / 64,) uint64 of ascending nodes (s,) among `count`, and the number (count / 64,) uint32 of these
+    before each word.
+    """
+    bits = np.zeros(-(-count // _WORD) * 8, np.uint8)
     np.bitwise_or.at(bits, nodes >> 3, (1 << (nodes & 7)).astype(np.uint8))
     words = bits.view("<u8").astype(np.uint64)
-    ranks = np.searchsorted(nodes, np.arange(len(words), dtype=np.int64) * _WORD).astype(np.uint32)
-    hue = _GRAY if chroma is None else chroma.reshape(-1, FACES, 2)
-    return Sides(words, ranks, light, share, child_mask[nodes] != 0, hue)
+    return words, np.searchsorted(nodes, np.arange(len(words), dtype=np.int64) * _WORD).astype(np.uint32)
