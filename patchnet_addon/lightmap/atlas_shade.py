@@ -13,8 +13,7 @@ from ..runtime.errors import SettingError
 from ..runtime.quantities import counted
 from ..surface.chroma import BLUE, GREEN, REC709, RED
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from ..surface.texture_color import color_of_fragments
-from ..surface.texture_lookup import surface_of_fragments
+from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
 from .chart_lookup import lookup, triangle_means

@@ -14,8 +14,7 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..surface.mesh import MeshSource, TriangleBatch
 from .atlas import Atlas
-from .texel_bases import TexelBases, texel_bases
-from .texel_places import texel_places
+from .texel_bases import TexelBases, texel_bases, texel_places
 
 _LEAST_ALBEDO = 0.02  # least base colour; darker texels mix with each other only
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19

@@ -9,8 +9,7 @@ import pytest
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.packing import FIRST, SECOND, SINGLE
-from patchnet.patchnet_addon.lightmap.texel_bases import base_colors
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places
+from patchnet.patchnet_addon.lightmap.texel_bases import BatchTexels, base_colors, texel_places
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh

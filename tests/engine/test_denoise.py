@@ -15,8 +15,7 @@ from patchnet.patchnet_addon.lightmap.denoised_atlas import (
     denoised_atlas,
     placed_texels,
 )
-from patchnet.patchnet_addon.lightmap.texel_bases import _owned
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels
+from patchnet.patchnet_addon.lightmap.texel_bases import BatchTexels, _owned
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.tests.references.light_map import denoise_reference, texel_places_reference

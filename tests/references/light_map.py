@@ -19,8 +19,7 @@ from patchnet.patchnet_addon.lightmap.denoised_atlas import (
     Cells,
     Texels,
 )
-from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, _colors
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places
+from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels, _colors, texel_places
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
 from patchnet.patchnet_addon.surface.textures import TextureTable
 
