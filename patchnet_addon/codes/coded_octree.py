@@ -12,7 +12,7 @@ from ..network.weights import Weights
 from ..octree.octree import Octree
 
 if TYPE_CHECKING:  # imports numba
-    from .coded_nodes import CodedNodes
+    from .corner_rows import CodedNodes
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from ..octree.side_kernels import row_of
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from .brick import child_at
-from .coded_nodes import CodedNodes
-from .corner_rows import set_corner_rows
+from .corner_rows import CodedNodes, set_corner_rows
 
 RANGE_VOXELS = 1 << 15  # of a range, unless one line alone has more: about 2 MB of scratch and 60,000 corners
 _Y, _Z = 0, 1

@@ -13,14 +13,13 @@ from ..octree.leaf_boxes import STEPS, covered_steps
 from ..octree.octree import LUMINANCE_SCALE, BoxedNodes
 from ..octree.side_kernels import luminance_along
 from ..octree.sides import NodeLight
-from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
-from ..runtime.vectors import LANES
+from ..runtime.vectors import LANES, lowest_one
+from .brick import OCTANTS
 from .coded_octree import CodedOctree
 from .corner_rows import corner_row
 from .footprint import fine_place, set_frame
 from .outer_cells import list_cells, mask_geometry, measure_cells, unpack_cells
-from .patches import OCTANTS
 from .ray_frame import CELLS, SIDE, cell_order, ray_frame
 
 # Cell (8, 8) of a 4x4x4 block by octant and octant within it, or by corner and cell around the corner.

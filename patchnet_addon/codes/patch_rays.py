@@ -17,11 +17,11 @@ import numpy as np
 from ..octree.leaf_boxes import STEPS, box_side
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import luminance_along
-from ..runtime.bits import count_ones
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
+from ..runtime.vectors import count_ones
 from .brick import check_nodes, empty_brick, fill_brick
 from .predict import Prediction
 

@@ -24,9 +24,8 @@ from ..octree.side_kernels import luminance_along, row_of
 from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
-from .coded_nodes import CodedNodes
 from .coded_octree import CodedOctree
-from .corner_rows import corner_row
+from .corner_rows import CodedNodes, corner_row
 from .footprint import clear_tile, empty_footprint_tile, measure_tile
 from .mixture_inputs import NearbyCells, empty_fine_list, place_pixel
 from .outer_cells import empty_outer_list

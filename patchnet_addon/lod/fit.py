@@ -21,12 +21,12 @@ from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.octree import Nodes, without_boxes
 from ..octree.voxelize import LeafSums, voxelize
-from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps, labelled
 from ..runtime.threads import run_parts
+from ..runtime.vectors import lowest_one
 from ..surface.mesh import MeshSource, ShadingFn
 from ..tracing.camera import Camera, CameraUnit, camera_in_unit_cube
 from ..tracing.tile import (

@@ -15,9 +15,8 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from ..runtime.bits import float_of_bits
 from ..runtime.kernels import device
-from ..runtime.vectors import LANES, add_product, larger, load, spread, store
+from ..runtime.vectors import LANES, add_product, float_of_bits, larger, load, spread, store
 from .harmonics import harmonic_terms
 from .kinds import CODE_SIZE, COVERED, COVERING, MIXED, MIXTURE, OUTPUT_LOW, OUTPUT_RANGE, PAPER, WIDTH_STEP
 from .weights import MODULATED, Weights

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.bits import count_ones
 from ..runtime.kernels import device, kernel
+from ..runtime.vectors import count_ones
 from ..surface.mesh import Fragments
 
 BRICK_BITS = 6

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import kernel
-from ..surface.chroma_kernels import decode_color, encode_shares
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
+from .side_kernels import decode_color, encode_shares
 
 
 def hierarchy(leaf_keys: Mapping[int, np.ndarray], depth: int) -> tuple[np.ndarray, np.ndarray]:

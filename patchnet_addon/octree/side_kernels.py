@@ -1,19 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels for light of a node along a direction; `sides.py` defines sides."""
+"""Kernels for light of a node along a direction, and its chroma; `sides.py` and `chroma.py` define them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.bits import count_ones
-from ..runtime.kernels import kernel, lean_device
-from ..surface.chroma_kernels import decode_color
+from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.vectors import count_ones
+from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 from .octree import LUMINANCE_SCALE
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
 _LEAST = np.float32(1)  # weight of the mean, 255 = a whole face: it dominates where hardly any surface faces the ray
 _OF_BLACK = np.float32(0.125)  # of black backs
 _LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
+
+
+@device
+def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
+    """Compiled twin of `decoded_colors`, whose NumPy version defines the bytes."""
+    r = float(red)
+    b = float(blue)
+    g = max(SHARE_SCALE - r - b, 0.0)
+    scale = luminance / (RED * r + GREEN * g + BLUE * b)
+    return r * scale, g * scale, b * scale
+
+
+@device
+def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
+    """Compiled twin of `encoded_chroma_reference`, of a colour whose green is what is left of its luminance."""
+    r = max(float(red), 0.0)
+    b = max(float(blue), 0.0)
+    g = max((luminance - RED * r - BLUE * b) / GREEN, 0.0)
+    total = r + g + b
+    if not total > 0.0:
+        return np.uint8(GRAY_SHARE), np.uint8(GRAY_SHARE)
+    return np.uint8(np.rint(r / total * SHARE_SCALE)), np.uint8(np.rint(b / total * SHARE_SCALE))
 
 
 @lean_device

@@ -9,15 +9,13 @@ import numpy as np
 
 from ..octree.hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..octree.side_kernels import color_along, luminance_of_sides, row_of
+from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
 from ..octree.sides import NodeLight
-from ..runtime.bits import lowest_one
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
-from ..runtime.vectors import LANES
-from ..surface.chroma_kernels import decode_color
+from ..runtime.vectors import LANES, lowest_one
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
 from .tile import COARSE, DIRECTION, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen

@@ -4,12 +4,10 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes
-from patchnet.patchnet_addon.codes.corner_rows import corners_of, set_corner_rows
+from patchnet.patchnet_addon.codes.brick import OCTANTS
+from patchnet.patchnet_addon.codes.corner_rows import coded_nodes, corners_of, set_corner_rows
 from patchnet.patchnet_addon.codes.corners import corner_ranges, find_corners, write_corner_rows
-from patchnet.patchnet_addon.codes.encode import chunk_blocks, make_encoder
-from patchnet.patchnet_addon.codes.encode_corners import encode_corners
-from patchnet.patchnet_addon.codes.patches import OCTANTS
+from patchnet.patchnet_addon.codes.encode import chunk_blocks, encode_corners, make_encoder
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.octree.side_kernels import row_of
 from patchnet.patchnet_addon.runtime.errors import SettingError

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.brick import voxel_blocks
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.patch_rays import exact_prediction
-from patchnet.patchnet_addon.codes.patches import voxel_blocks
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.lod.depth import coarse_octree, expected_share, wanted_depth
 from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, lookahead_share, needed_levels

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.brick import covering_nodes, voxel_blocks
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
 from patchnet.patchnet_addon.network import devices
 from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
 from patchnet.patchnet_addon.network.weights import Weights, load_weights

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.codes.brick import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
     _COLUMNS,
@@ -20,7 +21,6 @@ from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF
 from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.predict import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
