@@ -46,12 +46,6 @@ class CodedOctree:
         found: np.ndarray = rows[np.where((wanted >= 0) & (wanted < len(rows)), wanted, -1)]
         return found
 
-    def corners_of(self, rows: np.ndarray) -> np.ndarray:
-        """Rows in the codes (..., 8) int64 of the corners of coded voxels, given by their rows (...,); x fastest."""
-        from .corner_rows import corners_of  # imports numba
-
-        return corners_of(self.corner_rows, rows)
-
     @property
     def weights_hash(self) -> str:
         """Hash of the weights that made the codes."""

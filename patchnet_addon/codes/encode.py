@@ -11,7 +11,8 @@ and with any number of threads; only processors without fused multiply-add have 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +32,6 @@ from .coded_octree import CodedOctree
 from .corner_cells import corner_cells
 from .corner_rows import COLUMNS, coded_nodes
 from .corners import corner_ranges, find_corners, write_corner_rows
-
-if TYPE_CHECKING:
-    from .torch_tree import TorchCorners
 
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
@@ -225,7 +223,7 @@ def encode_octree(
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
     around = np.empty((len(codes), CORNERS), np.uint32) if weights.kind.mixes else None
     with enough_memory("the octree"):
-        on_device = _corners_on_device(encoder, octree, weights.lookahead)
+        encode = _corner_encoder(encoder, octree, weights.lookahead)
     done = 0
     for where in ranges:
         corners = find_corners(octree, nodes, where)
@@ -233,10 +231,7 @@ def encode_octree(
         for start in range(0, len(corners), together):
             part = corners[start : start + together]
             with enough_memory("encoding"):
-                if on_device is not None:
-                    found = on_device(where.level, part)
-                else:
-                    found = _encode(encoder, octree, where.level, part, weights.lookahead)
+                found = encode(where.level, part)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             if around is not None:
                 around[done : done + len(found)] = corner_cells(octree, where.level, part)
@@ -256,23 +251,22 @@ def make_encoder(weights: Weights, device: str = CPU) -> PackedLayers | Encoder:
         return TorchEncoder(weights, device)
 
 
-def _corners_on_device(encoder: PackedLayers | Encoder, octree: Octree, lookahead: int) -> TorchCorners | None:
-    """Encoder that gathers corners' blocks on the encoder's GPU, if there is one with memory for the octree."""
-    device = getattr(encoder, "device", None)  # only torch encoders have one
-    if device is None or device.type == CPU:
-        return None
-    from .torch_tree import TorchCorners, tree_fits
+def _corner_encoder(
+    encoder: PackedLayers | Encoder, octree: Octree, lookahead: int
+) -> Callable[[int, np.ndarray], np.ndarray]:
+    """Function that encodes corners (C, 3) of a level to codes (C, 10) float32.
 
-    return TorchCorners(encoder, octree, lookahead) if tree_fits(octree, device) else None  # type: ignore[arg-type]
-
-
-def _encode(
-    encoder: PackedLayers | Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int
-) -> np.ndarray:
-    """Codes (C, 10) float32 of corners (C, 3) of a level."""
+    On a GPU with memory for the octree it gathers the corners' blocks there.
+    """
     if isinstance(encoder, PackedLayers):
-        return encode_corners(octree, level, corners, encoder, lookahead)
-    return encoder(*chunk_blocks(octree, level, corners, lookahead))
+        return lambda level, corners: encode_corners(octree, level, corners, encoder, lookahead)
+    device = getattr(encoder, "device", None)  # only torch encoders have one
+    if device is not None and device.type != CPU:
+        from .torch_tree import TorchCorners, tree_fits
+
+        if tree_fits(octree, device):
+            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
+    return lambda level, corners: encoder(*chunk_blocks(octree, level, corners, lookahead))
 
 
 def chunk_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> tuple[np.ndarray, np.ndarray]:

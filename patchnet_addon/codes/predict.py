@@ -72,10 +72,6 @@ class PixelRays(NamedTuple):
             np.ascontiguousarray(hits.node, np.int64), *(np.ascontiguousarray(array, np.float32) for array in floats)
         )
 
-    def part(self, pixels: np.ndarray) -> PixelRays:
-        """Rays of some of the pixels."""
-        return PixelRays(*(array[pixels] for array in self))
-
 
 @device
 def gather_look_ahead(nodes, corner_codes, pixel, end, pixels, rows, look_ahead):  # type: ignore[no-untyped-def]

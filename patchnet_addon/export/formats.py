@@ -32,27 +32,15 @@ def truncated(octree: Octree, level: int) -> Octree:
     count = int(octree.level_start[level + 1])
     child_mask = octree.child_mask[:count].copy()
     child_mask[octree.level(level)] = 0
-    bright = 0 if octree.bright_nodes is None else int(np.searchsorted(octree.bright_nodes, count))
-    sides = 0 if octree.side_nodes is None else int(np.searchsorted(octree.side_nodes, count))
-    return replace(
-        octree,
-        grid=replace(octree.grid, depth=level),
-        level_start=octree.level_start[: level + 2],
-        child_mask=child_mask,
-        first_child=octree.first_child[:count],
-        area_world=octree.area_world[:count],
-        luminance=octree.luminance[:count],
-        normal=octree.normal[:count],
-        chroma=None if octree.chroma is None else octree.chroma[:count],
-        bright_nodes=None if octree.bright_nodes is None else octree.bright_nodes[:bright],
-        bright_colors=None if octree.bright_colors is None else octree.bright_colors[:bright],
-        leaf_box=None,
-        side_nodes=None if octree.side_nodes is None else octree.side_nodes[:sides],
-        side_light=None if octree.side_light is None else octree.side_light[:sides],
-        side_share=None if octree.side_share is None else octree.side_share[:sides],
-        side_chroma=None if octree.side_chroma is None else octree.side_chroma[:sides],
-        _keys={},
-    )
+    ends = dict.fromkeys(("first_child", "area_world", "luminance", "normal", "chroma"), count)
+    if octree.bright_nodes is not None:
+        ends |= dict.fromkeys(("bright_nodes", "bright_colors"), int(np.searchsorted(octree.bright_nodes, count)))
+    if octree.side_nodes is not None:
+        sides = int(np.searchsorted(octree.side_nodes, count))
+        ends |= dict.fromkeys(("side_nodes", "side_light", "side_share", "side_chroma"), sides)
+    kept = {name: getattr(octree, name)[:end] for name, end in ends.items() if getattr(octree, name) is not None}
+    grid, starts = replace(octree.grid, depth=level), octree.level_start[: level + 2]
+    return replace(octree, grid=grid, level_start=starts, child_mask=child_mask, leaf_box=None, _keys={}, **kept)
 
 
 def write_octree(octree: Octree, level: int, path: Path) -> Steps[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -49,10 +49,6 @@ class BatchTexels:
 
     def __len__(self) -> int:
         return len(self.texels)
-
-    def only(self, chosen: np.ndarray) -> BatchTexels:
-        """Select some of the texels, by a mask (n,) or by indices."""
-        return replace(self, texels=self.texels[chosen], triangles=self.triangles[chosen])
 
 
 def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:

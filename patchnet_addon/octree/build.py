@@ -79,21 +79,12 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         keys, mask = merge_nodes(own.keys, parents, mask)
         sums = sums_of_level(mask, sums, own.sums)
         luminance = own.sums[:, 1] / own.sums[:, 0]
-        sides = own.sides or no_sides(colored=width > 5)
-        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, _chroma(own.sums), _boxes(own), sides))
+        colored, count = width > 5, len(own.keys)
+        chroma = stored_chroma(own.sums[:, 1], own.sums[:, 5:]) if colored else np.empty((count, 0), np.uint8)
+        boxes = unpacked(np.full(count, WHOLE, np.uint32)) if own.boxes is None else own.boxes
+        sides = own.sides or no_sides(colored=colored)
+        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, chroma, boxes, sides))
     return Subtrees(root_level, keys, sums, tuple(reversed(levels)))
-
-
-def _boxes(leaves: LeafSums) -> np.ndarray:
-    """Boxes (l, 3) uint8 of leaves, whole voxels if unknown."""
-    return unpacked(np.full(len(leaves.keys), WHOLE, np.uint32)) if leaves.boxes is None else leaves.boxes
-
-
-def _chroma(sums: np.ndarray) -> np.ndarray:
-    """Chroma (l, 2) uint8 of leaf sums (l, 7), (l, 0) of sums without colour."""
-    if sums.shape[1] == 5:
-        return np.empty((len(sums), 0), np.uint8)
-    return stored_chroma(sums[:, 1], sums[:, 5:])
 
 
 def build_octree(

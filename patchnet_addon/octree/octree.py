@@ -134,10 +134,8 @@ class Octree:
     @property
     def nbytes(self) -> int:
         """Bytes of the node arrays."""
-        arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
-        some = (self.bright_nodes, self.bright_colors, self.leaf_box)
-        sides = (self.side_nodes, self.side_light, self.side_share, self.side_chroma)
-        return sum(array.nbytes for array in (*arrays, *some, *sides) if array is not None)
+        arrays = (array for name, array in vars(self).items() if name != "level_start")
+        return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     @cached_property
     def hdr_highlights(self) -> HdrHighlights:

@@ -94,14 +94,9 @@ def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share:
 
     def bisected(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
         luminance, opacity, *more = shade(batch, fragments)
-        beyond = _centroids(batch, fragments, axis) > plane_world
+        first, second, third = batch.corners_world[fragments.triangle, :, axis].T
+        u, v = fragments.barycentric.T
+        beyond = first + u * (second - first) + v * (third - first) > plane_world
         return (luminance, np.where(beyond, np.float32(0.0), opacity), *more)
 
     return bisected
-
-
-def _centroids(batch: TriangleBatch, fragments: Fragments, axis: int) -> np.ndarray:
-    """Coordinate (F,) float64 of the fragments' centroids along an axis."""
-    first, second, third = batch.corners_world[fragments.triangle, :, axis].T
-    u, v = fragments.barycentric.T
-    return np.asarray(first + u * (second - first) + v * (third - first))
