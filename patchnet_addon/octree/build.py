@@ -12,10 +12,10 @@ import numpy as np
 
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
+from ..surface.chroma import REC709, decoded_colors
 from ..surface.mesh import MeshSource, ShadingFn
 from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
-from .hdr_highlights import light_hdr_highlights
 from .leaf_boxes import WHOLE, unpacked
 from .leaf_levels import LeafLevels
 from .levels import (
@@ -29,9 +29,11 @@ from .levels import (
     stored_luminance,
     sums_of_level,
 )
-from .octree import Octree
+from .octree import POPCOUNT, Octree
 from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
+
+_LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
 
 
 class LevelPart(NamedTuple):
@@ -219,6 +221,55 @@ def _luminance(
             chroma.append(stored_chroma(luminance, red_blue))
         area = areas[level]
     return stored[::-1], chroma[::-1]
+
+
+def light_hdr_highlights(
+    masks: Sequence[np.ndarray],
+    areas: Sequence[np.ndarray],
+    light: Sequence[np.ndarray],
+    hues: Sequence[np.ndarray],
+    exposure: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (b,) uint32, ascending, and colours (b, 3) float32 above white, of leaves and their means.
+
+    All by level, coarse first: child masks (n,) and areas (n,) of its nodes, luminance (l,) before exposure and chroma
+    (l, 2) of its leaves; `hues` is empty without colour.
+    """
+    first = np.cumsum([0, *(len(mask) for mask in masks)])
+    nodes, colors = [], []
+    index, own = np.empty(0, np.int64), np.empty((0, 3))  # of one level, within it
+    for level in range(len(masks) - 1, -1, -1):
+        mask = masks[level]
+        inner, inner_colors = _means(mask, areas[level + 1], index, own) if len(index) else (index, own)
+        leaf = np.flatnonzero(light[level] * exposure > 1.0)
+        above = light[level][leaf] * exposure - 1.0
+        hue = hues[level].reshape(-1, 2)[leaf] if len(hues) else None
+        leaf_colors = np.repeat(above[:, None], 3, axis=1) if hue is None else decoded_colors(above, hue)
+        leaf = np.flatnonzero(mask == 0)[leaf] if len(light[level]) < len(mask) else leaf
+        order = np.argsort(np.concatenate([leaf, inner]))
+        index = np.concatenate([leaf, inner])[order]
+        own = np.concatenate([leaf_colors, inner_colors])[order]
+        kept = own @ REC709.astype(np.float64) >= _LEAST_ABOVE
+        nodes.append((index[kept] + first[level]).astype(np.uint32))
+        colors.append(own[kept].astype(np.float32))
+    return np.concatenate(nodes[::-1]), np.concatenate(colors[::-1])
+
+
+def _means(mask: np.ndarray, area: np.ndarray, index: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (p,) of a level with children that have light above white, and its area-weighted means (p, 3) over them.
+
+    mask: (n,) of the level. area: (c,) of the level below; index, own: its children (k,) with such light (k, 3).
+    """
+    counts = POPCOUNT[mask].astype(np.int64)
+    ends = np.cumsum(counts)
+    parents, inverse = np.unique(np.searchsorted(ends, index, side="right"), return_inverse=True)
+    child, count = ends[parents] - counts[parents], counts[parents]
+    total = np.zeros(len(parents))
+    for octant in range(8):
+        there = octant < count
+        total[there] += area[child[there] + octant]
+    sums = [np.bincount(inverse.reshape(-1), area[index] * own[:, channel], len(parents)) for channel in range(3)]
+    return parents, np.stack(sums, axis=1) / total[:, None]
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:

@@ -16,8 +16,7 @@ from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
-from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
-from .sides import NO_SIDES, NodeLight, marked, sides_of
+from .sides import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0

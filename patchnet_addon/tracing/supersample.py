@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..octree.hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
-from ..octree.sides import NodeLight
+from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
