@@ -54,7 +54,7 @@ def leave(code: int) -> NoReturn:
     import atexit
 
     from .operators.scene_access.temporary import session_folder_goes
-    from .patchnet_addon.runtime.unfinished import remove_unfinished
+    from .patchnet_addon.runtime.replace import remove_unfinished
 
     session_folder_goes()
     atexit._run_exitfuncs()

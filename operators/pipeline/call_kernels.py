@@ -56,7 +56,7 @@ def main(package: str, folder: str, *search_path: str) -> None:
     camera = part("tracing.camera").Camera.look_at(np.array([-2.0, 0.5, 0.5]), middle, size_px=SIZE)
     weights = part("network.weights").load_weights()
     hits = part("tracing.render").patch_hits(octree, camera).hits
-    coded_nodes, count = part("codes.coded_nodes").coded_nodes(octree, weights.lookahead)
+    coded_nodes, count = part("codes.corner_rows").coded_nodes(octree, weights.lookahead)
     rows, codes = np.zeros((count, 3), np.uint32), np.zeros((2, 10), np.float16)
     around = np.zeros((len(codes), 8), np.uint32) if weights.kind.mixes else None
     coded = part("codes.coded_octree").CodedOctree(octree, weights, codes, rows, coded_nodes, around)

@@ -16,7 +16,7 @@ from typing import TypeVar
 import bpy
 from bpy.app.handlers import persistent
 
-from ...patchnet_addon.runtime.unfinished import goes_with_process
+from ...patchnet_addon.runtime.replace import goes_with_process
 from .overrides import put_back_when_saved
 from .own import quiet
 

@@ -12,7 +12,7 @@ from ..network.weights import Weights
 from ..octree.octree import Octree
 
 if TYPE_CHECKING:  # imports numba
-    from .coded_nodes import CodedNodes
+    from .corner_rows import CodedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,6 @@ class CodedOctree:
         wanted = np.asarray(nodes, np.int64)
         found: np.ndarray = rows[np.where((wanted >= 0) & (wanted < len(rows)), wanted, -1)]
         return found
-
-    def corners_of(self, rows: np.ndarray) -> np.ndarray:
-        """Rows in the codes (..., 8) int64 of the corners of coded voxels, given by their rows (...,); x fastest."""
-        from .corner_rows import corners_of  # imports numba
-
-        return corners_of(self.corner_rows, rows)
 
     @property
     def weights_hash(self) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..octree.side_kernels import side_root, sides_row
+from ..octree.side_kernels import row_of, side_root
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from .brick import RANKS, covering_node
@@ -51,7 +51,7 @@ def word_of(nodes, light, node):  # type: ignore[no-untyped-def]
     """Word of the cell that a node fills, -1 for none."""
     if node < 0:
         return np.uint32(EMPTY)
-    mask, row = np.int64(nodes.child_mask[node]), sides_row(light.sides, node)
+    mask, row = np.int64(nodes.child_mask[node]), row_of(light.sides, node)
     if row >= 0:
         total, slopes = _of_sides(light, node, row)
     else:

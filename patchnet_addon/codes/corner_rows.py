@@ -1,23 +1,66 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Corner rows: rows of the codes of a coded voxel's eight corners, in 12 bytes instead of 32.
+"""Index of codes: coded nodes, and rows of the codes of their eight corners, in 12 bytes instead of 32.
 
 Codes of a level are stored plane by plane, line by line, x fastest. So the corner at x + 1 is the row after the one at
 x, and four rows determine all eight: those of the corners (x, y, z), (x, y + 1, z), (x, y, z + 1), (x, y + 1, z + 1).
 The first two, and the last two, are less than a line of corners apart, which fits 16 bits.
 
 A table (K, 3) uint32 has a line for each coded voxel, in node order: the rows of (x, y, z) and (x, y, z + 1), and the
-offsets to those of y + 1, the first in the low half of the third number.
+offsets to those of y + 1, the first in the low half of the third number. Which nodes have codes is one bit per node of
+levels that may have look-ahead, whose nodes come first, and one count per 64: a fifth of a byte per node.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..runtime.kernels import device
+from ..cells.contract import has_lookahead
+from ..octree.octree import Octree
+from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
+from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
+from ..runtime.vectors import count_ones
 
 COLUMNS = 3
 MAX_STEP = 0xFFFF  # from y to y + 1
 _PIECE = 1 << 14
+
+
+class CodedNodes(NamedTuple):
+    """Coded nodes of an octree.
+
+    bits: (W,) uint64, bit n % 64 of word n // 64 set if node n is coded; nodes beyond the words are not coded. ranks:
+    (W,) uint32, coded nodes before each word. `row_of` finds the row of a node.
+    """
+
+    bits: np.ndarray
+    ranks: np.ndarray
+
+
+def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
+    """Nodes with real descendants `lookahead` levels further down (methods 4.1b), and their number.
+
+    Raises SettingError for too many nodes.
+    """
+    end = int(octree.level_start[max(octree.depth - lookahead + 1, 0)])
+    check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
+    bits, counts = np.zeros(-(-end // 64), np.uint64), np.zeros(-(-end // 64), np.uint32)
+    run_parts(_mark, len(bits), octree.nodes, lookahead, end, bits, counts)
+    total = int(counts.sum(dtype=np.int64))
+    return CodedNodes(bits, np.cumsum(counts, dtype=np.uint32) - counts), total
+
+
+@kernel
+def _mark(first, last, nodes, lookahead, end, bits, counts):  # type: ignore[no-untyped-def]
+    for word in range(first, last):
+        found = np.uint64(0)
+        for node in range(64 * word, min(64 * (word + 1), end)):
+            if has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead):
+                found |= np.uint64(1) << np.uint64(node & 63)
+        bits[word] = found
+        counts[word] = count_ones(found)
 
 
 def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.octree import Octree
+from ..octree.side_kernels import row_of
 from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from .brick import child_at
-from .coded_nodes import CodedNodes, coded_row
-from .corner_rows import set_corner_rows
+from .corner_rows import CodedNodes, set_corner_rows
 
 RANGE_VOXELS = 1 << 15  # of a range, unless one line alone has more: about 2 MB of scratch and 60,000 corners
 _Y, _Z = 0, 1
@@ -140,7 +140,7 @@ def _push_children(nodes, coded, level, lines, stack, top):  # type: ignore[no-u
     top -= 1
     for octant in range(7, -1, -1):
         child = child_at(nodes, node, octant)
-        if child < 0 or coded_row(coded, child) < 0:
+        if child < 0 or row_of(coded, child) < 0:
             continue
         child_y, child_z = 2 * y + ((octant >> 1) & 1), 2 * z + (octant >> 2)
         if (child_y << shift) >= lines.high_y or ((child_y + 1) << shift) < lines.low_y:
@@ -157,7 +157,7 @@ def _push_children(nodes, coded, level, lines, stack, top):  # type: ignore[no-u
 def _stack(coded, level):  # type: ignore[no-untyped-def]
     """Stack of a walk from the root, and its top: -1 if the root is not coded."""
     stack = np.zeros((7 * level + 8, 5), np.int64)
-    return stack, 0 if coded_row(coded, np.int64(0)) >= 0 else -1
+    return stack, 0 if row_of(coded, np.int64(0)) >= 0 else -1
 
 
 @kernel
@@ -183,6 +183,6 @@ def _find(nodes, coded, level, lines, cells, found):  # type: ignore[no-untyped-
             continue
         for axis in range(3):
             cells[count, axis] = stack[top, 2 + axis]
-        found[count] = coded_row(coded, stack[top, 0])
+        found[count] = row_of(coded, stack[top, 0])
         count += 1
         top -= 1

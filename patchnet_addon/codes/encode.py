@@ -1,33 +1,200 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Precompute the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10)."""
+"""Precompute the codes of an octree: all corners of all voxels with look-ahead, on all levels (methods 7.10).
+
+Each core takes chunks of corners from nodes to codes. Most cells of a block are empty, and ReLU zeroes most values of a
+layer. So blocks and layers become lists of their non-zero values, each of which adds its row of a matrix to sums in
+registers. The corners of a chunk pass one panel of columns together, which then stays in the nearest caches.
+
+A sum takes its terms in the order of columns, those of each octant apart. So codes have the same bits in every chunk
+and with any number of threads; only processors without fused multiply-add have others.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from ..network.devices import CPU, enough_memory, found_device
-from ..network.encoders import Encoder
+from ..network.encoders import CHANNELS, LUMINANCE, Encoder, octant_matrices
 from ..network.kinds import CODE_SIZE, CORNERS
 from ..network.weights import Weights
-from ..octree.octree import Octree
+from ..octree.leaf_boxes import filled_share
+from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.progress import Progress, Steps
-from .brick import check_nodes
-from .coded_nodes import coded_nodes
+from ..runtime.threads import run_parts
+from ..runtime.vectors import LANES, add_product, load, spread, store
+from .brick import check_nodes, corner_neighbours, covering_node, fill_block, voxel_blocks
 from .coded_octree import CodedOctree
 from .corner_cells import corner_cells
-from .corner_rows import COLUMNS
+from .corner_rows import COLUMNS, coded_nodes
 from .corners import corner_ranges, find_corners, write_corner_rows
-from .encode_corners import PackedLayers, encode_corners
-from .patches import corner_neighbours, voxel_blocks
-
-if TYPE_CHECKING:
-    from .torch_tree import TorchCorners
 
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
+_CHUNK = 128  # corners: their lists and sums fit a core's second cache
+_PANEL = 4 * LANES  # columns: AVX2 has registers for no more; every width is a multiple
+
+
+class PackedLayers(NamedTuple):
+    """Layers of an encoder of width W for the kernel, float32, in panels of 64 columns.
+
+    octants: (8, P, B, 64) of the first layer, by octant. others: (3, P, W, 64) of further layers, the last one padded
+    with zeros. bias: (4, W). sees_luminance: whether luminance has nonzero weights; a luminance mixture encodes shape
+    only.
+    """
+
+    octants: np.ndarray
+    others: np.ndarray
+    bias: np.ndarray
+    sees_luminance: bool
+
+    @classmethod
+    def pack(cls, weights: Weights) -> PackedLayers:
+        """Layers of these weights for `encode_corners`."""
+        matrix = octant_matrices(weights.encoder[0][0])
+        width = len(weights.encoder[0][1])
+        octants = matrix.reshape(len(matrix), CORNERS, -1, _PANEL).transpose(1, 2, 0, 3)
+        others = np.stack([np.pad(matrix, ((0, width - len(matrix)), (0, 0))) for matrix, _ in weights.encoder[1:]])
+        return cls(
+            np.ascontiguousarray(octants),
+            np.ascontiguousarray(others.reshape(len(others), -1, _PANEL, width).swapaxes(2, 3)),
+            np.stack([np.pad(bias, (0, width - len(bias))) for _, bias in weights.encoder]),
+            bool(matrix[LUMINANCE::CHANNELS].any()),
+        )
+
+
+class _Lists(NamedTuple):
+    """Lists of values and their columns, one after the other; list k is from starts[k] to starts[k + 1]."""
+
+    columns: np.ndarray
+    values: np.ndarray
+    starts: np.ndarray
+
+
+def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int) -> np.ndarray:
+    """Codes (C, 10) float32 of corners (C, 3) int32 of a level."""
+    codes = np.empty((len(corners), CODE_SIZE), np.float32)
+    cells = octree.boxed_nodes, octree.luminance, octree.normal
+    run_parts(_encode_chunks, -(-len(corners) // _CHUNK), cells, (level, lookahead), corners, layers, codes)
+    return codes
+
+
+@kernel
+def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type: ignore[no-untyped-def]
+    """Encode chunks of corners. cells: `BoxedNodes`, luminance, normal. levels: of the corners; look-ahead."""
+    size, width = layers.octants.shape[2], layers.bias.shape[1]
+    most = _CHUNK * max(CORNERS * size, width)
+    lists = _Lists(np.empty(most, np.uint16), np.empty(most, np.float32), np.zeros(CORNERS * _CHUNK + 1, np.int64))
+    numbers, own = np.empty((CORNERS, _CHUNK), np.int64), np.arange(_CHUNK)
+    sums, zeros = np.empty((_CHUNK, width), np.float32), np.zeros(width, np.float32)
+    for start in range(first * _CHUNK, min(last * _CHUNK, len(corners)), _CHUNK):
+        count = min(_CHUNK, len(corners) - start)
+        _list_blocks(cells, levels, corners[start : start + count], layers.sees_luminance, lists, numbers)
+        for corner in range(count):
+            for column in range(width):  # by hand: assigning rows takes two seconds more to compile
+                sums[corner, column] = layers.bias[0, column]
+        for octant in range(CORNERS):
+            _add_products(lists, numbers[octant, :count], layers.octants[octant], zeros, sums)
+        for layer in range(len(layers.others)):
+            place = 0
+            for corner in range(count):
+                place = _take_positive(lists, place, sums[corner])
+                lists.starts[corner + 1] = place
+            _add_products(lists, own[:count], layers.others[layer], layers.bias[layer + 1], sums)
+        for corner in range(count):
+            for column in range(CODE_SIZE):
+                codes[start + corner, column] = sums[corner, column]
+
+
+@device
+def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):  # type: ignore[no-untyped-def]
+    """List the blocks around corners, and write the number of each one's list into `numbers` (8, C), by octant."""
+    level, lookahead = levels
+    nodes = np.empty(1 << 3 * lookahead, np.int32)
+    count = place = 0
+    for corner in range(len(corners)):
+        x, y, z = np.int64(corners[corner, 0]), np.int64(corners[corner, 1]), np.int64(corners[corner, 2])
+        follows = corner > 0 and corners[corner - 1, 0] + 1 == x
+        follows = follows and corners[corner - 1, 1] == y and corners[corner - 1, 2] == z
+        for octant in range(CORNERS):
+            if follows and octant & 1 == 0:  # the right voxels of the previous corner are the left ones of this
+                numbers[octant, corner] = numbers[octant + 1, corner - 1]
+                continue
+            column, line, plane = octant & 1, octant >> 1 & 1, octant >> 2
+            node = covering_node(cells[0], 0, level, x - 1 + column, y - 1 + line, z - 1 + plane)
+            if node >= 0:
+                fill_block(cells[0], node, lookahead, nodes)
+                place = _list_block(cells, nodes, with_luminance, lists, place)
+            numbers[octant, corner] = count
+            count += 1
+            lists.starts[count] = place
+
+
+@device
+def _list_block(cells, nodes, with_luminance, lists, place):  # type: ignore[no-untyped-def]
+    """List the non-zero values of a block's nodes from a place on; returns the next place.
+
+    Luminance without effect is left out, so that it takes no products.
+    """
+    tree, luminance, normal = cells
+    luminance_scale, normal_scale = np.float32(LUMINANCE_SCALE), np.float32(NORMAL_SCALE)
+    for cell in range(len(nodes)):
+        node, column = np.int64(nodes[cell]), CHANNELS * cell
+        if node < 0:
+            continue
+        boxed = node >= tree.first_boxed
+        share = filled_share(tree.boxes, node - tree.first_boxed) if boxed else np.float32(1)
+        place = _append(lists, place, column, share)
+        if with_luminance:
+            place = _append(lists, place, column + LUMINANCE, np.float32(luminance[node]) / luminance_scale)
+        for axis in range(3):
+            place = _append(lists, place, column + 2 + axis, np.float32(normal[node, axis]) / normal_scale)
+    return place
+
+
+@device
+def _append(lists, place, column, value):  # type: ignore[no-untyped-def]
+    """Write a value, and return the next place; that of a zero is used again, since a branch would be slower."""
+    lists.columns[place], lists.values[place] = column, value
+    return place + (1 if value != 0 else 0)
+
+
+@device
+def _take_positive(lists, place, sums):  # type: ignore[no-untyped-def]
+    """List the positive ones of sums (W,) from a place on, which is ReLU, and zero all; returns the next place."""
+    for column in range(len(sums)):
+        lists.columns[place], lists.values[place] = column, sums[column]
+        place += 1 if sums[column] > 0 else 0
+        sums[column] = np.float32(0)
+    return place
+
+
+@lean_device
+def _add_products(lists, numbers, panels, bias, sums):  # type: ignore[no-untyped-def]
+    """Add to sums (C, W) a bias (W,) and the products of lists with a matrix in panels (P, B, 64); numbers: (C,)."""
+    depth, width = panels.shape[1], sums.shape[1]
+    for panel in range(len(panels)):
+        first = panel * _PANEL
+        for corner in range(len(numbers)):
+            start, end = lists.starts[numbers[corner]], lists.starts[numbers[corner] + 1]
+            columns, values = lists.columns[start:end], lists.values[start:end]
+            a, b = load(bias, first), load(bias, first + LANES)
+            c, d = load(bias, first + 2 * LANES), load(bias, first + 3 * LANES)
+            for index in range(len(columns)):
+                row, value = (panel * depth + np.int64(columns[index])) * _PANEL, spread(values, index)
+                a = add_product(a, value, load(panels, row))
+                b = add_product(b, value, load(panels, row + LANES))
+                c = add_product(c, value, load(panels, row + 2 * LANES))
+                d = add_product(d, value, load(panels, row + 3 * LANES))
+            at = corner * width + first
+            store(sums, at, load(sums, at) + a)
+            store(sums, at + LANES, load(sums, at + LANES) + b)
+            store(sums, at + 2 * LANES, load(sums, at + 2 * LANES) + c)
+            store(sums, at + 3 * LANES, load(sums, at + 3 * LANES) + d)
 
 
 def encode_octree(
@@ -56,7 +223,7 @@ def encode_octree(
     codes = np.empty((sum(counts), CODE_SIZE), np.float16)
     around = np.empty((len(codes), CORNERS), np.uint32) if weights.kind.mixes else None
     with enough_memory("the octree"):
-        on_device = _corners_on_device(encoder, octree, weights.lookahead)
+        encode = _corner_encoder(encoder, octree, weights.lookahead)
     done = 0
     for where in ranges:
         corners = find_corners(octree, nodes, where)
@@ -64,10 +231,7 @@ def encode_octree(
         for start in range(0, len(corners), together):
             part = corners[start : start + together]
             with enough_memory("encoding"):
-                if on_device is not None:
-                    found = on_device(where.level, part)
-                else:
-                    found = _encode(encoder, octree, where.level, part, weights.lookahead)
+                found = encode(where.level, part)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             if around is not None:
                 around[done : done + len(found)] = corner_cells(octree, where.level, part)
@@ -87,23 +251,22 @@ def make_encoder(weights: Weights, device: str = CPU) -> PackedLayers | Encoder:
         return TorchEncoder(weights, device)
 
 
-def _corners_on_device(encoder: PackedLayers | Encoder, octree: Octree, lookahead: int) -> TorchCorners | None:
-    """Encoder that gathers corners' blocks on the encoder's GPU, if there is one with memory for the octree."""
-    device = getattr(encoder, "device", None)  # only torch encoders have one
-    if device is None or device.type == CPU:
-        return None
-    from .torch_tree import TorchCorners, tree_fits
+def _corner_encoder(
+    encoder: PackedLayers | Encoder, octree: Octree, lookahead: int
+) -> Callable[[int, np.ndarray], np.ndarray]:
+    """Function that encodes corners (C, 3) of a level to codes (C, 10) float32.
 
-    return TorchCorners(encoder, octree, lookahead) if tree_fits(octree, device) else None  # type: ignore[arg-type]
-
-
-def _encode(
-    encoder: PackedLayers | Encoder, octree: Octree, level: int, corners: np.ndarray, lookahead: int
-) -> np.ndarray:
-    """Codes (C, 10) float32 of corners (C, 3) of a level."""
+    On a GPU with memory for the octree it gathers the corners' blocks there.
+    """
     if isinstance(encoder, PackedLayers):
-        return encode_corners(octree, level, corners, encoder, lookahead)
-    return encoder(*chunk_blocks(octree, level, corners, lookahead))
+        return lambda level, corners: encode_corners(octree, level, corners, encoder, lookahead)
+    device = getattr(encoder, "device", None)  # only torch encoders have one
+    if device is not None and device.type != CPU:
+        from .torch_tree import TorchCorners, tree_fits
+
+        if tree_fits(octree, device):
+            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
+    return lambda level, corners: encoder(*chunk_blocks(octree, level, corners, lookahead))
 
 
 def chunk_blocks(octree: Octree, level: int, corners: np.ndarray, lookahead: int) -> tuple[np.ndarray, np.ndarray]:

@@ -15,9 +15,8 @@ import numpy as np
 
 from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN, CORNERS, OUTER
-from ..runtime.bits import lowest_one
 from ..runtime.kernels import device, lean_device
-from ..runtime.vectors import LANES, larger, load, smaller, splat, square_root, store, words_set
+from ..runtime.vectors import LANES, larger, load, lowest_one, smaller, splat, square_root, store, words_set
 from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS
 from .ray_frame import CELLS, SIDE
 

@@ -4,24 +4,31 @@
 All rays of a viewport are parallel, so every fine cube has the same hexagonal outline. Cubes are drawn front to back
 into 64 rows of 64 bits: a cube's outline covers one interval of a row of pixel centres, and its free bits see this cube
 first. The result equals 4096 rays that each stop at their first cube, about ten times faster than tracing them cell by
-cell. A finest leaf is drawn as its box, with the box's outline (methods 4.1d).
+cell. A finest leaf is drawn as its box, with the box's outline (methods 4.1d). So the exact oracle renders coverage and
+luminance of each pixel (methods 9): the limit of any network with this look-ahead.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..octree.leaf_boxes import STEPS, box_side
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import luminance_along
-from ..runtime.bits import count_ones
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, LOOKAHEAD
 from ..runtime.kernels import device, kernel
+from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
+from ..runtime.vectors import count_ones
 from .brick import check_nodes, empty_brick, fill_brick
+from .predict import Prediction
 
+if TYPE_CHECKING:
+    from ..tracing.render import Hits
+
+_CHUNK = 16384  # pixels
 VIEWPORT_PX = 64
 
 
@@ -234,3 +241,40 @@ def _render(first, last, nodes, light, rays, lookahead, coverage_out, luminance_
             sigma, mean = render_patch(nodes, light, brick, ray, lookahead, viewport)
             coverage_out[at] = sigma
             luminance_out[at] = mean / LUMINANCE_SCALE
+
+
+def exact_prediction(octree: Octree, hits: Hits, lookahead: int = DEFAULT_LOOKAHEAD) -> Steps[Prediction]:
+    """Coverage and luminance of every pixel by 64x64 rays through its patch (methods 7.16, 7.17).
+
+    lookahead: levels between a voxel and its patch's cells, 1 to 3: those of the compared weights. Raises SettingError
+    for others.
+
+    Pixels without look-ahead keep their preview, as in `predict`, so that their priority is 0 (methods 4.1b).
+    """
+    LOOKAHEAD.check(lookahead)
+    ahead = octree.look_ahead(lookahead)
+    look_ahead = hits.hit & ahead[np.maximum(hits.node, 0)]
+    pixels = np.flatnonzero(look_ahead)
+    pixels = pixels[np.argsort(hits.node[pixels], kind="stable")]  # a voxel's pixels share its brick
+    coverage = np.ones(len(look_ahead), np.float32)
+    luminance = hits.luminance.astype(np.float32)
+    for start in range(0, len(pixels), _CHUNK):
+        here = pixels[start : start + _CHUNK]
+        coverage[here], seen = render_patches(octree, _patch_rays(hits, here), lookahead)
+        luminance[here] = np.where(coverage[here] > 0, seen, luminance[here])
+        yield Progress(start + len(here), len(pixels), "Rendering patches")
+    return Prediction(coverage, luminance, look_ahead)
+
+
+def _patch_rays(hits: Hits, pixels: np.ndarray) -> PatchRays:
+    """Viewports of pixels (M,) sorted by node."""
+    first = np.flatnonzero(np.diff(hits.node[pixels], prepend=-1))
+    return PatchRays(
+        level=hits.level[pixels[first]],
+        cell=hits.cell[pixels[first]],
+        group_start=np.append(first, len(pixels)),
+        entry_voxel=hits.entry_voxel[pixels],
+        direction=hits.direction[pixels],
+        up=hits.up[pixels],
+        ratio=hits.ratio[pixels],
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree on a torch device: blocks of voxels by gathers, the counterpart of `patches.py`.
+"""Octree on a torch device: blocks of voxels by gathers, the counterpart of `brick.py`.
 
 Encoding on a GPU is too fast for one core to gather its blocks.
 """
@@ -13,7 +13,7 @@ from torch import Tensor
 from ..network.torch_encode import TorchEncoder
 from ..octree.leaf_boxes import FILLED_STEPS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
-from .patches import OCTANTS
+from .brick import OCTANTS
 
 NODE_BYTES = 12  # of child mask, first child, luminance, normal, filled share
 

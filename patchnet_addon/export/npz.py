@@ -39,8 +39,6 @@ _COLUMNS: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
     "luminance": ("<f4", 0, lambda run: run.luminance),
     "normal": ("<f4", 3, lambda run: run.normal),
     "area_world": ("<f4", 0, lambda run: run.area_world),
-}
-_COLOR_COLUMN: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
     "color": ("<f4", 3, lambda run: run.color),
 }
 
@@ -51,7 +49,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
     The file stores column after column, so the octree is walked once for each of them.
     """
     count = int(voxel_counts(octree)[level])
-    columns = _COLUMNS if octree.chroma is None else _COLUMNS | _COLOR_COLUMN
+    columns = {name: column for name, column in _COLUMNS.items() if name != "color" or octree.chroma is not None}
     done = 0
     with replaced_file(path, NPZ) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, (dtype, width, column) in columns.items():

@@ -13,8 +13,7 @@ from ..runtime.errors import SettingError
 from ..runtime.quantities import counted
 from ..surface.chroma import BLUE, GREEN, REC709, RED
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from ..surface.texture_color import color_of_fragments
-from ..surface.texture_lookup import surface_of_fragments
+from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
 from .chart_lookup import lookup, triangle_means
@@ -81,7 +80,10 @@ _LightOfSide = Callable[[TriangleBatch, Fragments, np.ndarray, np.ndarray], np.n
 def _light_of_side(atlas: Atlas, source: MeshSource, table: TextureTable) -> _LightOfSide:
     """Light (F, 1) of fragments with albedo (F,) and opacity (F,) on one side, or (F, 4) with colour."""
     channels = atlas.texels.shape[1]
-    charts, texels = atlas.charts, _with_bases(atlas, source) if has_detail(table).any() else atlas.texels
+    charts, texels = atlas.charts, atlas.texels
+    if has_detail(table).any():  # base colours weighed by opacity, in further channels
+        base = base_of_texels(atlas, source) if atlas.base is None else atlas.base
+        texels = np.concatenate([texels, base * texels[:, 1:2]], axis=1)
 
     @functools.cache
     def irradiance() -> np.ndarray:
@@ -91,7 +93,9 @@ def _light_of_side(atlas: Atlas, source: MeshSource, table: TextureTable) -> _Li
         triangles = fragments.triangle.astype(np.int64) + batch.first_triangle
         values = lookup(charts, texels, triangles, fragments.barycentric)
         lost = (values[:, 1] <= MIN_OPACITY) & (opacity > 0.0)
-        values[lost] = _triangle_values(charts, texels, triangles[lost])
+        # At the edge of a cut-out, a texel may have hit only the gap.
+        distinct, inverse = np.unique(triangles[lost], return_inverse=True)
+        values[lost] = triangle_means(charts, texels, distinct)[inverse.reshape(-1)]
         seen = values[:, 1] > MIN_OPACITY
         values /= np.where(seen, values[:, 1], np.inf)[:, None]
         fine, held = detailed(table, batch, fragments, opacity), values[:, channels:]
@@ -112,22 +116,10 @@ def _light_of_side(atlas: Atlas, source: MeshSource, table: TextureTable) -> _Li
     return light
 
 
-def _with_bases(atlas: Atlas, source: MeshSource) -> np.ndarray:
-    """Texels (N, C) and, in further channels, their base colours weighed by opacity."""
-    base = base_of_texels(atlas, source) if atlas.base is None else atlas.base
-    return np.concatenate([atlas.texels, base * atlas.texels[:, 1:2]], axis=1)
-
-
 def _rgb(luminance: np.ndarray, red: np.ndarray, blue: np.ndarray) -> np.ndarray:
     """Colours (n, 3) of a luminance (n,), red and blue; green follows from these."""
     green = np.maximum((luminance - np.float32(RED) * red - np.float32(BLUE) * blue) / np.float32(GREEN), 0.0)
     return np.stack([red, green, blue], axis=-1)
-
-
-def _triangle_values(charts: Charts, texels: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Means (n, C) over all texels of triangles (n,): at the edge of a cut-out, a texel may have hit only the gap."""
-    distinct, inverse = np.unique(triangles, return_inverse=True)
-    return triangle_means(charts, texels, distinct)[inverse.reshape(-1)].astype(np.float32)
 
 
 def has_detail(table: TextureTable) -> np.ndarray:

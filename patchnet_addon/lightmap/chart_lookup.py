@@ -15,25 +15,20 @@ from .packing import FIRST, SECOND, SINGLE
 
 
 class _Rectangles(NamedTuple):
-    """Rectangles of all charts and the triangles' halves of them, for kernels; shapes as in `Charts`."""
+    """Rectangles of all charts, the triangles' halves of them and their corners, for kernels; shapes as in `Charts`."""
 
     x: np.ndarray
     y: np.ndarray
     log_width: np.ndarray
     log_height: np.ndarray
     kind: np.ndarray
+    origin: np.ndarray
+    along: np.ndarray
     page_side: int
 
     @classmethod
     def of_charts(cls, charts: Charts) -> _Rectangles:
-        return cls(charts.x, charts.y, charts.log_width, charts.log_height, charts.kind, charts.page_side)
-
-
-class _Corners(NamedTuple):
-    """Corners of triangles in their charts: at the right angle, and at the end of the leg along x, (T,) int8 each."""
-
-    origin: np.ndarray
-    along: np.ndarray
+        return cls(*(getattr(charts, name) for name in cls._fields))
 
 
 class _Half(NamedTuple):
@@ -102,10 +97,10 @@ def _nearest(half, u, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lookup(first, last, places, pages, rectangles, corners, texels, out):  # type: ignore[no-untyped-def]
+def _lookup(first, last, places, pages, rectangles, texels, out):  # type: ignore[no-untyped-def]
     triangle, barycentric = places
     channels = texels.shape[1]
-    origin, along = corners.origin, corners.along
+    origin, along = rectangles.origin, rectangles.along
     for index in range(first, last):
         t = triangle[index]
         half = _half(rectangles, t)
@@ -160,9 +155,8 @@ def lookup(charts: Charts, texels: np.ndarray, triangles: np.ndarray, barycentri
     Within half a texel of the legs the value is that of the nearest texels; along the hypotenuse it is extrapolated.
     """
     out = np.empty((len(triangles), texels.shape[1]), np.float32)
-    corners = _Corners(charts.origin, charts.along)
     rectangles = _Rectangles.of_charts(charts)
-    run_parts(_lookup, len(triangles), (triangles, barycentric), charts.page, rectangles, corners, texels, out)
+    run_parts(_lookup, len(triangles), (triangles, barycentric), charts.page, rectangles, texels, out)
     return out
 
 
@@ -172,7 +166,6 @@ def _means(first, last, triangle, pages, rectangles, texels, out):  # type: igno
     for index in range(first, last):
         half = _half(rectangles, triangle[index])
         page = pages[triangle[index]]
-        single = half.kind == SINGLE
         count = 0
         out[index] = 0.0
         j = 0
@@ -184,11 +177,7 @@ def _means(first, last, triangle, pages, rectangles, texels, out):  # type: igno
                     out[index, channel] += texels[texel, channel]
                 count += 1
                 i += 1
-                if single:
-                    break
             j += 1
-            if single:
-                break
         for channel in range(channels):
             out[index, channel] /= count
 
@@ -221,9 +210,6 @@ def _owners(first, last, triangle, rectangles, out):  # type: ignore[no-untyped-
     for index in range(first, last):
         t = triangle[index]
         half = _half(rectangles, t)
-        if half.kind == SINGLE:
-            out[_texel_index(half, 0, 0, 0)] = t
-            continue
         j = 0
         while _owns(half, 0, j):
             i = 0

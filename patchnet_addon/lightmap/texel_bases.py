@@ -1,22 +1,201 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colours of an atlas: divisors of the baked light of its texels (methods 7.2c, 7.2g)."""
+"""Places in texels, and base colours of an atlas: divisors of the baked light of its texels (methods 7.2c, 7.2g)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
-from ..surface.mesh import MeshSource, TriangleBatch
+from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
+from ..surface.chroma import BLUE, GREEN, RED
+from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..surface.texels import MipChain, on_texture
+from ..surface.texture_lookup import (
+    color_of_fragments,
+    level_of_size,
+    surface_of_fragments,
+    trilinear_color,
+    trilinear_luminance,
+    uv_at,
+)
 from ..surface.textures import TextureTable
 from .atlas import COLOR_CHANNELS, MIN_OPACITY, Atlas
-from .base_colors import base_colors
 from .chart_lookup import texel_owners
 from .charts import Charts
 from .packing import SINGLE
-from .texel_places import BatchTexels
+
+_PLACES = 4  # lookups along a texel's side, for textured base colours
+_EMPTY = 1e-6  # weight of a transparent part: a fully transparent texel still has a colour
+
+
+@dataclass(frozen=True, eq=False)
+class BatchTexels:
+    """Texels of an atlas that belong to triangles of one batch.
+
+    texels: (n,) int64 of all pages. triangles: (n,) int64 in the batch. corners: (T, 3, 2) float64 of the batch's
+    triangles on their pages (`Charts.corner_texels`), whose side is `page_side`.
+    """
+
+    texels: np.ndarray
+    triangles: np.ndarray
+    corners: np.ndarray
+    page_side: int
+
+    def __len__(self) -> int:
+        return len(self.texels)
+
+
+def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
+    """Weights (n, side * side, 2) float32 of corners 1 and 2 of the triangle at places in each texel.
+
+    Places are the centres of side x side equal parts of a square of width `spread` around the texel's centre, column by
+    column; those outside the triangle are moved into it.
+    """
+    out = np.empty((len(own), side * side, 2), np.float32)
+    run_parts(_places, len(own), (own.texels, own.triangles, own.corners), own.page_side, (side, spread), out)
+    return out
+
+
+@device
+def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
+    """Offset of a texel's lower left from a triangle's first corner, (2,), edges to the others, (2,) each, and area."""
+    left = texel % page_side - corners[0, 0]
+    low = texel // page_side % page_side - corners[0, 1]
+    one_x = corners[1, 0] - corners[0, 0]
+    one_y = corners[1, 1] - corners[0, 1]
+    two_x = corners[2, 0] - corners[0, 0]
+    two_y = corners[2, 1] - corners[0, 1]
+    return left, low, one_x, one_y, two_x, two_y, one_x * two_y - one_y * two_x
+
+
+@device
+def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
+    """Weights of corners 1 and 2 at the place (i, j) of side x side."""
+    left, low, one_x, one_y, two_x, two_y, area = frame
+    x = left + 0.5 + ((i + 0.5) / side - 0.5) * spread
+    y = low + 0.5 + ((j + 0.5) / side - 0.5) * spread
+    one = max((x * two_y - y * two_x) / area, 0.0)
+    two = max((one_x * y - one_y * x) / area, 0.0)
+    beyond = max(one + two, 1.0)
+    return one / beyond, two / beyond
+
+
+@kernel
+def _places(first, last, own, page_side, square, out):  # type: ignore[no-untyped-def]
+    """Write the weights of some texels. square: parts along its side, and its width."""
+    texels, triangles, corners = own
+    side, spread = square
+    for index in range(first, last):
+        frame = texel_frame(texels[index], corners[triangles[index]], page_side)
+        for i in range(side):
+            for j in range(side):
+                one, two = place_in_texel(frame, i, j, side, spread)
+                out[index, i * side + j, 0] = one
+                out[index, i * side + j, 1] = two
+
+
+def base_colors(
+    table: TextureTable, batch: TriangleBatch, own: BatchTexels, area: np.ndarray, *, spread: float, colored: bool
+) -> np.ndarray:
+    """Base colour (n, 1) float32 of luminance, or (n, 3) of luminance, red, blue, of texels.
+
+    area: (n,) of each texel, in world units. spread: side in texels of the square around a texel's centre with the
+    origins of its paths.
+    """
+    found = np.empty((len(own), 3 if colored else 1), np.float32)
+    materials = batch.materials[own.triangles]
+    textured = table.materials.chain[materials] >= 0
+    found[~textured] = _plain(table, batch, colored)[materials[~textured]]
+    left = np.flatnonzero(textured)
+    share = area[left] * (spread / _PLACES) ** 2
+    texels = own.texels[left], own.triangles[left], own.corners, own.page_side, share, float(spread)
+    means = np.empty((len(left), found.shape[1]), np.float32)
+    run_parts(_means, len(left), texels, batch.arrays, table.chains, table.materials, means)
+    found[left] = means
+    return found
+
+
+def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:
+    """Base colours (M, 1 or 3) of all materials of a table, exact for those without texture."""
+    used, first = np.unique(batch.materials, return_index=True)
+    points = Fragments(
+        np.zeros(len(used), np.uint64), first.astype(np.int32), np.zeros((len(used), 2), np.float32), np.ones(len(used))
+    )
+    found = np.zeros((len(table.materials.luminance), 3 if colored else 1), np.float32)
+    found[used], _ = _colors(table, batch, points, colored)
+    return found
+
+
+def _colors(
+    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
+    luminance, opacity = surface_of_fragments(table, batch, pieces)
+    if not colored:
+        return luminance[:, None], opacity
+    color = color_of_fragments(table, batch, pieces, luminance)
+    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
+
+
+@device
+def _hue(colors, levels, chain, level, u, v):  # type: ignore[no-untyped-def]
+    """Red and blue of luminance 1, searched farther around transparent parts; 1 for black."""
+    red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
+    while red + green + blue <= 0.0 and level + 1.0 <= chain.level_count - 1:
+        level += 1.0
+        red, green, blue = trilinear_color(colors, levels, chain, level, u, v)
+    own = RED * red + GREEN * green + BLUE * blue
+    return (red / own, blue / own) if own > 0.0 else (1.0, 1.0)
+
+
+@kernel
+def _means(first, last, texels, triangles, chains, materials, out):  # type: ignore[no-untyped-def]
+    """Write mean base colours over the places in textured texels, each with an area `share`."""
+    texel, triangle, page_corners, page_side, share, spread = texels
+    values, colors, levels, transform = chains.texels, chains.colors, chains.levels, chains.transform
+    colored = out.shape[1] > 1
+    for index in range(first, last):
+        t = triangle[index]
+        material = triangles.materials[t]
+        corners, uvs = triangles.corners_world[t], triangles.uvs[t]
+        k = materials.chain[material]
+        c = materials.color_chain[material] if materials.color_chain[material] >= 0 else k
+        chain = MipChain(chains.first[k], chains.level_count[k], chains.wrap[k])
+        color_chain = MipChain(chains.first[c], chains.level_count[c], chains.wrap[c])
+        level = level_of_size(levels, chain, transform[k], corners, uvs, share[index])
+        color_level = level if c == k else level_of_size(levels, color_chain, transform[c], corners, uvs, share[index])
+        plain = materials.opacity[material]
+        threshold = materials.threshold[material] / plain
+        frame = texel_frame(texel[index], page_corners[t], page_side)
+        total, total_red, total_blue, weights = 0.0, 0.0, 0.0, 0.0
+        for place in range(_PLACES * _PLACES):
+            s, r = uv_at(uvs, place_in_texel(frame, place // _PLACES, place % _PLACES, _PLACES, spread))
+            u, v = on_texture(transform[k], s, r)
+            premultiplied, opacity = trilinear_luminance(values, levels, chain, level, threshold, u, v)
+            around = opacity
+            if c != k:
+                u, v = on_texture(transform[c], s, r)
+                premultiplied, around = trilinear_luminance(values, levels, color_chain, color_level, math.nan, u, v)
+            luminance = premultiplied / around if around > 1e-6 else 0.0
+            if math.isnan(threshold):
+                opacity *= plain
+            weight = min(opacity, 1.0) + _EMPTY
+            weights += weight
+            total += weight * luminance
+            if colored and luminance > 0.0:
+                red, blue = _hue(colors, levels, color_chain, color_level, u, v)
+                total_red += weight * luminance * red
+                total_blue += weight * luminance * blue
+        out[index, 0] = total / weights
+        if colored:
+            out[index, 1] = total_red / weights
+            out[index, 2] = total_blue / weights
 
 
 class TexelBases(NamedTuple):

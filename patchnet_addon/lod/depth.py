@@ -16,6 +16,7 @@ from ..octree.octree import Octree
 from ..octree.voxelize import BLOCK_FRAGMENTS
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import MemoryEstimateError
+from ..runtime.heap import system_bytes
 from ..runtime.progress import Steps
 from ..runtime.quantities import bytes_text, count_text
 from ..surface.mesh import Fragments, MeshSource, TriangleBatch
@@ -149,13 +150,8 @@ def max_leaves(memory_bytes: float, *, color: bool = False, sides: bool = False)
 
 def available_memory() -> int:
     """Available bytes without swapping; 4 GiB on systems that do not report it."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
+    if (available := system_bytes("/proc/meminfo", "MemAvailable")) is not None:
+        return available
     if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
     return 4 << 30

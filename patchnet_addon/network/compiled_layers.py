@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layers of the compiled decoders: a tile of pixels passes through them with values in the nearest caches.
+"""Decoders for kernels, and their layers: a tile of pixels passes them with values in the nearest caches.
 
 Features are rows of a tile and pixels its columns, so that a vector holds the same feature of many pixels. The sums of
 six outputs stay in registers while inputs are read. The result of a pixel is bitwise independent of the other pixels of
@@ -8,14 +8,18 @@ its tile; only processors without fused multiply-add have other bits.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
 
-from ..runtime.bits import float_of_bits
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
 from ..runtime.kernels import device
-from ..runtime.vectors import LANES, add_product, larger, load, spread, store
-from .kinds import CODE_SIZE, OUTPUT_LOW, OUTPUT_RANGE, WIDTH_STEP
-from .simd_harmonics import store_harmonics
-from .weights import MODULATED
+from ..runtime.vectors import LANES, add_product, float_of_bits, larger, load, spread, store
+from .harmonics import harmonic_terms
+from .kinds import CODE_SIZE, COVERED, COVERING, MIXED, MIXTURE, OUTPUT_LOW, OUTPUT_RANGE, PAPER, WIDTH_STEP
+from .weights import MODULATED, Weights
 
 TILE = 64  # pixels: with 78 features before and after a layer 39 KiB, and a whole number of vectors everywhere
 OUTPUTS = WIDTH_STEP  # outputs of a layer at once: their sums take 12 of 16 short registers
@@ -28,6 +32,156 @@ assert TILE % LANES == 0
 _LOG2_E = np.float32(1.4426950408889634)
 _LN2_HIGH, _LN2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)
 _LOW, _RANGE = np.float32(OUTPUT_LOW), np.float32(OUTPUT_RANGE)
+
+_ROWS = MIXTURE.decoder[0]
+_LAYERS = len(MIXTURE.decoder) - 2  # with ReLU
+# Results overwrite inputs, before the covered shares, which are still needed.
+assert len(PAPER.decoder) == len(MIXTURE.decoder) and _LAYERS % 2 == 1
+
+
+class DecoderLayers(NamedTuple):
+    """Decoder in the form of kernels, flat, all float32.
+
+    weights: of each layer, of each six outputs, for each input its six weights. bias: of all layers. Both are padded
+    with zeros to six outputs. floor: (2,) the smallest result of a layer, and of the last. inputs, width, outputs: of
+    the first layer, of those with ReLU, and of the last.
+    """
+
+    weights: np.ndarray
+    bias: np.ndarray
+    floor: np.ndarray
+    inputs: int
+    width: int
+    outputs: int
+
+    @classmethod
+    def pack(cls, weights: Weights) -> DecoderLayers:
+        """Layers of the decoder."""
+        blocks, biases = [], []
+        for matrix, bias in weights.decoder:
+            more = -len(matrix) % OUTPUTS
+            filled = np.pad(matrix, ((0, more), (0, 0)))
+            blocks.append(filled.reshape(-1, OUTPUTS, matrix.shape[1]).swapaxes(1, 2).ravel())
+            biases.append(np.pad(bias, (0, more)))
+        floor = np.array([0, -np.inf], np.float32)  # in memory, to be broadcast to a vector
+        inputs, width = weights.decoder[0][0].shape[1], len(biases[0])
+        return cls(np.concatenate(blocks), np.concatenate(biases), floor, inputs, width, len(biases[-1]))
+
+
+@device
+def empty_tile():
+    """Two arrays of a tile's values, (147 * TILE,) float32 zeros, and one of luminances, (65 * TILE,)."""
+    return empty_values(_ROWS), empty_values(_ROWS), empty_values(MIXED)
+
+
+@device
+def decode_tile(tile, layers):
+    """Decode a tile of pixels by the paper's network; its first two rows become coverage and luminance.
+
+    tile: `empty_tile`, with rows of code, direction, up and ratio. layers: `DecoderLayers`.
+    """
+    inputs, others, _ = tile
+    _run_layers(inputs, others, layers)
+    for index in range(2 * TILE):
+        inputs[index] = clipped_sigmoid(inputs[index])
+
+
+@device
+def decode_mixture_tile(tile, layers):
+    """Decode a tile of pixels by a luminance mixture; its first two rows become coverage and luminance.
+
+    tile: `empty_tile`, with the rows of `kinds.py` except harmonics, and rows of luminances. layers: `DecoderLayers`.
+    """
+    inputs, others, luminances = tile
+    _run_layers(inputs, others, layers)
+    for pixel in range(TILE):
+        inputs[pixel] = clipped_sigmoid(inputs[pixel])
+    _mix(inputs, luminances)
+
+
+@device
+def _run_layers(inputs, others, layers):
+    """Run all layers; the first rows of `inputs` become the results."""
+    weights, bias, floor, depth, width, outputs = layers
+    fill_harmonics(inputs)
+    weight = 0
+    values, results = inputs, others
+    for layer in range(_LAYERS):
+        apply_layer(values, depth, results, width, weights[weight:], bias[layer * width :], floor)
+        weight += depth * width
+        depth = width
+        values, results = results, values
+    apply_layer(values, depth, results, outputs, weights[weight:], bias[_LAYERS * width :], floor[1:])
+
+
+@device
+def _mix(values, luminances):
+    """Write the mean of the luminances, by shares of the logits in rows 1 to 65, into row 1."""
+    largest, total, light = np.empty(TILE, np.float32), np.empty(TILE, np.float32), np.empty(TILE, np.float32)
+    own = (1 + COVERING) * TILE
+    for pixel in range(TILE):
+        largest[pixel] = values[own + pixel]
+    for row in range(COVERING):
+        for pixel in range(TILE):
+            logit = values[(1 + row) * TILE + pixel]
+            there = values[(COVERED + row) * TILE + pixel] > 0
+            largest[pixel] = max(largest[pixel], logit) if there else largest[pixel]
+    for pixel in range(TILE):
+        share = exponential(max(values[own + pixel] - largest[pixel], np.float32(-80)))
+        total[pixel] = share
+        light[pixel] = share * luminances[COVERING * TILE + pixel]
+    for row in range(COVERING):
+        for pixel in range(TILE):
+            behind = min(max(values[(1 + row) * TILE + pixel] - largest[pixel], np.float32(-80)), np.float32(0))
+            share = exponential(behind) * values[(COVERED + row) * TILE + pixel]
+            total[pixel] += share
+            light[pixel] += share * luminances[row * TILE + pixel]
+    for pixel in range(TILE):
+        values[TILE + pixel] = light[pixel] / total[pixel]
+
+
+class _Term:
+    """Term of a formula: its arithmetic appends instructions to the function in compilation."""
+
+    def __init__(self, builder: Any, value: Any) -> None:
+        self.builder, self.value = builder, value
+
+    def _of(self, other: Any) -> Any:
+        if isinstance(other, _Term):
+            return other.value
+        kind = self.value.type
+        return ir.Constant(kind, [float(other)] * kind.count)
+
+    def __add__(self, other: Any) -> _Term:
+        return _Term(self.builder, self.builder.fadd(self.value, self._of(other), flags=("contract",)))
+
+    def __sub__(self, other: Any) -> _Term:
+        return _Term(self.builder, self.builder.fsub(self.value, self._of(other), flags=("contract",)))
+
+    def __mul__(self, other: Any) -> _Term:
+        return _Term(self.builder, self.builder.fmul(self.value, self._of(other), flags=("contract",)))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+@intrinsic
+def store_harmonics(_typing: Any, array: Any, _index: Any, _stride: Any, x: Any, y: Any, z: Any) -> Any:
+    """Store the 25 harmonics of vectors of directions: store_harmonics(array, index, stride, x, y, z).
+
+    The first one is at the index, each further one `stride` elements later.
+    """
+
+    def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        index, stride = arguments[1:3]
+        x, y, z = (_Term(builder, axis) for axis in arguments[3:])
+        for term in harmonic_terms(x, y, z):
+            pointer = builder.bitcast(builder.gep(data, [index]), term.value.type.as_pointer())
+            builder.store(term.value, pointer).align = 4
+            index = builder.add(index, stride)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, x, y, z), build
 
 
 @device

@@ -175,7 +175,7 @@ def load_weights(path: str | Path | None = None, encoders: Mapping[str, EncoderK
     path = Path(path) if path is not None else default_weights_path()
     arrays, metadata = read_arrays(path, KIND, WeightsFileError)
     stated = {"look_ahead": DEFAULT_LOOKAHEAD, **metadata.pop("network", {})}
-    lookahead = _known_lookahead(stated["look_ahead"], path)
+    lookahead = _known_one({each: each for each in LOOKAHEADS}, stated, "look_ahead", DEFAULT_LOOKAHEAD, path)
     kind = _known_one(KINDS, stated, "kind", PAPER.name, path)
     encoder = _known_encoder(encoders, stated, path)
     here = network(lookahead, kind, encoder)
@@ -193,22 +193,13 @@ def load_weights(path: str | Path | None = None, encoders: Mapping[str, EncoderK
         raise WeightsFileError(f"{path} cannot be used: {cause}") from cause
 
 
-def _known_lookahead(stated: Any, path: Path) -> int:
-    """Conventions that a file states, if this network supports them; raises WeightsFileError."""
-    if type(stated) is not int or stated not in LOOKAHEADS:  # true is no number
-        known = ", ".join(map(str, LOOKAHEADS))
-        raise WeightsFileError(
-            f"{path} belongs to another network: its 'look_ahead' is {stated!r} where this one has one of {known}"
-        )
-    return stated
-
-
-def _known_one(known: Mapping[str, _Kind], stated: Mapping[str, Any], what: str, default: str, path: Path) -> _Kind:
+def _known_one(known: Mapping[Any, _Kind], stated: Mapping[str, Any], what: str, default: Any, path: Path) -> _Kind:
     """Kind that a file states as `what`; raises WeightsFileError for one that is not known."""
     name = stated.get(what, default)
-    if not isinstance(name, str) or name not in known:
+    if type(name) is not type(default) or name not in known:  # true is no number
         raise WeightsFileError(
-            f"{path} belongs to another network: its '{what}' is {name!r} where this one has one of {', '.join(known)}"
+            f"{path} belongs to another network: its '{what}' is {name!r} where this one has one of "
+            f"{', '.join(map(str, known))}"
         )
     return known[name]
 

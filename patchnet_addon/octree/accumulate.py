@@ -15,12 +15,11 @@ from ..runtime.bounds import INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
-from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
+from .bricks import BRICK_BITS, BRICK_CELLS, MIN_OPACITY, brick_of, table_of
 from .leaf_boxes import WHOLE, ends_of_axis, joined_boxes, unpacked
 from .side_levels import LeafSides, leaf_sides
 from .sides import FACES
 
-MIN_OPACITY = 1.0 / 255.0
 # The unit of a leaf's area is 2^-40 of a voxel's face: four million coincident layers fit, and smaller areas count as
 # one unit, so that every touched voxel is kept. Luminance times area needs more bits, as do red and blue: multiples of
 # 2^24 units, and the remainder. Green follows from luminance and those two.

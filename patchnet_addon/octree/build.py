@@ -3,24 +3,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
+from ..surface.chroma import REC709, decoded_colors
 from ..surface.mesh import MeshSource, ShadingFn
 from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
-from .hdr_highlights import light_hdr_highlights
+from .leaf_boxes import WHOLE, unpacked
 from .leaf_levels import LeafLevels
-from .levels import luminance_of_level, number_children, red_blue_of_level, stored_chroma, stored_luminance
-from .octree import Octree
-from .side_levels import LeafSides, LevelNodes, joined_sides, sides_of_levels
-from .subtrees import Subtrees, subtrees
+from .levels import (
+    area_and_normal,
+    luminance_of_level,
+    merge_nodes,
+    number_children,
+    parents_of,
+    red_blue_of_level,
+    stored_chroma,
+    stored_luminance,
+    sums_of_level,
+)
+from .octree import POPCOUNT, Octree
+from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
+
+_LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
+
+
+class LevelPart(NamedTuple):
+    """Nodes of one level in consecutive blocks, in Morton order, in the octree's compact form.
+
+    child_mask: (n,) uint8, area_world: (n,) float32, normal: (n, 3) int8 as in `Octree`. Of its leaves: leaf_luminance
+    (l,) float32, means before exposure, leaf_chroma (l, 2) uint8, or (l, 0) without colour, leaf_box (l, 3) uint8, and
+    leaf_sides, empty unless sides are stored.
+    """
+
+    child_mask: np.ndarray
+    area_world: np.ndarray
+    normal: np.ndarray
+    leaf_luminance: np.ndarray
+    leaf_chroma: np.ndarray
+    leaf_box: np.ndarray
+    leaf_sides: LeafSides
+
+
+@dataclass(frozen=True, eq=False)
+class Subtrees:
+    """Subtrees over the leaves of some blocks of space, level by level from the blocks, of `root_level`, down.
+
+    root_keys: (r,) uint64 of the nonempty blocks. root_sums: (r, 4) float64, area and area * normal (x, y, z) in world
+    units. In a large scene only the leaves of one pass are held as sums; luminance is stored later, since the exposure
+    needs all leaves.
+    """
+
+    root_level: int
+    root_keys: np.ndarray
+    root_sums: np.ndarray
+    levels: tuple[LevelPart, ...]
+
+
+def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
+    """Nodes over leaves that lie on one or several levels from `root_level` on, no leaf within another one."""
+    by_level = {part.level: part for part in leaves}
+    width = leaves[0].sums.shape[1] if leaves else 5
+    none = LeafSums(0, np.empty(0, np.uint64), np.empty((0, width), np.float32))
+    keys, sums = none.keys, np.empty((0, 4), np.float64)
+    levels = []
+    for level in range(max(by_level, default=root_level), root_level - 1, -1):
+        own = by_level.get(level, none)
+        parents, mask = parents_of(keys)
+        keys, mask = merge_nodes(own.keys, parents, mask)
+        sums = sums_of_level(mask, sums, own.sums)
+        luminance = own.sums[:, 1] / own.sums[:, 0]
+        colored, count = width > 5, len(own.keys)
+        chroma = stored_chroma(own.sums[:, 1], own.sums[:, 5:]) if colored else np.empty((count, 0), np.uint8)
+        boxes = unpacked(np.full(count, WHOLE, np.uint32)) if own.boxes is None else own.boxes
+        sides = own.sides or no_sides(colored=colored)
+        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, chroma, boxes, sides))
+    return Subtrees(root_level, keys, sums, tuple(reversed(levels)))
 
 
 def build_octree(
@@ -65,24 +131,22 @@ def _joined(
     grid: Grid,
     exposure: float | None,
     provenance: dict[str, Any],
-    emitters: Emitters | None = None,
+    emitters: Emitters,
     *,
-    boxes: bool = False,
-    sides: bool = False,
+    boxes: bool,
+    sides: bool,
 ) -> Octree:
     """Octree of blocks in Morton order; empties `parts` to save memory."""
-    colored = parts[0].leaf_chroma[0].shape[1] > 0
-    parts[:0] = [_above(parts)]
-    depth = max(part.root_level + len(part.child_mask) for part in parts) - 1
-    light = [_of_level(parts, level, lambda part: part.leaf_luminance, np.float32) for level in range(depth + 1)]
-    masks = [_of_level(parts, level, lambda part: part.child_mask, np.uint8) for level in range(depth + 1)]
-    exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
-    areas = [_of_level(parts, level, lambda part: part.area_world, np.float32) for level in range(depth + 1)]
-    normals = [_of_level(parts, level, lambda part: part.normal, np.int8) for level in range(depth + 1)]
-    hues = [_of_level(parts, level, lambda part: part.leaf_chroma, np.uint8) for level in range(depth + 1)]
-    leaf_box = _of_level(parts, depth, lambda part: part.leaf_box, np.uint8) if boxes else None
-    side_parts = [_leaf_sides(parts, level) for level in range(depth + 1)] if sides else []
+    blocks = zip_longest(*(part.levels for part in parts))
+    levels = [[part] for part in _above(parts)] + [[part for part in level if part] for level in blocks]
     parts.clear()
+    colored, depth = levels[-1][0].leaf_chroma.shape[1] > 0, len(levels) - 1
+    light, masks = _column(levels, "leaf_luminance"), _column(levels, "child_mask")
+    exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
+    areas, normals, hues = (_column(levels, name) for name in ("area_world", "normal", "leaf_chroma"))
+    leaf_box = _column(levels[-1:], "leaf_box")[0] if boxes else None
+    side_parts = [_leaf_sides(level) for level in levels] if sides else []
+    levels.clear()
     bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     found = None
@@ -113,42 +177,24 @@ def _joined(
     )
 
 
-def _above(parts: Sequence[Subtrees]) -> Subtrees:
+def _above(parts: Sequence[Subtrees]) -> tuple[LevelPart, ...]:
     """Levels above the blocks of all parts, which are of one level."""
-    level = parts[0].root_level
     keys = np.concatenate([part.root_keys for part in parts])
     sums = np.concatenate([part.root_sums for part in parts])
-    columns = np.zeros((len(keys), 5 + parts[0].leaf_chroma[0].shape[1]), np.float64)
+    columns = np.zeros((len(keys), 5 + parts[0].levels[0].leaf_chroma.shape[1]), np.float64)
     columns[:, 0], columns[:, 2:5] = sums[:, 0], sums[:, 1:]
-    whole = subtrees([LeafSums(level, keys, columns)], 0)
-    # The blocks themselves, the last level here, are the parts' roots.
-    return replace(
-        whole,
-        child_mask=whole.child_mask[:-1],
-        area_world=whole.area_world[:-1],
-        normal=whole.normal[:-1],
-        leaf_luminance=whole.leaf_luminance[:-1],
-        leaf_chroma=whole.leaf_chroma[:-1],
-        leaf_box=whole.leaf_box[:-1],
-        leaf_sides=whole.leaf_sides[:-1],
-    )
+    whole = subtrees([LeafSums(parts[0].root_level, keys, columns)], 0)
+    return whole.levels[:-1]  # the blocks themselves are the parts' roots
 
 
-def _leaf_sides(parts: Sequence[Subtrees], level: int) -> LeafSides:
+def _leaf_sides(level: Sequence[LevelPart]) -> LeafSides:
     """Sides of a level's leaves of all parts, in order."""
-    within = [part for part in parts if 0 <= level - part.root_level < len(part.child_mask)]
-    here = [part.leaf_sides[level - part.root_level] for part in within]
-    return joined_sides(here, [len(part.leaf_luminance[level - part.root_level]) for part in within])
+    return joined_sides([part.leaf_sides for part in level], [len(part.leaf_luminance) for part in level])
 
 
-def _of_level(
-    parts: Sequence[Subtrees], level: int, column: Callable[[Subtrees], Sequence[np.ndarray]], dtype: type
-) -> np.ndarray:
-    """Concatenate one column of one level of all parts, in order."""
-    arrays = [
-        column(part)[level - part.root_level] for part in parts if 0 <= level - part.root_level < len(part.child_mask)
-    ]
-    return np.concatenate(arrays) if arrays else np.empty(0, dtype)
+def _column(levels: Sequence[Sequence[LevelPart]], name: str) -> list[np.ndarray]:
+    """Concatenate one column of each level of all parts, in order."""
+    return [np.concatenate([getattr(part, name) for part in level]) for level in levels]
 
 
 def _luminance(
@@ -175,6 +221,55 @@ def _luminance(
             chroma.append(stored_chroma(luminance, red_blue))
         area = areas[level]
     return stored[::-1], chroma[::-1]
+
+
+def light_hdr_highlights(
+    masks: Sequence[np.ndarray],
+    areas: Sequence[np.ndarray],
+    light: Sequence[np.ndarray],
+    hues: Sequence[np.ndarray],
+    exposure: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (b,) uint32, ascending, and colours (b, 3) float32 above white, of leaves and their means.
+
+    All by level, coarse first: child masks (n,) and areas (n,) of its nodes, luminance (l,) before exposure and chroma
+    (l, 2) of its leaves; `hues` is empty without colour.
+    """
+    first = np.cumsum([0, *(len(mask) for mask in masks)])
+    nodes, colors = [], []
+    index, own = np.empty(0, np.int64), np.empty((0, 3))  # of one level, within it
+    for level in range(len(masks) - 1, -1, -1):
+        mask = masks[level]
+        inner, inner_colors = _means(mask, areas[level + 1], index, own) if len(index) else (index, own)
+        leaf = np.flatnonzero(light[level] * exposure > 1.0)
+        above = light[level][leaf] * exposure - 1.0
+        hue = hues[level].reshape(-1, 2)[leaf] if len(hues) else None
+        leaf_colors = np.repeat(above[:, None], 3, axis=1) if hue is None else decoded_colors(above, hue)
+        leaf = np.flatnonzero(mask == 0)[leaf] if len(light[level]) < len(mask) else leaf
+        order = np.argsort(np.concatenate([leaf, inner]))
+        index = np.concatenate([leaf, inner])[order]
+        own = np.concatenate([leaf_colors, inner_colors])[order]
+        kept = own @ REC709.astype(np.float64) >= _LEAST_ABOVE
+        nodes.append((index[kept] + first[level]).astype(np.uint32))
+        colors.append(own[kept].astype(np.float32))
+    return np.concatenate(nodes[::-1]), np.concatenate(colors[::-1])
+
+
+def _means(mask: np.ndarray, area: np.ndarray, index: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (p,) of a level with children that have light above white, and its area-weighted means (p, 3) over them.
+
+    mask: (n,) of the level. area: (c,) of the level below; index, own: its children (k,) with such light (k, 3).
+    """
+    counts = POPCOUNT[mask].astype(np.int64)
+    ends = np.cumsum(counts)
+    parents, inverse = np.unique(np.searchsorted(ends, index, side="right"), return_inverse=True)
+    child, count = ends[parents] - counts[parents], counts[parents]
+    total = np.zeros(len(parents))
+    for octant in range(8):
+        there = octant < count
+        total[there] += area[child[there] + octant]
+    sums = [np.bincount(inverse.reshape(-1), area[index] * own[:, channel], len(parents)) for channel in range(3)]
+    return parents, np.stack(sums, axis=1) / total[:, None]
 
 
 def _emptied(arrays: list[np.ndarray]) -> np.ndarray:

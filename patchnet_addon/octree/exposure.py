@@ -77,14 +77,12 @@ class Emitters:
         return bool(self._emission[material] * area >= _OWN_SHARE * light)
 
 
-def exposure_without_emitters(
-    masks: Sequence[np.ndarray], light: Sequence[np.ndarray], emitters: Emitters | None
-) -> float:
+def exposure_without_emitters(masks: Sequence[np.ndarray], light: Sequence[np.ndarray], emitters: Emitters) -> float:
     """Automatic exposure of leaves without emitters; of all leaves if no others are lit.
 
     masks: (n,) uint8 child masks of a level's nodes; light: (l,) float32 luminance of its leaves; both by level.
     """
-    cells = emitters.cells() if emitters is not None and emitters.anything else {}
+    cells = emitters.cells()
     if cells:
         rest = np.concatenate(_others(masks, light, cells))
         if (rest > 0.0).any():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,40 @@ from ..cells.morton import morton_decode, morton_encode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
-from .hdr_highlights import NO_HIGHLIGHTS, HdrHighlights, colors_at, with_bits
-from .nodes import BoxedNodes, Nodes, without_boxes
-from .sides import NO_SIDES, NodeLight, sides_of
+from .sides import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
 
 LUMINANCE_SCALE = 65535.0
 NORMAL_SCALE = 127.0
 POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
+
+
+class Nodes(NamedTuple):
+    """Arrays from nodes of an octree to their children, for kernels that descend.
+
+    child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
+    first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+
+
+class BoxedNodes(NamedTuple):
+    """Nodes of an octree and boxes of its finest leaves, for kernels that trace rays.
+
+    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; all later ones have one.
+    boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
+    """
+
+    child_mask: np.ndarray
+    first_child: np.ndarray
+    first_boxed: int
+    boxes: np.ndarray
+
+
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+    """Nodes whose leaves are whole voxels."""
+    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +133,15 @@ class Octree:
     @property
     def nbytes(self) -> int:
         """Bytes of the node arrays."""
-        arrays = (self.child_mask, self.first_child, self.area_world, self.luminance, self.normal, self.chroma)
-        some = (self.bright_nodes, self.bright_colors, self.leaf_box)
-        sides = (self.side_nodes, self.side_light, self.side_share, self.side_chroma)
-        return sum(array.nbytes for array in (*arrays, *some, *sides) if array is not None)
+        arrays = (array for name, array in vars(self).items() if name != "level_start")
+        return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     @cached_property
     def hdr_highlights(self) -> HdrHighlights:
         """Light above white, for kernels."""
         if self.bright_nodes is None or self.bright_colors is None:
             return NO_HIGHLIGHTS
-        return with_bits(self.bright_nodes, self.bright_colors, self.node_count)
+        return HdrHighlights(*marked(self.bright_nodes, self.node_count), self.bright_colors)
 
     @cached_property
     def light(self) -> NodeLight:
@@ -198,7 +223,12 @@ class Octree:
 
     def color_above_white(self, nodes: np.ndarray) -> np.ndarray:
         """Linear colours (N, 3) float32 removed from nodes (N,) by the clamp; 0 for misses (-1)."""
-        return colors_at(self.hdr_highlights, nodes)
+        colors = np.zeros((len(nodes), 3), np.float32)
+        if self.bright_nodes is not None and self.bright_colors is not None and len(self.bright_nodes):
+            place = np.minimum(np.searchsorted(self.bright_nodes, nodes), len(self.bright_nodes) - 1)
+            found = self.bright_nodes[place] == nodes
+            colors[found] = self.bright_colors[place[found]]
+        return colors
 
     def normal_float(self, nodes: np.ndarray | slice) -> np.ndarray:
         """Mean normals (N, 3) float32, length at most 1."""

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels for light of a node along a direction; `sides.py` defines sides."""
+"""Kernels for light of a node along a direction, and its chroma; `sides.py` and `chroma.py` define them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.bits import count_ones
-from ..runtime.kernels import kernel, lean_device
-from ..surface.chroma_kernels import decode_color
+from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.vectors import count_ones
+from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 from .octree import LUMINANCE_SCALE
 
 _ROOT_SCALE = np.float32(LUMINANCE_SCALE / 255.0**2)  # luminance of a face is the square of a byte
@@ -16,21 +16,44 @@ _OF_BLACK = np.float32(0.125)  # of black backs
 _LEAST_SHARE = 7  # of 255: up to this visible share, a face has the mean
 
 
+@device
+def decode_color(luminance, red, blue):  # type: ignore[no-untyped-def]
+    """Compiled twin of `decoded_colors`, whose NumPy version defines the bytes."""
+    r = float(red)
+    b = float(blue)
+    g = max(SHARE_SCALE - r - b, 0.0)
+    scale = luminance / (RED * r + GREEN * g + BLUE * b)
+    return r * scale, g * scale, b * scale
+
+
+@device
+def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
+    """Compiled twin of `encoded_chroma_reference`, of a colour whose green is what is left of its luminance."""
+    r = max(float(red), 0.0)
+    b = max(float(blue), 0.0)
+    g = max((luminance - RED * r - BLUE * b) / GREEN, 0.0)
+    total = r + g + b
+    if not total > 0.0:
+        return np.uint8(GRAY_SHARE), np.uint8(GRAY_SHARE)
+    return np.uint8(np.rint(r / total * SHARE_SCALE)), np.uint8(np.rint(b / total * SHARE_SCALE))
+
+
 @lean_device
-def sides_row(sides, node):  # type: ignore[no-untyped-def]
-    """Row of a node's sides, -1 if it has none."""
-    if len(sides.bits) == 0:
+def row_of(marked, node):  # type: ignore[no-untyped-def]
+    """Row of a node among those marked by `bits` and `ranks`, -1 for other nodes and for node -1."""
+    word = node >> 6
+    if node < 0 or word >= len(marked.bits):
         return np.int64(-1)
-    word, bit = sides.bits[node >> 6], np.uint64(node & 63)
-    if word >> bit & np.uint64(1) == 0:
+    bits, bit = marked.bits[word], np.uint64(1) << np.uint64(node & 63)
+    if bits & bit == 0:
         return np.int64(-1)
-    return np.int64(sides.ranks[node >> 6]) + count_ones(word & ((np.uint64(1) << bit) - np.uint64(1)))
+    return np.int64(marked.ranks[word]) + count_ones(bits & (bit - np.uint64(1)))
 
 
 @lean_device
 def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, of a node along a direction."""
-    row = sides_row(light.sides, node)
+    row = row_of(light.sides, node)
     return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
 
 
@@ -124,7 +147,7 @@ def see_luminance(first, last, light, nodes, directions, seen):  # type: ignore[
 def see_colors(first, last, sides, nodes, directions, seen):  # type: ignore[no-untyped-def]
     """Replace colours (P, 3) float32 of nodes (P,) int64 by those of their sides along directions (P, 3)."""
     for i in range(first, last):
-        row = sides_row(sides, nodes[i]) if nodes[i] >= 0 else np.int64(-1)
+        row = row_of(sides, nodes[i])
         if row >= 0:
             way = directions[i]
             mean = np.float64(seen[i, 0]), np.float64(seen[i, 1]), np.float64(seen[i, 2])

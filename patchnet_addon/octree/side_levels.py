@@ -14,9 +14,9 @@ import numpy as np
 
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from ..surface.chroma_kernels import decode_color, encode_shares
 from .leaf_boxes import STEPS, covered_steps
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
+from .side_kernels import decode_color, encode_shares
 from .sides import FACES
 
 _UNITS = 65535.0  # of a share

@@ -18,10 +18,10 @@ from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from .accumulate import LeafAccumulator
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
+from .bricks import OccupiedCells
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
-from .occupancy import OccupiedCells
 from .side_levels import LeafSides
 
 Kept = TypeVar("Kept")

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from .errors import OutputError
 from .outputs import check_writable
-from .unfinished import goes_with_process
+from .replace import goes_with_process
 
 KERNELS, BAKES, OCTREES = "kernels", "bakes", "octrees"
 _LOG = logging.getLogger("patchnet")

@@ -45,8 +45,12 @@ class FileKind:
 @cache
 def arrays_kind(kind: str) -> FileKind:
     """Kind of PatchNet array files (`files.py`), such as "octree"; damaged files count if their header is readable."""
-    article = "an" if kind[0] in "aeio" else "a"
-    return FileKind(f"{article} {kind} file of PatchNet", (".safetensors",), lambda path: arrays_in(path) == kind)
+    return FileKind(f"{with_article(kind)} file of PatchNet", (".safetensors",), lambda path: arrays_in(path) == kind)
+
+
+def with_article(word: str) -> str:
+    """Word after its article."""
+    return f"{'an' if word[0] in 'aeio' else 'a'} {word}"
 
 
 def arrays_in(path: Path) -> str:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .errors import FileFormatError
-from .file_kinds import arrays_kind
+from .file_kinds import arrays_kind, with_article
 from .replace import replaced_file
 
 SCHEMA_VERSION = 1
@@ -80,7 +80,7 @@ def read_arrays(
     path = Path(path)
     header = read_header(path, error)
     if header.kind != kind:
-        raise error(f"{path} is a PatchNet {header.kind} file where {_article(kind)} {kind} file is needed")
+        raise error(f"{path} is a PatchNet {header.kind} file where {with_article(kind)} file is needed")
     try:
         # Copy-on-write: read-only arrays are another type for numba, which would compile kernels again.
         mapped = np.asarray(np.memmap(path, np.uint8, mode="c"))
@@ -146,10 +146,6 @@ def content_hash(arrays: Mapping[str, np.ndarray]) -> str:
 
 def _bytes_of(array: np.ndarray) -> np.ndarray:
     return array.reshape(-1).view(np.uint8)
-
-
-def _article(word: str) -> str:
-    return "an" if word[0] in "aeio" else "a"
 
 
 def _canonical(value: Any) -> str:

@@ -90,21 +90,18 @@ def _loaded(name: str | None) -> Any:
 
 def resident_bytes() -> int | None:
     """Resident memory of this process in bytes; None except on Linux."""
-    return _status_bytes("VmRSS")
+    return system_bytes("/proc/self/status", "VmRSS")
 
 
 def peak_bytes() -> int | None:
     """Peak of resident memory in bytes, since the start or the last reset of the kernel's counter."""
-    return _status_bytes("VmHWM")
+    return system_bytes("/proc/self/status", "VmHWM")
 
 
-def _status_bytes(name: str) -> int | None:
-    """Value of a line of /proc/self/status in bytes, or None."""
-    try:
-        with open("/proc/self/status", encoding="ascii", errors="replace") as file:
-            for line in file:
-                if line.startswith(f"{name}:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
+def system_bytes(file: str, name: str) -> int | None:
+    """Value of a line of a file of Linux' /proc in bytes, or None."""
+    with suppress(OSError), open(file, encoding="ascii", errors="replace") as lines:
+        for line in lines:
+            if line.startswith(f"{name}:"):
+                return int(line.split()[1]) * 1024
     return None

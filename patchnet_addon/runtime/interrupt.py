@@ -25,8 +25,8 @@ from types import FrameType
 from typing import Any
 
 from .log import is_json, json_line
+from .replace import remove_unfinished
 from .streams import undivert
-from .unfinished import remove_unfinished
 
 DEADLINE_S = 2.5
 INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # exit codes by the convention of shells

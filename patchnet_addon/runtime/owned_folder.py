@@ -21,7 +21,7 @@ from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
-from .unfinished import unfinished
+from .replace import unfinished
 
 if os.name == "nt":
     import msvcrt

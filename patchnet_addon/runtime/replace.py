@@ -2,7 +2,8 @@
 """Atomic replacement of files of the same kind.
 
 A file is written beside its destination and renamed once it is complete and on disk, so that a partial file never
-replaces a complete one.
+replaces a complete one. Unfinished and temporary files and folders are removed when the process ends, or at a later
+start.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,9 +19,33 @@ from typing import BinaryIO
 
 from .errors import OutputError
 from .file_kinds import FileKind
-from .unfinished import unfinished
 
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
+
+_paths: set[Path] = set()
+
+
+@contextlib.contextmanager
+def unfinished(path: Path) -> Iterator[None]:
+    """Mark `path` as unfinished within the block; its maker removes it if the block ends with an error."""
+    _paths.add(path)
+    try:
+        yield
+    finally:
+        _paths.discard(path)
+
+
+def goes_with_process(path: Path) -> None:
+    """Mark `path` as temporary for this process."""
+    _paths.add(path)
+
+
+def remove_unfinished() -> None:
+    """Delete all marked files and folders, before the process ends."""
+    for path in list(_paths):
+        shutil.rmtree(path, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def check_replaceable(path: Path, kind: FileKind) -> None:

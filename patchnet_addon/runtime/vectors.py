@@ -4,7 +4,7 @@
 The compiler vectorizes simple loops, but neither traverses trees so, nor keeps the sums of a matrix product in
 registers. There a kernel uses explicit vectors: operators work lane by lane, and comparisons return a bit mask of
 lanes, lane 0 lowest. Processors with shorter registers use several for one vector. Indices are flat, into C-ordered
-arrays, and unchecked.
+arrays, and unchecked. Bit operations, one instruction each, take int64, uint64, or the int32 bits of a float.
 """
 
 from __future__ import annotations
@@ -24,6 +24,37 @@ HALF_SCALE = 2.0**112
 """Scale of `load_halves`: the ratio of the smallest half float to a float32 of the same bits."""
 
 _MASK = types.int64
+_WORDS = types.int64, types.uint64
+
+
+@intrinsic
+def count_ones(_typing: Any, word: Any) -> Any:
+    """Number of set bits of a word, as int64: count_ones(word)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.ctpop(arguments[0])
+
+    return (types.int64(word), build) if word in _WORDS else None
+
+
+@intrinsic
+def lowest_one(_typing: Any, word: Any) -> Any:
+    """Index of the lowest set bit of a word, as int64; 64 for a zero word: lowest_one(word)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
+
+    return (types.int64(word), build) if word in _WORDS else None
+
+
+@intrinsic
+def float_of_bits(_typing: Any, word: Any) -> Any:
+    """float32 with the bits of an int32: float_of_bits(word)."""
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.FloatType())
+
+    return (types.float32(word), build) if word == types.int32 else None
 
 
 class VectorType(types.Type):  # type: ignore[misc]

@@ -23,8 +23,7 @@ from .predicted import PREVIEW
 from .ranking import Ranking, rank
 from .registry import STRATEGIES
 from .sample_counts import pixels_by_side
-from .staged_pixels import Looks
-from .staged_strategy import StagedStrategy
+from .staged_strategy import Looks, StagedStrategy
 from .strategy import Strategy
 from .trace import trace_view
 

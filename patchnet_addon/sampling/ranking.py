@@ -12,8 +12,7 @@ from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refinable, refined_count, refined_mask, refinement_order
 from .sample_counts import LITTLE, refined_counts, sample_counts
-from .staged_pixels import Looks
-from .staged_strategy import StagedStrategy
+from .staged_strategy import Looks, StagedStrategy
 from .strategy import Strategy
 
 

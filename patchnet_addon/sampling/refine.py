@@ -58,16 +58,14 @@ def refinable(buffers: PixelBuffers) -> int:
     return int(np.count_nonzero(buffers.active & (buffers.importance > 0)))
 
 
-def budget_count(budget: float, active: int) -> int:
-    """Pixels that a budget X in [0, 1] covers: round(X |A|); raises SettingError outside that range."""
+def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
+    """Count the `active` pixels that a budget X refines: round(X |A|), without importance 0.
+
+    Raises SettingError for a budget outside 0 to 1.
+    """
     if not 0.0 <= budget <= 1.0:
         raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
-    return round(budget * active)
-
-
-def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
-    """Count the `active` pixels that a budget refines: those that it covers, without importance 0."""
-    return min(budget_count(budget, active), refinable(buffers))
+    return min(round(budget * active), refinable(buffers))
 
 
 def refined_mask(buffers: PixelBuffers, order: np.ndarray, budget: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 """Strategies by name, best first; a new one is one file and one line."""
 
 from ..runtime.errors import SettingError
-from . import optimal, patchnet, patchnet_behind, patchnet_plus, patchnet_plus_staged, random, ss_variance
+from . import optimal, patchnet, patchnet_behind, patchnet_plus, random, ss_variance
 from .strategy import Strategy
 
 DEFAULT = "patchnet-plus"
@@ -12,7 +12,7 @@ STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy
     for strategy in (
         *patchnet_plus.STRATEGIES,
-        patchnet_plus_staged.STRATEGY,
+        patchnet_plus.STAGED,
         patchnet_behind.STRATEGY,
         patchnet.STRATEGY,
         ss_variance.STRATEGY,

@@ -36,16 +36,12 @@ def shown_figures(report: dict[str, Any]) -> dict[str, Any]:
 
 def predicted_report(predicted: PixelBuffers, rankings: Iterable[Ranking]) -> dict[str, Any]:
     """Errors of a view that shows the predicted picture, as `view_report` has those of the preview (methods 3.12b)."""
-    unrefined = _unrefined_mse(predicted)
+    unrefined = float(mse_at(predicted, np.zeros(len(predicted.preview)), [0.0])[0])
     return {
         "mse_unrefined": unrefined,
         "psnr_unrefined_db": psnr(unrefined) if unrefined > 0 else None,
         "mse": {ranking.strategy.name: ranking.mse[1] for ranking in rankings},
     }
-
-
-def _unrefined_mse(buffers: PixelBuffers) -> float:
-    return float(mse_at(buffers, np.zeros(len(buffers.preview)), [0.0])[0])
 
 
 def view_report(buffers: PixelBuffers, camera_name: str, budget: float, rankings: Iterable[Ranking]) -> dict[str, Any]:

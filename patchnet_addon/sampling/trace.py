@@ -51,7 +51,7 @@ def trace_view(
     SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, or if their weights look
     another number of levels ahead.
     """
-    from ..codes.exact import exact_prediction
+    from ..codes.patch_rays import exact_prediction
     from ..codes.predict import predict
     from ..tracing.chosen import fine_rays
     from ..tracing.render import seen_color

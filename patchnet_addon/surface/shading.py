@@ -7,8 +7,7 @@ import numpy as np
 
 from ..runtime.errors import SettingError
 from .mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from .texture_color import color_of_fragments
-from .texture_lookup import surface_of_fragments
+from .texture_lookup import color_of_fragments, surface_of_fragments
 from .textures import TextureTable
 
 # A unit vector not parallel to an axis, so that the faces of a box differ.
@@ -18,27 +17,7 @@ AXES = ("x", "y", "z")
 
 def albedo_shade(source: MeshSource, *, color: bool = False) -> ShadingFn:
     """ShadingFn with luminance of base colour plus emission, and the material's opacity."""
-    table = TextureTable.from_materials(source.materials, color=color)
-
-    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        albedo, opacity = surface_of_fragments(table, batch, fragments)
-        luminance = albedo + emission_of_fragments(table, batch, fragments)
-        if not color:
-            return luminance, opacity
-        base = color_of_fragments(table, batch, fragments, albedo)
-        return luminance, opacity, base + glow_of_fragments(table, batch, fragments)
-
-    return shade
-
-
-def emission_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
-    """Emitted luminance (F,) float32."""
-    return table.materials.emission[batch.materials[fragments.triangle]]
-
-
-def glow_of_fragments(table: TextureTable, batch: TriangleBatch, fragments: Fragments) -> np.ndarray:
-    """Emitted colour (F, 3) float32."""
-    return table.materials.glow[batch.materials[fragments.triangle]]
+    return _lit_shade(source, None, color)
 
 
 def two_lights_shade(
@@ -52,17 +31,23 @@ def two_lights_shade(
     length = float(np.linalg.norm(towards))
     if not (np.isfinite(length) and length > 0.0):
         raise SettingError(f"Light direction {tuple(direction)} is no direction: give a vector that is not zero")
-    towards /= length
+    return _lit_shade(source, towards / length, color)
+
+
+def _lit_shade(source: MeshSource, towards: np.ndarray | None, color: bool) -> ShadingFn:
+    """ShadingFn of base colours, under lights from a direction (3,) and its opposite unless it is None."""
     table = TextureTable.from_materials(source.materials, color=color)
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        albedo, opacity = surface_of_fragments(table, batch, fragments)
-        cosine = _cosines(batch, fragments, towards)
-        luminance = albedo * cosine + emission_of_fragments(table, batch, fragments)
+        reflected, opacity = surface_of_fragments(table, batch, fragments)
+        if towards is not None:
+            reflected *= _cosines(batch, fragments, towards)
+        materials = batch.materials[fragments.triangle]
+        luminance = reflected + table.materials.emission[materials]
         if not color:
             return luminance, opacity
-        base = color_of_fragments(table, batch, fragments, albedo * cosine)
-        return luminance, opacity, base + glow_of_fragments(table, batch, fragments)
+        base = color_of_fragments(table, batch, fragments, reflected)
+        return luminance, opacity, base + table.materials.glow[materials]
 
     return shade
 
@@ -109,14 +94,9 @@ def bisected_shade(shade: ShadingFn, bounds_world: np.ndarray, axis: int, share:
 
     def bisected(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
         luminance, opacity, *more = shade(batch, fragments)
-        beyond = _centroids(batch, fragments, axis) > plane_world
+        first, second, third = batch.corners_world[fragments.triangle, :, axis].T
+        u, v = fragments.barycentric.T
+        beyond = first + u * (second - first) + v * (third - first) > plane_world
         return (luminance, np.where(beyond, np.float32(0.0), opacity), *more)
 
     return bisected
-
-
-def _centroids(batch: TriangleBatch, fragments: Fragments, axis: int) -> np.ndarray:
-    """Coordinate (F,) float64 of the fragments' centroids along an axis."""
-    first, second, third = batch.corners_world[fragments.triangle, :, axis].T
-    u, v = fragments.barycentric.T
-    return np.asarray(first + u * (second - first) + v * (third - first))

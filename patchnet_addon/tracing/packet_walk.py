@@ -12,14 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.leaf_boxes import STEPS, mirrored_span
-from ..runtime.bits import count_ones, lowest_one
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
     LANES,
+    count_ones,
     larger,
     largest,
     less,
     load,
+    lowest_one,
     select,
     smaller,
     smallest,

@@ -15,10 +15,10 @@ import numpy as np
 from ..cells.contract import pixel_voxel_ratio
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import see_colors, see_luminance
-from ..runtime.bits import lowest_one
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
+from ..runtime.vectors import lowest_one
 from .camera import Camera, camera_in_unit_cube
 from .tile import (
     BEHIND,

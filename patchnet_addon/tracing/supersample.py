@@ -7,17 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..octree.hdr_highlights import NO_HIGHLIGHTS, HdrHighlights
 from ..octree.octree import LUMINANCE_SCALE, Octree
-from ..octree.side_kernels import color_along, luminance_of_sides, sides_row
-from ..octree.sides import NodeLight
-from ..runtime.bits import lowest_one
+from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
+from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
 from ..runtime.bounds import RAYS
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
-from ..runtime.vectors import LANES
-from ..surface.chroma_kernels import decode_color
+from ..runtime.vectors import LANES, lowest_one
 from .camera import Camera, CameraUnit, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
 from .tile import COARSE, DIRECTION, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen
@@ -152,7 +149,7 @@ def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
     if node >= 0:
         numbers = tile.numbers
         x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
-        row = sides_row(nodes.sides, node)
+        row = row_of(nodes.sides, node)
         mean = np.float32(nodes.luminance[node])
         light = mean if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
         sums[0] += light
@@ -163,22 +160,11 @@ def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
             sums[1] += red
             sums[2] += green
             sums[3] += blue
-        if len(above.bits) and above.bits[node >> 3] >> (node & 7) & 1:
-            _add_above_white(above, node, light / max(mean, np.float32(1)), sums)
-
-
-@lean_device
-def _add_above_white(above, node, scale, sums):  # type: ignore[no-untyped-def]
-    """Add a node's light above white; scale: brightness of the visible side over the mean."""
-    first, last = 0, len(above.nodes) - 1
-    while first < last:
-        middle = (first + last) >> 1
-        if above.nodes[middle] < node:
-            first = middle + 1
-        else:
-            last = middle
-    for channel in range(3):
-        sums[1 + channel] += scale * above.colors[first, channel]
+        bright = row_of(above, node)
+        if bright >= 0:
+            scale = light / max(mean, np.float32(1))  # brightness of the visible side over the mean
+            for channel in range(3):
+                sums[1 + channel] += scale * above.colors[bright, channel]
 
 
 @lean_device

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.bits import lowest_one
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
     LANES,
@@ -23,6 +22,7 @@ from ..runtime.vectors import (
     largest,
     less,
     load,
+    lowest_one,
     select,
     smaller,
     smallest,

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles of boxes, pieces of triangles, and a shade of one luminance."""
+"""Triangles of boxes, batches and pieces of triangles, a shade of one luminance, and the voxelizer's sums of leaves."""
 
 import numpy as np
 
-from patchnet.patchnet_addon.octree.voxelize import clip_batch, triangle_areas_and_normals
-from patchnet.patchnet_addon.surface.mesh import Fragments
+from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals, voxelize
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
 
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # z is the last bit
 
@@ -33,3 +34,30 @@ def even(luminance=0.5):
         return np.full(len(fragments), luminance, np.float32), np.ones(len(fragments), np.float32)
 
     return shade
+
+
+def all_leaves(leaves, _block_level):
+    """Keep everything, for `voxelize`."""
+    return leaves
+
+
+def leaves_of(source, grid, shade, **settings):
+    """Leaf sums of each level with leaves, coarse first, all passes together."""
+    passes = drain(voxelize(source, grid, shade, all_leaves, **settings))
+    parts = [part for leaves in passes for part in leaves]
+    return [_joined(level, parts) for level in sorted({part.level for part in parts})]
+
+
+def in_batches(corners, cuts, uvs=None, materials=None):
+    """Batches of triangles (T, 3, 3) that are cut at the numbers `cuts`."""
+    uvs = np.zeros((len(corners), 3, 2), np.float32) if uvs is None else uvs
+    materials = np.zeros(len(corners), np.int32) if materials is None else materials
+    ranges = zip([0, *cuts], [*cuts, len(corners)], strict=True)
+    return tuple(TriangleBatch(corners[a:b], uvs[a:b], materials[a:b], int(a)) for a, b in ranges)
+
+
+def _joined(level, parts):
+    chosen = [part for part in parts if part.level == level]
+    return LeafSums(
+        level, np.concatenate([part.keys for part in chosen]), np.concatenate([part.sums for part in chosen])
+    )

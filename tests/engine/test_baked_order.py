@@ -17,7 +17,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.textures import TextureTable
 
-from .leaf_samples import in_batches, leaves_of
+from .mesh_samples import in_batches, leaves_of
 
 COUNT = 600
 

@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.surface.chroma import BLUE, GREEN, RED, decoded_col
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
 from patchnet.tests.references.small import encoded_chroma_reference
 
-from .leaf_samples import in_batches
+from .mesh_samples import in_batches
 
 WEIGHTS = np.array([RED, GREEN, BLUE])
 GRID = Grid((-1.5, -1.5, -1.5), 3.0, 6)

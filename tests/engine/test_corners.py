@@ -4,13 +4,12 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.coded_nodes import coded_nodes, coded_row
-from patchnet.patchnet_addon.codes.corner_rows import corners_of, set_corner_rows
+from patchnet.patchnet_addon.codes.brick import OCTANTS
+from patchnet.patchnet_addon.codes.corner_rows import coded_nodes, corners_of, set_corner_rows
 from patchnet.patchnet_addon.codes.corners import corner_ranges, find_corners, write_corner_rows
-from patchnet.patchnet_addon.codes.encode import chunk_blocks, make_encoder
-from patchnet.patchnet_addon.codes.encode_corners import encode_corners
-from patchnet.patchnet_addon.codes.patches import OCTANTS
+from patchnet.patchnet_addon.codes.encode import chunk_blocks, encode_corners, make_encoder
 from patchnet.patchnet_addon.network.weights import Weights
+from patchnet.patchnet_addon.octree.side_kernels import row_of
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
@@ -38,7 +37,7 @@ def corners_reference(cells):
 @kernel
 def write_rows(coded, nodes, rows):
     for index in range(len(nodes)):
-        rows[index] = coded_row(coded, nodes[index])
+        rows[index] = row_of(coded, nodes[index])
 
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])

@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.clip import piece_reference
 from patchnet.tests.references.footprint import bilinear_reference, footprint_reference
 
-from .leaf_samples import leaves_of
+from .mesh_samples import leaves_of
 
 UPRIGHT = np.array([(0.03, 0.05, 0.11), (0.9, 0.0, 0.0), (0.0, 0.87, 0.0)])  # origin and two edges
 TILTED = np.array([(0.15, 0.08, 0.07), (0.7, 0.2, 0.3), (-0.1, 0.6, 0.55)])

@@ -6,10 +6,16 @@ import pytest
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import Charts, layout_charts
-from patchnet.patchnet_addon.lightmap.denoise import REACH, Texels, denoise
-from patchnet.patchnet_addon.lightmap.denoised_atlas import _points, cells_of, denoised_atlas, placed_texels
-from patchnet.patchnet_addon.lightmap.texel_bases import _owned
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels
+from patchnet.patchnet_addon.lightmap.denoised_atlas import (
+    REACH,
+    Texels,
+    _points,
+    cells_of,
+    denoise,
+    denoised_atlas,
+    placed_texels,
+)
+from patchnet.patchnet_addon.lightmap.texel_bases import BatchTexels, _owned
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.tests.references.light_map import denoise_reference, texel_places_reference

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.corner_rows import corners_of
 from patchnet.patchnet_addon.codes.encode import encode_octree, make_encoder
 from patchnet.patchnet_addon.codes.file import load_codes, save_codes
 from patchnet.patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
@@ -62,7 +63,7 @@ def test_every_corner_has_the_code_of_its_patch(coded, octree, weights):
             assert (row >= 0) == has_descendants_two_levels_down(octree, node)
             if row < 0 or offset % 7:
                 continue
-            for octant, corner in enumerate(coded.corners_of(row)):
+            for octant, corner in enumerate(corners_of(coded.corner_rows, row)):
                 x, y, z = 4 * (cell + [octant & 1, octant >> 1 & 1, octant >> 2])
                 wanted = naive_code(weights, dense[z : z + 8, y : y + 8, x : x + 8])
                 np.testing.assert_allclose(coded.codes[corner], wanted, rtol=HALF, atol=1e-4)

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lod import fit
-from patchnet.patchnet_addon.lod.detail import FINE_OFFSETS, needed_levels
-from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
+from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, needed_levels
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError

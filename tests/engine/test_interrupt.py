@@ -14,7 +14,7 @@ import pytest
 
 from patchnet.patchnet_addon.runtime import interrupt
 from patchnet.patchnet_addon.runtime.interrupt import Interrupted, exit_code_of, interrupts_wait, prompt_interrupt
-from patchnet.patchnet_addon.runtime.unfinished import goes_with_process, remove_unfinished, unfinished
+from patchnet.patchnet_addon.runtime.replace import goes_with_process, remove_unfinished, unfinished
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -36,7 +36,7 @@ DEAF = """
 import signal, sys, time
 from pathlib import Path
 from patchnet.patchnet_addon.runtime import interrupt
-from patchnet.patchnet_addon.runtime.unfinished import unfinished
+from patchnet.patchnet_addon.runtime.replace import unfinished
 
 interrupt.DEADLINE_S = 0.1
 path = Path(sys.argv[1])

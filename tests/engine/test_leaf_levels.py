@@ -15,7 +15,7 @@ from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 
-from .leaf_samples import leaves_of
+from .mesh_samples import leaves_of
 from .octree_samples import octree_from_leaves
 
 BLOCK_LEVEL = 2

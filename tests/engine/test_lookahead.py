@@ -4,13 +4,12 @@
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.brick import voxel_blocks
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.exact import exact_prediction
-from patchnet.patchnet_addon.codes.patches import voxel_blocks
+from patchnet.patchnet_addon.codes.patch_rays import exact_prediction
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.lod.depth import coarse_octree, expected_share, wanted_depth
-from patchnet.patchnet_addon.lod.detail import FINE_OFFSETS, lookahead_share, needed_levels
-from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
+from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, lookahead_share, needed_levels
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid

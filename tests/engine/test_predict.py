@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.corner_rows import corners_of
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.pixel_tiles import MEAN_SIZE, CornerCodes, write_mean_code
-from patchnet.patchnet_addon.codes.predict import predict
+from patchnet.patchnet_addon.codes.predict import MEAN_SIZE, CornerCodes, predict, write_mean_code
 from patchnet.patchnet_addon.network.compiled_layers import TILE
 from patchnet.patchnet_addon.network.kinds import KINDS, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
@@ -96,7 +96,7 @@ def test_mean_of_codes(coded):
     points[:4] = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 0, 1)]
     means = mean_codes(coded, rows, points)
     np.testing.assert_allclose(means, interpolate_codes_reference(coded, rows, points), atol=1e-5, rtol=1e-5)
-    wanted = coded.codes[coded.corners_of(rows[:4])[np.arange(4), [0, 1, 2, 5]]]
+    wanted = coded.codes[corners_of(coded.corner_rows, rows[:4])[np.arange(4), [0, 1, 2, 5]]]
     np.testing.assert_array_equal(means[:4], wanted.astype(np.float32))
 
 

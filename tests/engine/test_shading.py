@@ -16,7 +16,7 @@ from patchnet.patchnet_addon.surface.textures import cut_coverage
 from patchnet.tests.engine.mesh_samples import pieces_of
 from patchnet.tests.references.footprint import bilinear_reference
 
-from .leaf_samples import leaves_of
+from .mesh_samples import leaves_of
 
 WHITE = (1.0, 1.0, 1.0)
 REC709 = np.array([0.2126, 0.7152, 0.0722])

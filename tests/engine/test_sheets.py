@@ -6,8 +6,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.sheet_sides import lit_sides
-from patchnet.patchnet_addon.surface.connected import sheets_of
+from patchnet.patchnet_addon.lightmap.sheet_sides import lit_sides, sheets_of
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

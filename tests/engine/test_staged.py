@@ -17,9 +17,15 @@ from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.patchnet_addon.sampling.staged_pixels import KnownPixels, Looks
-from patchnet.patchnet_addon.sampling.staged_ranking import Plan, Stage, first_scores, staged_scores
-from patchnet.patchnet_addon.sampling.staged_strategy import StagedStrategy
+from patchnet.patchnet_addon.sampling.staged_strategy import (
+    KnownPixels,
+    Looks,
+    Plan,
+    Stage,
+    StagedStrategy,
+    first_scores,
+    staged_scores,
+)
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera

@@ -9,7 +9,7 @@ import pytest
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.surface.mesh import Fragments, Material, Texture, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
-from patchnet.patchnet_addon.surface.texture_color import color_of_fragments
+from patchnet.patchnet_addon.surface.texture_lookup import color_of_fragments
 from patchnet.patchnet_addon.surface.textures import REC709, TextureTable
 from patchnet.tests.engine.mesh_samples import pieces_of
 from patchnet.tests.references.texture_color import colors_reference

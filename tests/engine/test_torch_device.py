@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.codes import encode
+from patchnet.patchnet_addon.codes.brick import covering_nodes, voxel_blocks
 from patchnet.patchnet_addon.codes.encode import encode_octree
-from patchnet.patchnet_addon.codes.patches import covering_nodes, voxel_blocks
 from patchnet.patchnet_addon.network import devices
 from patchnet.patchnet_addon.network.devices import enough_memory, found_device, read_device
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
@@ -135,7 +135,7 @@ def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
     wanted = drain(encode_octree(octree, weights)).codes
     encoder = torch_encode.TorchEncoder(weights, device)
     encoder.chunk = 301
-    monkeypatch.setattr(encode, "_corners_on_device", lambda *arguments: TorchCorners(*arguments))
+    monkeypatch.setattr(encode, "_corner_encoder", lambda *arguments: TorchCorners(*arguments))
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
     monkeypatch.undo()
     monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree.tree_fits", lambda *_: False)

@@ -26,7 +26,7 @@ from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_s
 from patchnet.tests.references.clip import clip_reference
 from patchnet.training.benchmarks.shells import shell_triangles
 
-from .leaf_samples import in_batches, leaves_of
+from .mesh_samples import in_batches, leaves_of
 
 
 def position_shade(batch, fragments):

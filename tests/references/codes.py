@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.codes.brick import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.codes.corner_cells import (
     _COLUMNS,
@@ -16,11 +17,11 @@ from patchnet.patchnet_addon.codes.corner_cells import (
     SLOPE_BITS,
     SLOPE_STEPS,
 )
+from patchnet.patchnet_addon.codes.corner_rows import corners_of
 from patchnet.patchnet_addon.codes.footprint import ABSENT
 from patchnet.patchnet_addon.codes.mixture_inputs import _CELL_OF
 from patchnet.patchnet_addon.codes.outer_cells import _COLUMNS as _FIRST_COLUMN
 from patchnet.patchnet_addon.codes.outer_cells import _COUNT_BITS, _LOWER, _UPPER, OUTER_CELLS, SMALL, mask_geometry
-from patchnet.patchnet_addon.codes.patches import OCTANTS, corner_neighbours, voxel_blocks
 from patchnet.patchnet_addon.codes.predict import Prediction
 from patchnet.patchnet_addon.codes.ray_frame import CELLS, SIDE, cell_order
 from patchnet.patchnet_addon.network.kinds import CHILDREN, CODE_SIZE, CORNERS, SIDE_BY_SIDE
@@ -153,7 +154,7 @@ def _box_overlap(
 def mixture_inputs_reference(coded: CodedOctree, pixels: np.ndarray, hits: Hits) -> MixtureInputs:
     """Inputs for some pixels (M,) of hits with look-ahead, in NumPy."""
     octree, node = coded.octree, hits.node[pixels]
-    corners = coded.corners_of(coded.rows_of(node))  # (M, 8)
+    corners = corners_of(coded.corner_rows, coded.rows_of(node))  # (M, 8)
     assert coded.corner_cells is not None
     corner_codes = coded.codes[corners].astype(np.float32)
     entry, direction, up = (array[pixels].astype(np.float32) for array in (hits.entry_voxel, hits.direction, hits.up))
@@ -299,5 +300,5 @@ def interpolate_codes_reference(coded: CodedOctree, rows: np.ndarray, entry_voxe
     """
     entry = np.asarray(entry_voxel, np.float64)[:, None, :]
     shares = np.where(OCTANTS == 1, entry, 1 - entry).prod(axis=-1)  # (M, 8)
-    codes = coded.codes[coded.corners_of(rows)].astype(np.float64)  # (M, 8, 10)
+    codes = coded.codes[corners_of(coded.corner_rows, rows)].astype(np.float64)  # (M, 8, 10)
     return np.einsum("mo,moc->mc", shares, codes)

@@ -130,7 +130,7 @@ def needed_levels_reference(
     lookahead: int = DEFAULT_LOOKAHEAD,
     coarser: int = 0,
 ) -> np.ndarray:
-    """Reference of `detail.needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
+    """Reference of `needed_levels`: levels (8^block_level,) of leaves that look-ahead takes where rays hit.
 
     offsets: (K, 2), of the fine rays from the pixels' centres, in pixels.
     """

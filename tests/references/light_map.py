@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from patchnet.patchnet_addon.lightmap.base_colors import _EMPTY, _PLACES, _colors
-from patchnet.patchnet_addon.lightmap.denoise import (
+from patchnet.patchnet_addon.lightmap.denoised_atlas import (
     _AGREES,
     _CROSSING,
     _HIGH,
@@ -20,7 +19,7 @@ from patchnet.patchnet_addon.lightmap.denoise import (
     Cells,
     Texels,
 )
-from patchnet.patchnet_addon.lightmap.texel_places import BatchTexels, texel_places
+from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels, _colors, texel_places
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
 from patchnet.patchnet_addon.surface.textures import TextureTable
 

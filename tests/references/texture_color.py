@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `texture_color`, fragment by fragment."""
+"""Reference of `color_of_fragments`, fragment by fragment."""
 
 from __future__ import annotations
 

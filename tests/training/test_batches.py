@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.codes.brick import OCTANTS
 from patchnet.patchnet_addon.codes.patch_rays import PatchRays, render_patches
-from patchnet.patchnet_addon.codes.patches import OCTANTS
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod.detail import lookahead_share
+from patchnet.patchnet_addon.lod.fit import lookahead_share
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.codes.exact import exact_prediction
+from patchnet.patchnet_addon.codes.patch_rays import exact_prediction
 from patchnet.patchnet_addon.network.harmonics import real_harmonics
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.errors import mse_at

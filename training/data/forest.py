@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.octree.nodes import BoxedNodes
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Octree
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, BoxedNodes, Octree
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device

@@ -13,9 +13,8 @@ import numpy as np
 
 from ...patchnet_addon.codes.brick import MIDDLE, child_at
 from ...patchnet_addon.codes.corner_cells import EMPTY, word_of
-from ...patchnet_addon.codes.fine_cells import empty_fine_list, list_fine, place_fine
 from ...patchnet_addon.codes.footprint import clear_tile, empty_footprint_tile, measure_tile
-from ...patchnet_addon.codes.mixture_inputs import set_ray
+from ...patchnet_addon.codes.mixture_inputs import empty_fine_list, list_fine, place_fine, set_ray
 from ...patchnet_addon.codes.outer_cells import empty_outer_list, list_cells, measure_cells, unpack_cells
 from ...patchnet_addon.codes.ray_frame import CELLS, SIDE
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values

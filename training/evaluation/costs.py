@@ -24,8 +24,7 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.predicted import PREDICTED
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.staged_pixels import Looks
-from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
+from ...patchnet_addon.sampling.staged_strategy import Looks, StagedStrategy
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ...patchnet_addon.network.devices import CPU
-from ...patchnet_addon.network.torch_precision import float32_products
+from ...patchnet_addon.network.torch_encode import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ..data.tensor_batch import TensorBatch

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ...patchnet_addon.network.torch_precision import float32_products
+from ...patchnet_addon.network.torch_encode import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ..data.augmentation import Augmentation

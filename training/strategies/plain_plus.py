@@ -4,8 +4,7 @@
 """
 
 from ...patchnet_addon.sampling import patchnet_plus
-from ...patchnet_addon.sampling.patchnet_plus import estimator_strategy
-from ...patchnet_addon.sampling.patchnet_plus_staged import plan_of
+from ...patchnet_addon.sampling.patchnet_plus import estimator_strategy, plan_of
 from ...patchnet_addon.sampling.plus.forms import FORMS
 from ...patchnet_addon.sampling.staged_strategy import in_stages
 

@@ -112,7 +112,7 @@ def _surveyed(source: SceneMesh, cameras: Sequence[Camera], one_sided: np.ndarra
 
 def _placed_sheets(source: SceneMesh) -> tuple[np.ndarray, np.ndarray]:
     """(T,) int32, sheet of each placed triangle, numbered per placement, and (S,) bool, whether sheets are open."""
-    from ....patchnet_addon.surface.connected import sheets_of
+    from ....patchnet_addon.lightmap.sheet_sides import sheets_of
 
     numbers, is_open, first = [], [], 0
     for part in source.parts:

@@ -121,12 +121,7 @@ def _checked(arrays: Mapping[str, np.ndarray], metadata: dict[str, Any], path: s
 @cache
 def shipped_estimators() -> Estimators:
     """Shipped estimators, read once."""
-    return load_estimators(shipped_path())
-
-
-def shipped_path() -> Path:
-    """File of the shipped estimators."""
-    return Path(__file__).parent / "weights" / "plus.safetensors"
+    return load_estimators(Path(__file__).parent / "weights" / "plus.safetensors")
 
 
 def _network(arrays: Mapping[str, np.ndarray], form: Form) -> Network:
