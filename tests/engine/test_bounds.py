@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bounds of all numbers of the command line; names of outputs."""
+"""Bounds of all numbers of the command line; names of outputs; frame lists such as 1-8x3."""
 
 import argparse
 from collections.abc import Iterator
@@ -9,6 +9,7 @@ import pytest
 from patchnet import commands
 from patchnet.patchnet_addon.runtime.bounds import Bounds
 from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.patchnet_addon.runtime.frames import parse_frames
 
 
 def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
@@ -58,3 +59,36 @@ def test_refusal_is_a_sentence_and_exit_code_2(capsys: pytest.CaptureFixture[str
     ):
         assert commands.main(["run", "scene.blend", *words]) == 2
         assert capsys.readouterr().err.startswith(f"patchnet: error: {said}")
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        ("7", (7,)),
+        ("1-4", (1, 2, 3, 4)),
+        ("1-8x3", (1, 4, 7)),
+        ("1-8:3", (1, 4, 7)),  # as Open Job Description writes it
+        ("9,1, 5", (1, 5, 9)),
+        ("3-5,4,1-3", (1, 2, 3, 4, 5)),
+        ("-2-1", (-2, -1, 0, 1)),
+        ("-5--4", (-5, -4)),
+        ("all", (10, 12)),
+        ("ALL,11", (10, 11, 12)),
+    ],
+)
+def test_frames(text: str, frames: tuple[int, ...]) -> None:
+    assert parse_frames(text, range(10, 13, 2)) == frames
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        *((text, "cannot be read") for text in ("", "1-", "1,,2", "1.5", "1x2")),
+        ("24-1", "before the first"),
+        ("1-9x0", "at least 1"),
+        ("1-999999999", "Blender's frames end"),
+    ],
+)
+def test_texts_that_name_no_frames(text: str, said: str) -> None:
+    with pytest.raises(SettingError, match=said):
+        parse_frames(text, range(1, 3))

@@ -118,7 +118,6 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
     corners = quad(0.0, 1.0, UP)
     corners[..., 2] += tilt * corners[..., 0]
     mesh = TriangleMesh.from_arrays(corners)
-
     grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), np.zeros(2, np.int8), lit_by_side([[0.9, 0.2]] * 2)
     octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
     for looking, light in ((DOWN, 0.9), (UP, 0.2)):
@@ -136,7 +135,6 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
             corners = corners if (at > 0) != bool(axis) else corners[::-1]
             walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
     mesh = TriangleMesh.from_arrays(np.concatenate(walls))
-
     grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8), lit_by_side([[0.8, 0.0]] * 10)
     octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
     for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
@@ -155,10 +153,8 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
     monkeypatch.setattr(side_levels, "_FREE", 0)
     corners = np.concatenate([quad(-0.5, 1.2, UP), quad(0.3, 0.5, UP)])
     corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
-    shade = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2)
-
-    grid, both = Grid((-1.3, -1.3, -1.3), 2.6, 8), np.zeros(4, np.int8)
-    mesh = TriangleMesh.from_arrays(corners)
+    shade, both = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2), np.zeros(4, np.int8)
+    mesh, grid = TriangleMesh.from_arrays(corners), Grid((-1.3, -1.3, -1.3), 2.6, 8)
     octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
     camera = replace(along_z(UP, 128), position_world=np.array([0.0, 0.0, -0.2]))
     np.testing.assert_allclose(first_hits(octree, camera).luminance, 0.3, atol=0.01)
