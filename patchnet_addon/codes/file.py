@@ -36,11 +36,8 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
 
 def load_codes(path: str | Path, octree: Octree, weights: Weights) -> CodedOctree:
     """Read codes of `octree` and `weights`; raises CodesFileError for codes of others, and for a damaged file."""
-    from .corner_rows import (
-        COLUMNS,
-        coded_nodes,  # imports numba, which listing the cache folder must not load
-        last_row,
-    )
+    # Imports numba, which listing the cache folder must not load.
+    from .corner_rows import COLUMNS, coded_nodes, last_row
 
     arrays, metadata = read_arrays(path, KIND, CodesFileError)
     version = metadata.get("codes_version", 1)
