@@ -46,6 +46,7 @@ def test_curves_of_every_strategy(results):
     assert values["budgets"] == [share / 100 for share in range(101)] and values["frames"] == 10
     assert values["mse"].keys() == values["rays_per_pixel"].keys() == values["intervals"].keys() == EVALUATED.keys()
     start, best = values["mse"]["random"][0], np.array(values["mse"]["optimal"])
+    np.testing.assert_allclose(values["mse"]["random"], np.linspace(start, 0, 101), atol=0.05 * start)
     assert start > 0 and 0 < values["lookahead_share"] <= 1
     for name, curve in values["mse"].items():
         assert len(curve) == 101 and curve[0] == pytest.approx(start) and curve[100] == pytest.approx(0, abs=1e-12)
