@@ -33,7 +33,7 @@ class CardError(PatchNetError):
 
 
 class BlenderDevice:
-    """`Device` by Blender's own module."""
+    """Graphics library, by Blender's own module."""
 
     def texture(self, words: np.ndarray) -> Any:
         """Texture of words (n, C) uint32; raises CardError."""
@@ -45,7 +45,7 @@ class BlenderDevice:
         return self._made((full.shape[1], full.shape[0]), format=_TEXTURES[full.shape[2]], data=data)
 
     def image(self, width_px: int, height_px: int, kind: str) -> Any:
-        """Image that shaders write; raises CardError."""
+        """Image that shaders write, of a format of `shaders.py`; raises CardError."""
         return self._made((width_px, height_px), format=kind)
 
     def _made(self, size: tuple[int, int], **values: Any) -> Any:
@@ -85,7 +85,7 @@ class BlenderDevice:
             raise CardError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a shader over pixels (across, up)."""
+        """Run a shader over pixels (across, up), with textures, images and blocks by their names."""
         import gpu
 
         program.bind()
@@ -98,7 +98,7 @@ class BlenderDevice:
         gpu.compute.dispatch(program, *shader.groups(size), 1)
 
     def read(self, image: Any, kind: str) -> np.ndarray:
-        """Values (H, W) uint32 or (H, W, 4) float32 of an image."""
+        """Values (H, W) uint32 or (H, W, 4) float32 of an image; waits for what was dispatched."""
         _, dtype, channels = _KINDS[kind]
         data = image.read()
         shape = (image.height, image.width) if channels == 1 else (image.height, image.width, channels)
