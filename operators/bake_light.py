@@ -32,9 +32,9 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         clock = plan.clock
         with BakePageCache() as kept:
             surface = yield from read_surface(context, settings, clock, overrides)
-            leaves = yield from choose_leaves(context, surface, clock)
-            yield from plan.make(surface.source, leaves.choice, (), "light", "denoise", "voxelize")
-            made = yield from plan.timed(light_octree(context, surface, leaves, clock, kept))
+            choice = yield from choose_leaves(context, surface, clock)
+            yield from plan.make(surface.source, choice, (), "light", "denoise", "voxelize")
+            made = yield from plan.timed(light_octree(context, surface, choice, clock, kept))
             plan.resumed = bool(kept.found)
         plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}

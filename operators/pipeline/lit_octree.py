@@ -83,14 +83,6 @@ class ReadSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class ChosenLeaves:
-    """Grid and levels of the leaves, and the cameras that they were chosen for."""
-
-    choice: GridChoice
-    cameras: Sequence[Camera]
-
-
-@dataclass(frozen=True, eq=False)
 class LitOctree:
     """Lit octree with its inputs.
 
@@ -118,8 +110,8 @@ def build_lit_octree(
     clock: records the stages "read", "depth", "light", "denoise" and "voxelize". kept: cache of finished pages.
     """
     surface = yield from read_surface(context, settings, clock, overrides or OctreeOverrides())
-    leaves = yield from choose_leaves(context, surface, clock)
-    return (yield from light_octree(context, surface, leaves, clock, kept))
+    choice = yield from choose_leaves(context, surface, clock)
+    return (yield from light_octree(context, surface, choice, clock, kept))
 
 
 def read_surface(
@@ -139,7 +131,7 @@ def read_surface(
 
 def choose_leaves(
     context: bpy.types.Context, surface: ReadSurface, clock: StageClock, cameras: Sequence[Camera] | None = None
-) -> Steps[ChosenLeaves]:
+) -> Steps[GridChoice]:
     """Choose grid and levels for cameras; None takes the overrides' or the settings'. Raises PatchNetError."""
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     with clock.stage("depth"):
@@ -157,27 +149,26 @@ def choose_leaves(
         if surface.is_baked and not cameras:
             with suppress(SceneError):  # a scene without cameras is baked, too
                 cameras = yield from _looking(context, settings, source, overrides.depsgraph)
-    return ChosenLeaves(choice, cameras)
+    return replace(choice, cameras=cameras)
 
 
 def light_octree(
     context: bpy.types.Context,
     surface: ReadSurface,
-    leaves: ChosenLeaves,
+    choice: GridChoice,
     clock: StageClock,
     kept: BakePageCache | None = None,
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
     from ...patchnet_addon.surface.shading import bisected_shade
 
-    overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
+    overrides, source, settings = surface.overrides, surface.source, surface.settings
     assumed: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
     facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
-            graph, cameras = overrides.depsgraph, leaves.cameras
-            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
+            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=overrides.depsgraph)
             shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
@@ -196,7 +187,7 @@ def light_octree(
                 octree = yield from build(turned, choice_turned, shade, settings, kind, provenance, facing)
             else:
                 octree = yield from build(source, choice, shade, settings, kind, provenance, facing)
-    thin = thin_warnings(source, choice.grid, leaves.cameras)
+    thin = thin_warnings(source, choice.grid, choice.cameras)
     own_color = () if surface.is_baked else source.color_warnings
     warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)
     return LitOctree(octree, choice.layout, kind, source, surface.state, warnings)

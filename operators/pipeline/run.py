@@ -173,13 +173,13 @@ def _lit(
         with clock.stage("depth"):
             cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
             fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
-    leaves = yield from choose_leaves(context, surface, clock, fit)
+    choice = yield from choose_leaves(context, surface, clock, fit)
     with clock.stage("depth"):
-        yield from plan.make(surface.source, leaves.choice, cameras)
+        yield from plan.make(surface.source, choice, cameras)
     if meanwhile is not None and settings.light.is_baked:
         with clock.stage("first look"):
-            yield from stand_in_look(surface.source, leaves.choice, settings, cameras[0], meanwhile)
-    return (yield from light_octree(context, surface, leaves, clock, kept)), cameras
+            yield from stand_in_look(surface.source, choice, settings, cameras[0], meanwhile)
+    return (yield from light_octree(context, surface, choice, clock, kept)), cameras
 
 
 def _codes(

@@ -46,13 +46,14 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 class GridChoice:
     """Grid of the octree, the levels of its leaves (None: all on the deepest), and warnings.
 
-    leaves: approximate number of leaves; 0 if unknown.
+    leaves: approximate number of leaves; 0 if unknown. cameras: those that it was chosen for, or that see it.
     """
 
     grid: Grid
     layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
     leaves: int = 0
+    cameras: Sequence[Camera] = ()
 
 
 def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -136,12 +137,11 @@ def baked(
     *,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
-    cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
     """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and entries of the octree's file.
 
-    choice: the leaves, which decide texels. clock: records the stages "light" and "denoise". kept: cache of finished
-    pages. depsgraph: of `source`; None takes the context's. cameras: see `bake_luminance`.
+    choice: the leaves, which decide texels, and the cameras, see `bake_luminance`. clock: records the stages "light"
+    and "denoise". kept: cache of finished pages. depsgraph: of `source`; None takes the context's.
     """
     from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
     from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
@@ -160,7 +160,7 @@ def baked(
         pages = None if kept is None else KeptPages.of(kept, graph)
         device = settings.compute.device
         atlas = yield from bake_luminance(
-            context, source, texel_world, light, device=device, kept=pages, cameras=cameras
+            context, source, texel_world, light, device=device, kept=pages, cameras=choice.cameras
         )
     with clock.stage("denoise"):
         if light.denoise:
