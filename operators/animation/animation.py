@@ -16,7 +16,7 @@ import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.eta import FramesEta
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
 from ...patchnet_addon.runtime.frames import errors_of_frame
@@ -36,7 +36,6 @@ from .frame_maker import (
     FrameRecord,
     SharedSettings,
     content_key,
-    discard,
     files_in,
     frame_folder,
     read_record,
@@ -92,10 +91,6 @@ class FramePlan:
     out: Path
     overwrite: bool = False
     one_grid: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.frames:
-            raise SettingError("No frames to bake: give at least one")
 
 
 @dataclass
@@ -207,7 +202,7 @@ class _Animation:
 
             summary = yield from changed(steps, counted_in)
             written = files_in(temporary)
-            discard(folder, inputs)
+            (folder / RECORD_NAME).unlink(missing_ok=True)
         write_record(folder, FrameRecord(frame, content, written, summary))
         self._time.end()
         self.result.made.append(frame)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, OCTREE, FileKind
-from ...patchnet_addon.runtime.outputs import identities, identity
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -22,7 +21,7 @@ from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
 from ..pipeline.lit_octree import LitOctree, OctreeOverrides, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
-from ..pipeline.reports import is_inside, write_json
+from ..pipeline.reports import write_json
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
@@ -79,21 +78,6 @@ def read_record(folder: Path) -> FrameRecord | None:
 def write_record(folder: Path, record: FrameRecord) -> None:
     """Write the record of a finished frame; raises OutputError."""
     write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
-
-
-def discard(folder: Path, inputs: Iterable[Path]) -> None:
-    """Remove the files of an earlier frame from `folder`, its record first.
-
-    Other files and those of `inputs` stay. Raises OSError.
-    """
-    record, keep = read_record(folder), identities(inputs)
-    (folder / RECORD_NAME).unlink(missing_ok=True)
-    for name in record.files if record else ():
-        if is_inside(name) and identity(folder / name) not in keep:
-            (folder / name).unlink(missing_ok=True)
-    for path in sorted(folder.glob("*/"), reverse=True):
-        if path.is_dir() and not any(path.iterdir()):
-            path.rmdir()
 
 
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
