@@ -58,11 +58,15 @@ def texels(picture: np.ndarray) -> np.ndarray:
 
 def uploaded(picture: np.ndarray) -> Any:
     """Upload sRGB colours as a texture, see `texels`."""
+    return texture(texels(picture), "RGBA8")
+
+
+def texture(pixels: np.ndarray, kind: str) -> Any:
+    """Texture of pixels (H, W, 4) float32, in one of Blender's formats."""
     import gpu
 
-    pixels = texels(picture)
-    data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
-    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format="RGBA8", data=data)
+    data = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).ravel())
+    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format=kind, data=data)
 
 
 def fill(rect: Rect, color: Color) -> None:

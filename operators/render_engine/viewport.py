@@ -26,6 +26,7 @@ from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.cards import CardError
 from ..overlay.drawing import live
 from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
+from ..overlay.paint import texture
 from ..properties.preferences import apply_preferences, preferences
 from ..session import results
 from ..session.scene_result import SceneResult
@@ -35,7 +36,7 @@ from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
 from .viewport_preview import Preparation, ViewportPreview
-from .viewport_world import ViewportWorld, draw_message, draw_picture, picture_texture
+from .viewport_world import ViewportWorld, draw_message, draw_picture
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
@@ -121,7 +122,7 @@ class Viewport:
         preview = self._preview_of(context, depsgraph, result, camera)
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as a redraw takes
-            self._texture = picture_texture(preview.pixels())
+            self._texture = texture(preview.pixels(), "RGBA16F")
             if preview.done:
                 trim()  # a moving view frees many arrays
         if self._on_card is None or preview.picture.buffers is not None:
