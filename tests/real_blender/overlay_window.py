@@ -169,7 +169,7 @@ def drag():
 
 
 def unfinished():
-    """A job's unfinished picture where no Image Editor is free: in a corner."""
+    """A job's unfinished picture, in a corner."""
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
     item, region = module("pipeline.unfinished").Unfinished("Eye", "refining, 40%", picture), clicks.region("WINDOW")
     preferences = bpy.context.preferences.addons[PACKAGE].preferences
