@@ -9,6 +9,7 @@ never finish. So each engine hands its viewport's picture over to the next one.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,8 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.heap import trim
+from ...patchnet_addon.runtime.progress import Progress, drain
+from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
@@ -35,7 +38,7 @@ from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
-from .viewport_preview import Preparation, ViewportPreview
+from .viewport_preview import ViewportPreview
 from .viewport_world import ViewportWorld, draw_message, draw_picture
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
@@ -56,7 +59,7 @@ class Viewport:
         self.missed = False
         self._state: tuple[Any, ...] | None = None
         self._preview: ViewportPreview | None = None
-        self._preparation: Preparation | None = None
+        self._preparing: Iterator[Progress] = iter(())
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: Any = None
         self._asked = 0.0  # time of the last request to redraw
@@ -212,15 +215,18 @@ class Viewport:
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Return whether all kernels are loaded; they are loaded once for each kind of work."""
+        """Return whether all kernels are loaded; a thread loads or compiles them once for each kind of work.
+
+        picture: like the preview's, but tiny.
+        """
         ranked_by = picture.strategy and picture.strategy.name
         kind = ranked_by, picture.unrefined, picture.octree.chroma is None, picture.coded is None
-        if self._preparation is None or self._prepared_for != kind:
+        if self._prepared_for != kind:
             apply_preferences(context)
-            self._preparation, self._prepared_for = Preparation(picture), kind
-        if self._preparation.ready and self._preparation.problem:
-            raise PatchNetError(self._preparation.problem)
-        return self._preparation.ready
+            steps = ViewportPreview(picture, 1.0, None).steps
+            self._preparing, self._prepared_for = computed(lambda: drain(steps), Progress(0, 1, _READY_SOON)), kind
+        with attended():
+            return next(self._preparing, None) is None
 
     def _say(self, engine: bpy.types.RenderEngine, status: str, result: SceneResult) -> None:
         engine.update_stats("PatchNet", f"{status}, {_STALE}" if result.stale else status)

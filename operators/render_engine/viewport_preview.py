@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 
 import numpy as np
 
 from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import CubeMap, pixel_directions
-from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.runtime.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
@@ -118,25 +116,3 @@ class ViewportPreview:
             pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
         else:
             pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
-
-
-class Preparation:
-    """Preparation of a preview: a thread loads or compiles all kernels, so the window stays responsive."""
-
-    def __init__(self, picture: AdaptivePicture) -> None:
-        """Start the thread. picture: like the preview's, but tiny."""
-        self.problem = ""
-        self._thread = threading.Thread(target=self._run, args=(picture,), name="PatchNet kernels", daemon=True)
-        self._thread.start()
-
-    @property
-    def ready(self) -> bool:
-        """Return whether the thread has ended."""
-        return not self._thread.is_alive()
-
-    def _run(self, picture: AdaptivePicture) -> None:
-        preview = ViewportPreview(picture, 1.0, None)
-        try:
-            drain(preview.steps)
-        except PatchNetError as error:
-            self.problem = str(error)
