@@ -32,8 +32,8 @@ from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
 from .frame_maker import (
     RECORD_NAME,
-    FrameMaker,
     FrameRecord,
+    OctreeMaker,
     SharedSettings,
     content_key,
     files_in,
@@ -53,7 +53,9 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
     return True
 
 
-def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMaker) -> Steps[tuple[Bounds, int | None]]:
+def same_grid(
+    context: bpy.types.Context, frames: Sequence[int], maker: OctreeMaker
+) -> Steps[tuple[Bounds, int | None]]:
     """Bounds around the surface at all frames, and the depth that the most demanding frame needs.
 
     The depth is None if settings give it, and rounded down if memory limits a frame.
@@ -109,7 +111,7 @@ class AnimationResult:
         return f"{counted(len(self.made), 'frame')} made{there}"
 
 
-def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
+def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan) -> Steps[AnimationResult]:
     """Make the missing frames; each is freed before the next.
 
     Afterwards, the scene's frame is restored; finished frames stay. Raises PatchNetError that names the frame.
@@ -151,7 +153,7 @@ class _Animation:
     pictures. Finished frames keep their reference.
     """
 
-    def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: SharedSettings) -> None:
+    def __init__(self, context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan, common: SharedSettings) -> None:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -111,31 +110,51 @@ class SharedSettings:
     depth: int | None = None
 
 
-class FrameMaker(ABC):
-    """Maker of frames; the scene is at the frame when a method is called.
+class OctreeMaker:
+    """Maker of lit octrees, by settings and overrides; the scene is at the frame when a method is called.
 
-    scope: of objects. exposure: as given, None for automatic. bakes: whether Cycles computes the light.
+    wanted: all inputs of the overrides, as text. scope: of objects. exposure: as given, None for automatic. bakes:
+    whether Cycles computes the light.
     """
 
-    def __init__(self, settings: JobSettings) -> None:
-        self._settings, self.scope = settings, settings.surface.scope
-        self.exposure, self.bakes = settings.light.exposure, settings.light.is_baked
+    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
+        self._settings, self._overrides, self._wanted = settings, overrides, wanted
+        self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
 
-    @abstractmethod
     def settings_text(self, common: SharedSettings) -> str:
         """Text of all settings that the files depend on."""
+        return f"{self._of_frame(common)!r} {self._wanted}"
 
-    @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Kind of each file of any frame, by its path in the frame's folder; raises SceneError."""
+        return {OCTREE_NAME: OCTREE}
 
     def inputs(self) -> list[Path]:
         """Input files, which are never replaced."""
         return list(scene_inputs())
 
-    @abstractmethod
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
+        from ...patchnet_addon.lightmap.page_cache import BakePageCache
+        from ...patchnet_addon.octree.file import save_octree
+
+        with BakePageCache() as kept:
+            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
+            save_octree(made.octree, folder / OCTREE_NAME)
+        octree = made.octree
+        figures = {
+            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
+        }  # fmt: skip
+        warnings = [*made.warnings, *self._unseen(made)]
+        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": warnings}
+
+    def _unseen(self, made: LitOctree) -> list[str]:
+        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
+        from ...patchnet_addon.tracing.empty_view import why_unseen_by
+
+        if made.layout is None or self._overrides.cameras is None:
+            return []
+        return why_unseen_by(made.octree, self._overrides.cameras())
 
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels that this frame needs, and whether memory limits it; None if settings give it."""
@@ -146,18 +165,17 @@ class FrameMaker(ABC):
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
 
 
-class JobMaker(FrameMaker):
+class JobMaker(OctreeMaker):
     """Maker of frames by the whole job, as `patchnet run`."""
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
-        super().__init__(replace(settings, out=None))
-        self._weights = load_network(settings.network)
-        self._painted = importance_key(settings.view.importance)
+        weights, painted = load_network(settings.network), importance_key(settings.view.importance)
+        super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights, their estimator and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.whole_hash} {self._painted}"
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the named cameras, or of all cameras that are active at some frame."""
@@ -218,42 +236,3 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
     predicted = {"mse_unrefined": view["predicted"]["mse_unrefined"], "mse": view["predicted"]["mse"][strategy]}
     errors = {"mse_unrefined": view["mse_unrefined"], "mse": view["mse"][strategy], "predicted": predicted}
     return found | errors
-
-
-class OctreeMaker(FrameMaker):
-    """Maker of lit octrees alone, by settings and overrides; `wanted`: all inputs of the overrides, as text."""
-
-    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
-        super().__init__(settings)
-        self._overrides, self._wanted = overrides, wanted
-
-    def settings_text(self, common: SharedSettings) -> str:
-        """Text of the settings of the octree."""
-        return f"{self._of_frame(common)!r} {self._wanted}"
-
-    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of the octree file."""
-        return {OCTREE_NAME: OCTREE}
-
-    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Write the octree of a frame."""
-        from ...patchnet_addon.lightmap.page_cache import BakePageCache
-        from ...patchnet_addon.octree.file import save_octree
-
-        with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
-            save_octree(made.octree, folder / OCTREE_NAME)
-        octree = made.octree
-        figures = {
-            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
-        }  # fmt: skip
-        warnings = [*made.warnings, *self._unseen(made)]
-        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": warnings}
-
-    def _unseen(self, made: LitOctree) -> list[str]:
-        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
-        from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-        if made.layout is None or self._overrides.cameras is None:
-            return []
-        return why_unseen_by(made.octree, self._overrides.cameras())
