@@ -21,7 +21,7 @@ from . import overlay_settings as settings
 from . import paint
 from .framed import EDITORS, Rect, beside, framed, free_rect
 from .overlay_settings import NOTHING, overlay_settings
-from .paint import free_shader, free_textures
+from .paint import free_textures
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not rendered yet: press Refine with Cycles"
@@ -79,17 +79,12 @@ def draw_region(context: bpy.types.Context) -> None:
             _draw_inspected(context, pixel)
 
 
-def maximum_of(scene: bpy.types.Scene, view: ShownView) -> float:
-    """Priority at the end of the legend, from the scene's settings."""
-    return view.maximum_now(scene.patchnet.heatmap_maximum)
-
-
 def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> None:
     values = overlay_settings(context)
     whole = free_rect(context.area, context.region)
     look = _Look(
         view,
-        maximum_of(context.scene, view),
+        view.maximum_now(context.scene.patchnet.heatmap_maximum),
         preferences(context).colormap,
         context.preferences.system.ui_scale,
         f" ({VIEW_TRANSFORM})" if unlike_view(context.scene) else "",
@@ -197,12 +192,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove the draw handlers, textures and the shader."""
+    """Remove the draw handlers and textures."""
     while _handles:
         space, handle = _handles.popitem()
         space.draw_handler_remove(handle, "WINDOW")
     free_textures()
-    free_shader()
     inspected.clear()
 
 

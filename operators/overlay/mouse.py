@@ -9,7 +9,7 @@ import bpy
 
 from ..session.scene_session import session_of
 from . import overlay_settings as settings
-from .drawing import NO_VIEW, InspectedPixel, inspected, live, maximum_of, switch_of
+from .drawing import NO_VIEW, InspectedPixel, inspected, live, switch_of
 from .framed import UnderMouse, pixel_at, under_mouse
 from .overlay_settings import overlay_settings, refresh
 
@@ -142,4 +142,5 @@ def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
     view, rects = cursor.framed
     pixels = (pixel_at(rect, view.size_px, cursor.x, cursor.y) for rect in rects)
     pixel = next((item for item in pixels if item is not None), None)
-    return view.describe_pixel(*pixel, maximum_of(context.scene, view)) if pixel is not None else []
+    maximum = view.maximum_now(context.scene.patchnet.heatmap_maximum)
+    return view.describe_pixel(*pixel, maximum) if pixel is not None else []

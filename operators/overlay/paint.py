@@ -46,8 +46,9 @@ def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
 
 
 def free_textures() -> None:
-    """Free the memory on the graphics card."""
+    """Free the memory on the graphics card, and the shader for pictures."""
     _texture.cache_clear()
+    _picture_shader.cache_clear()
 
 
 def texels(picture: np.ndarray) -> np.ndarray:
@@ -128,11 +129,6 @@ def _picture_shader() -> Any:
     info.vertex_source("void main() { at = place; gl_Position = matrix * vec4(pos, 0.0, 1.0); }")
     info.fragment_source(_PICTURE_SOURCE)
     return gpu.shader.create_from_info(info)
-
-
-def free_shader() -> None:
-    """Free the shader for pictures."""
-    _picture_shader.cache_clear()
 
 
 def text_size(text: str, scale: float) -> tuple[float, float]:
