@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.quantities import bytes_text
 from ...patchnet_addon.runtime.worker import attended
 from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
 from .card_octree import CardOctree
-from .packing import WIDTH, card_bytes, code_bytes, fits_card, padded
+from .packing import card_bytes, code_bytes, fits_card, padded
 from .shaders import BITS, FLOATS, VIEW_NUMBERS, VIEW_SIZE, WORDS, Shader
 
 _TEXTURES = {1: "R32F", 2: "RG32F", 4: "RGBA32F"}
@@ -112,13 +112,6 @@ class BlenderDevice:
 
         return f"{gpu.platform.renderer_get()} ({gpu.platform.backend_type_get()})"
 
-    @property
-    def max_side_px(self) -> int:
-        """Longest side of a texture."""
-        import gpu
-
-        return int(gpu.capabilities.max_texture_size_get())
-
 
 _GIB = 1 << 30
 _SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
@@ -185,7 +178,7 @@ class _Card:
         if reason := _against(viewport):
             raise CardError(reason)
         wanted = card_bytes(octree)
-        if wanted > gib * _GIB or octree.node_count > WIDTH * device.max_side_px:
+        if wanted > gib * _GIB:
             raise CardError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")
         if not same_bits():
             raise CardError(f"{device.name} changes bits of textures")
