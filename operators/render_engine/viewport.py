@@ -73,11 +73,6 @@ class Viewport:
         if depsgraph.id_type_updated("MESH"):
             self.mask.meshes_changed()
 
-    def adopted(self) -> None:
-        """Assume unreported changes since the last engine ended."""
-        self.world.forget()
-        self.mask.meshes_changed()
-
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Work for a slice of time, draw the result, and request a redraw while work is left."""
         self.region = context.region.as_pointer()
@@ -271,8 +266,9 @@ def leave(viewport: Viewport) -> None:
 def left_in(region: bpy.types.Region) -> Viewport | None:
     """Viewport of a region whose engine has just ended, or None."""
     viewport = _left.pop(region.as_pointer(), None)
-    if viewport is not None:
-        viewport.adopted()
+    if viewport is not None:  # what has changed since was not reported
+        viewport.world.forget()
+        viewport.mask.meshes_changed()
     return viewport
 
 
