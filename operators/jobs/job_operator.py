@@ -36,9 +36,11 @@ from ..state import watch as job_watch
 from .job_window import JobDisplay, passes
 
 if TYPE_CHECKING:
-    from bpy.types import Operator as _Operator
+
+    class OperatorBase(bpy.types.Operator):
+        """Base of mixins for operators."""
 else:
-    _Operator = object  # Blender requires its own class among the direct bases of each operator
+    OperatorBase = object  # Blender requires its own class among the direct bases of each operator
 
 
 _EVENTS = {
@@ -77,7 +79,7 @@ _TICK_S = 0.02
 _GONE = "The scene of this job was deleted or closed: open it and start again"
 
 
-class JobOperator(_Operator):
+class JobOperator(OperatorBase):
     """Mixin of operators that run steps.
 
     `execute` runs them to the end, in background and from scripts; in a window, `invoke` runs them in slices of time,

@@ -3,23 +3,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 
+from ..jobs.job_operator import OperatorBase
 from ..session.scene_session import session_of
 from . import overlay_settings as settings
 from .drawing import NO_VIEW, InspectedPixel, inspected, live, switch_of
 from .framed import UnderMouse, pixel_at, under_mouse
 from .overlay_settings import overlay_settings, refresh
 
-if TYPE_CHECKING:
-    from bpy.types import Operator as _Operator
-else:
-    _Operator = object  # Blender requires its own class among the direct bases of each operator
 
-
-class _MouseOperator(_Operator):
+class _MouseOperator(OperatorBase):
     bl_label = ""
     bl_options = {"REGISTER"}
 
