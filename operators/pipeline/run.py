@@ -19,7 +19,6 @@ from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
@@ -128,7 +127,11 @@ def _compute(
     if meanwhile is not None:
         with clock.stage("first look"):
             yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
-    coded, encoder = yield from _codes(made, before, weights, settings, clock)
+    if made is before and before.coded is not None:
+        coded, encoder = before.coded, before.encoder
+    else:
+        with clock.stage("codes"):
+            coded, encoder = yield from encode(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -180,16 +183,6 @@ def _lit(
         with clock.stage("first look"):
             yield from stand_in_look(surface.source, choice, settings, cameras[0], meanwhile)
     return (yield from light_octree(context, surface, choice, clock, kept)), cameras
-
-
-def _codes(
-    made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
-) -> Steps[tuple[CodedOctree, str]]:
-    """Codes of an octree, the existing ones if they fit, and the name of the encoder."""
-    if made is before and before.coded is not None:
-        return before.coded, before.encoder
-    with clock.stage("codes"):
-        return (yield from encode(made.octree, weights, settings.compute))
 
 
 def _report(

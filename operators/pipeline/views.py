@@ -114,7 +114,8 @@ def view(
         lambda: rank(chosen, buffers, settings.budget), Progress(0, 1, f"{camera.name}: Ranking pixels")
     )
     if meanwhile is not None:
-        meanwhile(_heatmap(ranking, camera, settings))
+        urgent = buffers.picture(ranking.priority) / np.float32(settings.heatmap_maximum or chosen.maximum)
+        meanwhile(Unfinished(camera.name, "heatmap", colormap(urgent, settings.colormap)))
     refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground)
     strategies = list(STRATEGIES.values()) if compare else [chosen]
     if compare:
@@ -160,12 +161,6 @@ def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ran
         return {buffers.unrefined: {chosen.strategy.name: chosen}}
     views = {name: replace(buffers, unrefined=name) for name in UNREFINED}
     return {name: {item.name: rank(item, view, chosen.budget) for item in strategies} for name, view in views.items()}
-
-
-def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfinished:
-    maximum = settings.heatmap_maximum or ranking.strategy.maximum
-    urgent = ranking.buffers.picture(ranking.priority)
-    return Unfinished(camera.name, "heatmap", colormap(urgent / np.float32(maximum), settings.colormap))
 
 
 def _refined(

@@ -41,6 +41,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     Raises StoppedError when the user stops, and PatchNetError.
     """
     apply_preferences(bpy.context)
+    from ...patchnet_addon.tracing.empty_view import why_unseen
+
     engine.warnings = ()
     scene = depsgraph.scene
     settings = scene_settings(scene.original)
@@ -66,7 +68,10 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
-        _warn_of_unseen(engine, picture)
+        assert picture.buffers is not None
+        unseen = why_unseen(octree, camera, picture.buffers.hits, float(picture.buffers.preview.max()))
+        if unseen is not None:
+            warn(engine, unseen)
         pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
     finally:  # a stopped render shows its unfinished picture
         output.end()
@@ -151,17 +156,6 @@ def _world(
     for warning in seen.warnings:
         warn(engine, warning)
     return seen.light
-
-
-def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
-    """Warn why the picture is empty or black."""
-    from ...patchnet_addon.tracing.empty_view import why_unseen
-
-    buffers = picture.buffers
-    assert buffers is not None
-    warning = why_unseen(picture.octree, picture.camera, buffers.hits, float(buffers.preview.max()))
-    if warning is not None:
-        warn(engine, warning)
 
 
 def warn(engine: bpy.types.RenderEngine, text: str) -> None:
