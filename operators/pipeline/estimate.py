@@ -23,7 +23,7 @@ from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
-from .job_work import Rates, pixels_of, texels_of, time_line, work_of
+from .job_work import Rates, texels_of, time_line, work_of
 from .stages import GridChoice, encoder_text, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
@@ -100,7 +100,8 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         texels = yield from texels_of(source, GridChoice(Grid.around(bounds, depth)), settings)
     rates = Rates()
     triangles = source.triangle_count
-    work = work_of(settings, pixels=pixels_of(cameras), triangles=triangles, leaves=leaves, texels=texels)
+    pixels = sum(camera.pixel_count for camera in cameras)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, texels=texels)
     seconds = rates.seconds(work)
     return Estimate(
         depth=depth,
