@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ..cycles.daylight import has_light
 from ..pipeline.output_files import output_folder
-from ..pipeline.reports import REPORT_NAME, machine, versions, write_json
+from ..pipeline.reports import REPORT_NAME, files_in, machine, versions, write_json
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
@@ -36,10 +36,8 @@ from .frame_maker import (
     OctreeMaker,
     SharedSettings,
     content_key,
-    files_in,
     frame_folder,
     read_record,
-    write_record,
 )
 
 
@@ -205,7 +203,7 @@ class _Animation:
             summary = yield from changed(steps, counted_in)
             written = files_in(temporary)
             (folder / RECORD_NAME).unlink(missing_ok=True)
-        write_record(folder, FrameRecord(frame, content, written, summary))
+        write_json(folder / RECORD_NAME, asdict(FrameRecord(frame, content, written, summary)), FRAME_RECORD)
         self._time.end()
         self.result.made.append(frame)
         self._done(frame, summary)

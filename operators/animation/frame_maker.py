@@ -5,22 +5,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, OCTREE, FileKind
+from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import LitOctree, OctreeOverrides, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
-from ..pipeline.reports import write_json
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
@@ -57,13 +56,6 @@ def frame_folder(out: Path, frame: int) -> Path:
     return out / f"frame-{frame:04d}"
 
 
-def files_in(folder: Path) -> dict[str, int]:
-    """Bytes of all files in a folder, by their paths in it."""
-    return {
-        path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()
-    }
-
-
 def read_record(folder: Path) -> FrameRecord | None:
     """Read the record of the frame in `folder`; None if a file is missing."""
     try:
@@ -72,11 +64,6 @@ def read_record(folder: Path) -> FrameRecord | None:
     except (OSError, ValueError, TypeError, AttributeError):
         return None
     return record if there and record.files and isinstance(record.summary, dict) else None
-
-
-def write_record(folder: Path, record: FrameRecord) -> None:
-    """Write the record of a finished frame; raises OutputError."""
-    write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
 
 
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
@@ -137,6 +124,7 @@ class OctreeMaker:
         """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
         from ...patchnet_addon.lightmap.page_cache import BakePageCache
         from ...patchnet_addon.octree.file import save_octree
+        from ...patchnet_addon.tracing.empty_view import why_unseen_by
 
         with BakePageCache() as kept:
             made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
@@ -145,16 +133,9 @@ class OctreeMaker:
         figures = {
             "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
         }  # fmt: skip
-        warnings = [*made.warnings, *self._unseen(made)]
-        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": warnings}
-
-    def _unseen(self, made: LitOctree) -> list[str]:
-        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
-        from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-        if made.layout is None or self._overrides.cameras is None:
-            return []
-        return why_unseen_by(made.octree, self._overrides.cameras())
+        fitted_to = self._overrides.cameras if made.layout is not None else None
+        unseen = [] if fitted_to is None else why_unseen_by(octree, fitted_to())
+        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": [*made.warnings, *unseen]}
 
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels that this frame needs, and whether memory limits it; None if settings give it."""

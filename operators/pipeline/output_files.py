@@ -26,7 +26,7 @@ from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
-from .reports import REPORT_NAME, remove_omitted, reported
+from .reports import REPORT_NAME, files_in, remove_omitted, reported
 
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 _MAX_BYTES = 120
@@ -163,13 +163,13 @@ def _parent(out: Path) -> Path:
 
 def _move(source: Path, out: Path) -> None:
     """Move all files, the report last; all are copied to the output's disk before the first one replaces a file."""
-    names = [path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()]
     with ExitStack() as stack:
         moved: dict[Path, Path] = {}
-        for target in sorted((out / name for name in names), key=lambda path: (path.name == REPORT_NAME, path)):
+        for name in sorted(files_in(source), key=lambda name: name == REPORT_NAME):
+            target = out / name
             target.parent.mkdir(parents=True, exist_ok=True)
             temporary = moved[target] = temporary_path(target)
             stack.callback(temporary.unlink, missing_ok=True)
-            shutil.move(source / target.relative_to(out), temporary)
+            shutil.move(source / name, temporary)
         for target, temporary in moved.items():
             os.replace(temporary, target)

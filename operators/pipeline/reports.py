@@ -40,10 +40,15 @@ def machine() -> dict[str, Any]:
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
 
 
+def files_in(folder: Path) -> dict[str, int]:
+    """Bytes of all files in a folder, by their paths in it."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
+
+
 def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
     """Write the report of a `job` with the names of all files in `folder`; raises OutputError."""
-    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    values = {"job": job, **report, "files": sorted(names | {REPORT_NAME})}
+    values = {"job": job, **report, "files": sorted({*files_in(folder), REPORT_NAME})}
     write_json(folder / REPORT_NAME, values, REPORT)
 
 
