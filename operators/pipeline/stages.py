@@ -69,27 +69,26 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Choose a grid with all leaves on one level."""
-    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree, estimate
+    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
     surface, memory = settings.surface, settings.compute.memory_bytes
     color, sides = settings.light.color, settings.light.has_sides
     bounds_world = surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
+    grid, depth = None, surface.depth
     if surface.voxel_size_world is not None:
         grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
-        choose_depth(coarse, cameras, grid.depth, memory, color=color, sides=sides)
-        return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color, sides=sides)[0])
-    # A given depth needs no weights.
-    lookahead = load_network(settings.network).lookahead if surface.depth is None else DEFAULT_LOOKAHEAD
-    choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, sides=sides, lookahead=lookahead)
+        depth = grid.depth
+    lookahead = load_network(settings.network).lookahead if depth is None else DEFAULT_LOOKAHEAD  # needs no weights
+    choice = choose_depth(coarse, cameras, depth, memory, color=color, sides=sides, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
             f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
-    grid = Grid.around(bounds_world, choice.depth)
-    return GridChoice(grid, None, warnings, estimate(coarse, choice.depth, color=color, sides=sides)[0])
+    grid = grid or Grid.around(bounds_world, choice.depth)
+    return GridChoice(grid, None, warnings, choice.leaves)
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
