@@ -9,6 +9,7 @@ from ...patchnet_addon.export.vdb import vdb_module_name
 from ...patchnet_addon.runtime.quantities import counted
 from ..jobs.job_operator import JobOperator
 from ..scene_access.images import PICTURES
+from ..schema.table import TABLE
 from ..session import results
 from ..session.scene_session import held, session_of
 from ..session.staleness import PERHAPS
@@ -33,7 +34,12 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = tab.split(self.layout)
-        tab.draw_first(layout, context.scene.patchnet)
+        values = context.scene.patchnet
+        for name in tab.FIRST:
+            if TABLE[name].counts(values):
+                row = layout.row()
+                row.active = name != "budget" or not values.spp
+                tab.draw_setting(row, values, name)
         row = layout.row()
         row.scale_y = 1.5
         if JobOperator.running:
@@ -99,7 +105,6 @@ class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
 
     bl_label = "Statistics"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Lines of the last step, memory in use, and the button that frees it."""
@@ -128,7 +133,6 @@ class PATCHNET_PT_export(tab.SubPanel, bpy.types.Panel):
 
     bl_label = "Show and Export"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the two buttons, and formats that this Blender cannot write."""
