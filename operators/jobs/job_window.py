@@ -94,12 +94,13 @@ def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
     """Return whether the mouse is over the main region of an editor of the scene, not over menus or sidebars."""
     for area in window.screen.areas:
-        if area.type not in _HARMLESS_EDITORS and _inside(area, event):
-            return not any(region.type != "WINDOW" and _inside(region, event) for region in area.regions)
+        if area.type not in _HARMLESS_EDITORS and inside(area, event):
+            return not any(region.type != "WINDOW" and inside(region, event) for region in area.regions)
     return False
 
 
-def _inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> bool:
+def inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> bool:
+    """Return whether the mouse is over a part of a window."""
     right, top = part.x + part.width, part.y + part.height
     return part.x <= event.mouse_x < right and part.y <= event.mouse_y < top
 

@@ -17,6 +17,7 @@ from bpy.props import StringProperty
 from ...patchnet_addon.runtime import log
 from ..properties.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
 from ..scene_access.own import OWNER, is_own
+from ..session.results import redraw_viewports
 from . import paint
 from .framed import Rect, free_rect
 
@@ -147,15 +148,10 @@ def unfinished_pictures(context: bpy.types.Context) -> Iterator[Meanwhile | None
     inset = Inset()
     handle = bpy.types.SpaceView3D.draw_handler_add(inset.draw, (), "WINDOW", "POST_PIXEL")
     try:
-        yield lambda unfinished: inset.show(context, unfinished)
+        yield inset.show
     finally:
         bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-        inset.show(context, None)
-
-
-def _viewports(context: bpy.types.Context) -> list[bpy.types.Area]:
-    windows = context.window_manager.windows
-    return [area for window in windows for area in window.screen.areas if area.type == "VIEW_3D"]
+        redraw_viewports()
 
 
 class Inset:
@@ -165,11 +161,10 @@ class Inset:
         self._texture: Any = None
         self.shown: Unfinished | None = None
 
-    def show(self, context: bpy.types.Context, unfinished: Unfinished | None) -> None:
-        """Replace the picture; None removes it."""
+    def show(self, unfinished: Unfinished) -> None:
+        """Replace the picture."""
         self.shown, self._texture = unfinished, None
-        for area in _viewports(context):
-            area.tag_redraw()
+        redraw_viewports()
 
     def draw(self) -> None:
         """Draw in the current region, called for every region of every viewport; the first error ends it."""
@@ -194,7 +189,8 @@ class Inset:
 def inset_rect(context: bpy.types.Context, picture: np.ndarray) -> Rect | None:
     """Rectangle of a picture (h, w, 3) in the current region; None for all but the largest viewport's."""
     area, region = context.area, context.region
-    viewports = [item for item in _viewports(context) if item.spaces.active.overlay.show_overlays]
+    areas = [item for window in context.window_manager.windows for item in window.screen.areas]
+    viewports = [item for item in areas if item.type == "VIEW_3D" and item.spaces.active.overlay.show_overlays]
     largest = max(viewports, key=lambda item: item.width * item.height, default=None)
     if area is None or area != largest or region != next(item for item in area.regions if item.type == "WINDOW"):
         return None
