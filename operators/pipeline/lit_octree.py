@@ -20,7 +20,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
+from ...patchnet_addon.surface.mesh import MeshSource, RotatedSource, random_rotation
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
@@ -181,12 +181,12 @@ def light_octree(
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
             provenance = _provenance(overrides, surface.state) | notes
+            built: MeshSource = source
+            placed = choice
             if overrides.rotation:
-                turned = RotatedSource(source, random_rotation(overrides.rotation))
-                choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))
-                octree = yield from build(turned, choice_turned, shade, settings, kind, provenance, facing)
-            else:
-                octree = yield from build(source, choice, shade, settings, kind, provenance, facing)
+                built = RotatedSource(source, random_rotation(overrides.rotation))
+                placed = replace(choice, grid=Grid.around(built.bounds_world, choice.grid.depth))
+            octree = yield from build(built, placed, shade, settings, kind, provenance, facing)
     thin = thin_warnings(source, choice.grid, choice.cameras)
     own_color = () if surface.is_baked else source.color_warnings
     warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)

@@ -53,7 +53,12 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     strokes = None
     if wanted.importance is not None:  # missing input is reported before work starts
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # the selection may have changed
-    _mention_left_out(engine, scene, camera)
+    for text in focus_warnings(scene.original, [camera]):
+        warn(engine, text)
+    if scene.render.use_multiview:
+        warn(engine, "PatchNet renders no stereo: all views show the picture of the middle camera")
+    if scene.render.use_motion_blur:
+        warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     octree, coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
@@ -164,12 +169,3 @@ def warn(engine: bpy.types.RenderEngine, text: str) -> None:
     engine.warnings = dict.fromkeys((*engine.warnings, text))
     engine.error_set(". ".join(engine.warnings))
     event("warning", text, logging.WARNING)
-
-
-def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, camera: Camera) -> None:
-    for text in focus_warnings(scene.original, [camera]):
-        warn(engine, text)
-    if scene.render.use_multiview:
-        warn(engine, "PatchNet renders no stereo: all views show the picture of the middle camera")
-    if scene.render.use_motion_blur:
-        warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")
