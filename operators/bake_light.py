@@ -8,17 +8,19 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from .jobs.job_operator import VoxelJob, tell_notes
-from .properties.stages import LightProperties
+from .properties.stages import properties_of
+from .schema.table import LIGHT
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
+class PATCHNET_OT_bake_light(VoxelJob, bpy.types.Operator):
     """Bake the light that falls on the surface into the voxels"""
 
     bl_idname = "patchnet.bake_light"
     bl_label = "Bake Light"
+    __annotations__ = properties_of(LIGHT)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, with baked light."""

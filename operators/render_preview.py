@@ -13,7 +13,8 @@ from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.job_operator import CodesJob, tell_notes
-from .properties.stages import CameraProperties, ViewProperties
+from .properties.stages import properties_of
+from .schema.table import CAMERAS, IMPORTANCE, VIEW
 from .session import results
 from .session.shown_view import attach_view_stats, comparison_of
 from .settings.job_settings import JobSettings
@@ -22,11 +23,12 @@ if TYPE_CHECKING:
     from .pipeline.views import View
 
 
-class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
+class PATCHNET_OT_render_preview(CodesJob, bpy.types.Operator):
     """Render preview, heatmap and refined picture of the first camera as Blender images"""
 
     bl_idname = "patchnet.render_preview"
     bl_label = "Render Preview"
+    __annotations__ = properties_of(CAMERAS, VIEW, IMPORTANCE)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
@@ -65,11 +67,12 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     return result
 
 
-class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
+class PATCHNET_OT_compare(CodesJob, bpy.types.Operator):
     """Trace a reference for the first camera, and measure the error that each strategy leaves after the budget"""
 
     bl_idname = "patchnet.compare"
     bl_label = "Compare Strategies"
+    __annotations__ = properties_of(CAMERAS, VIEW, IMPORTANCE)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies and keep the table."""
