@@ -180,7 +180,12 @@ def light_octree(
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
-            provenance = _provenance(overrides, surface.state) | notes
+            provenance: dict[str, Any] = {}
+            if not (overrides.rotation or overrides.bisect):
+                provenance["scene_state"] = surface.state.identity()
+                if surface.state.gloss_from:
+                    provenance["gloss_from"] = surface.state.gloss_from
+            provenance |= overrides.provenance | notes
             built: MeshSource = source
             placed = choice
             if overrides.rotation:
@@ -233,11 +238,3 @@ def _state(
     scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
     selected = settings.surface.scope == SELECTED
     return read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
-
-
-def _provenance(overrides: OctreeOverrides, state: SceneState) -> dict[str, Any]:
-    """Entries of the octree's file, with the scene's state unless the surface is rotated or cut open."""
-    known = {} if overrides.rotation or overrides.bisect else {"scene_state": state.identity()}
-    if known and state.gloss_from:
-        known["gloss_from"] = state.gloss_from
-    return known | overrides.provenance

@@ -28,6 +28,7 @@ from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
+from ..settings.groups import samples_side
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
@@ -64,12 +65,12 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
     budget = wanted.budget if wanted.spp is None else None
-    if wanted.render_side is None:
+    if wanted.render_samples is None:
         picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
         refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
     else:
         picture = AdaptivePicture(octree, camera, None, None, importance)
-        refining = picture.sample_evenly(wanted.render_side)
+        refining = picture.sample_evenly(samples_side(wanted.render_samples))
     output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
