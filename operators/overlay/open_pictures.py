@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -23,8 +24,6 @@ from .framed import Rect, free_rect
 
 if TYPE_CHECKING:
     from ..pipeline.unfinished import Meanwhile, Unfinished
-
-_waiting: list[str] = []  # names of images that wait for a window
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
@@ -62,17 +61,14 @@ def open_picture(context: bpy.types.Context, image: bpy.types.Image, *, asked: b
     if free:
         _show(*max(free, key=lambda item: item[1].width * item[1].height), image)
     elif chosen == OPEN_WINDOW:
-        _waiting.append(image.name)
-        if not bpy.app.timers.is_registered(_open_windows):
-            bpy.app.timers.register(_open_windows, first_interval=0.0)
+        bpy.app.timers.register(partial(_open_window, image.name), first_interval=0.0)
 
 
-def _open_windows() -> None:
-    while _waiting:
-        image = bpy.data.images.get(_waiting.pop(0))
-        found = _new_window(bpy.context) if image is not None else None
-        if image is not None and found is not None:
-            _show(*found, image)
+def _open_window(name: str) -> None:
+    image = bpy.data.images.get(name)
+    found = _new_window(bpy.context) if image is not None else None
+    if image is not None and found is not None:
+        _show(*found, image)
 
 
 def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image) -> None:
@@ -127,9 +123,6 @@ def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
     with bpy.context.temp_override(window=window, area=area, region=region):
         if bpy.ops.image.view_all.poll():
             bpy.ops.image.view_all(fit_view=True)
-
-
-TIMERS = (_open_windows,)
 
 
 _INSET = 0.4  # of the viewport's sides, at most
