@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.eta import FramesEta
-from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT
 from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed, labelled
@@ -115,7 +115,9 @@ def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan)
     Afterwards, the scene's frame is restored; finished frames stay. Raises PatchNetError that names the frame.
     """
     files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
-    check_outputs(_all_files(plan, files), inputs, folder=plan.out)
+    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
+    missing = {folder / name: kind for folder in folders for name, kind in files.items()}
+    check_outputs({plan.out / REPORT_NAME: REPORT, **missing}, inputs, folder=plan.out)
     with kept_frame(context.scene):
         common = SharedSettings(exposure=maker.exposure)
         if maker.bakes:
@@ -134,14 +136,6 @@ def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan)
 def _before_all(steps: Steps[Result]) -> Steps[Result]:
     """Report steps before the first frame as 0 % of the animation."""
     return changed(steps, lambda report: replace(report, whole=0.0))
-
-
-def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
-    """Files of all frames without a valid record; `files` are those of one frame."""
-    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
-    return {plan.out / REPORT_NAME: REPORT} | {
-        folder / name: kind for folder in folders for name, kind in files.items()
-    }
 
 
 class _Animation:

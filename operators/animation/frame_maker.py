@@ -160,8 +160,10 @@ class JobMaker(OctreeMaker):
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the named cameras, or of all cameras that are active at some frame."""
-        wanted = self._settings.view
-        folders = view_folders(context.scene, wanted.cameras or _active_cameras(context.scene)).values()
+        wanted, scene = self._settings.view, context.scene
+        active = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
+        names = [name for camera in active if (name := camera_name(scene, camera))]
+        folders = view_folders(scene, wanted.cameras or names).values()
         return job_files(folders, wanted.cycles, reference=wanted.has_reference)
 
     def inputs(self) -> list[Path]:
@@ -189,12 +191,6 @@ class JobMaker(OctreeMaker):
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         depth = common.depth or self._settings.surface.depth
         return super()._of_frame(common).changed(depth=depth)
-
-
-def _active_cameras(scene: bpy.types.Scene) -> list[str]:
-    """Active camera, and cameras of markers."""
-    cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
-    return [name for camera in cameras if (name := camera_name(scene, camera))]
 
 
 def _summary(result: JobResult) -> dict[str, Any]:
