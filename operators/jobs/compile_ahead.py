@@ -30,7 +30,6 @@ SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender run
 ABOUT = 293  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two counts of compiled kernels
-_STOP_S = 5.0  # until a Blender that does not stop is killed
 _LOG_BYTES = 2000  # of the end of its output, for the log
 _tried: set[Path] = set()  # marks of failed attempts in this process
 
@@ -66,7 +65,8 @@ def _compiled(folder: Path) -> Steps[None]:
                     at, looked = replace(_AT, done=min(count, ABOUT - 1)), time.monotonic()
                 yield at
         finally:
-            _end(process)
+            process.kill()
+            process.wait()
         if process.returncode:
             said.seek(max(0, said.seek(0, os.SEEK_END) - _LOG_BYTES))
             text = said.read().decode(errors="replace")
@@ -89,13 +89,3 @@ def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
         words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
     )
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(_STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
