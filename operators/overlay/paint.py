@@ -35,31 +35,22 @@ void main()
 """
 
 
+@lru_cache(maxsize=6)  # two sides of a wipe in three editors
 def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
-    return _texture(view, name, *((None, "") if name in view.looks else (maximum, ramp)))
-
-
-@lru_cache(maxsize=6)  # two sides of a wipe in three editors
-def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     return uploaded(view.picture(name, maximum, ramp))
 
 
 def free_textures() -> None:
     """Free the memory on the graphics card, and the shader for pictures."""
-    _texture.cache_clear()
+    texture_of.cache_clear()
     _picture_shader.cache_clear()
 
 
-def texels(picture: np.ndarray) -> np.ndarray:
-    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
-    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
-    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
-
-
 def uploaded(picture: np.ndarray) -> Any:
-    """Upload sRGB colours as a texture, see `texels`."""
-    return texture(texels(picture), "RGBA8")
+    """Upload sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4), as a texture."""
+    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
+    return texture(np.concatenate([picture, opaque], axis=-1, dtype=np.float32), "RGBA8")
 
 
 def texture(pixels: np.ndarray, kind: str) -> Any:

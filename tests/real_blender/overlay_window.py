@@ -243,9 +243,9 @@ def end():
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
     seen["stale"] = kept.why_stale(scene, session.views["Eye"])
-    seen["drawing"] = [textures._texture.cache_info().currsize > 0, settings.problem]
+    seen["drawing"] = [textures.texture_of.cache_info().currsize > 0, settings.problem]
     in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
-    seen["cleared"] = [textures._texture.cache_info().currsize, bool(session.views)]
+    seen["cleared"] = [textures.texture_of.cache_info().currsize, bool(session.views)]
 
 
 def session():
