@@ -123,46 +123,23 @@ class _Card:
     """An octree on its way to the card.
 
     octree: once all of it is there. reason: why it will never be. chosen: preferences that it was begun with. coded:
-    whether its codes can be decoded; no_codes: why they never will.
+    whether its codes can be decoded; no_codes: why they never will. steps: that bring it; codes: those that were begun,
+    and the steps that bring them.
     """
 
     def __init__(self, octree: Octree, chosen: tuple[str, float]) -> None:
         self.octree: CardOctree | None = None
         self.reason, self.no_codes, self.coded, self.chosen = "", "", False, chosen
-        self._steps = self._bring(octree)
-        self._code_steps: Steps[None] | None = None
-        self._codes: ReferenceType[CodedOctree] | None = None
+        self.steps = self._bring(octree)
+        self.codes: tuple[ReferenceType[CodedOctree], Steps[None]] | None = None
 
     @property
     def coming(self) -> bool:
         """Whether the octree is on its way."""
         return self.octree is None and not self.reason
 
-    @property
-    def codes_coming(self) -> bool:
-        """Whether its codes are on their way, or were left there."""
-        return self._code_steps is not None and not (self.coded or self.no_codes)
-
-    def work(self) -> None:
-        """Do a step, if any is left."""
-        try:
-            with attended():  # packing is beside the window
-                next(self._steps, None)
-        except CardError as error:
-            self.reason = str(error)
-
-    def work_at_codes(self, coded: CodedOctree) -> None:
-        """Do a step of bringing codes, if any is left; others than before are brought anew."""
-        if self._code_steps is None or self._codes is None or self._codes() is not coded:
-            self._code_steps, self._codes = self._bring_codes(coded), ref(coded)
-            self.coded, self.no_codes = False, ""
-        try:
-            with attended():
-                next(self._code_steps, None)
-        except CardError as error:
-            self.no_codes = str(error)
-
-    def _bring_codes(self, coded: CodedOctree) -> Steps[None]:
+    def bring_codes(self, coded: CodedOctree) -> Steps[None]:
+        """Bring codes of the octree, which is there; raises CardError."""
         assert self.octree is not None
         wanted = card_bytes(coded.octree) + code_bytes(coded)
         if wanted > self.chosen[1] * _GIB:
@@ -198,15 +175,28 @@ def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
     card = _cards.get(octree)
     if card is None or card.chosen != chosen:
         card = _cards[octree] = _Card(octree, chosen)
-    if card.octree is None and not card.reason:
-        card.work()
+    if card.coming:
+        try:
+            with attended():  # packing is beside the window
+                next(card.steps, None)
+        except CardError as error:
+            card.reason = str(error)
     return card.octree
 
 
 def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
-    """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment."""
+    """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment.
+
+    Others than before are brought anew.
+    """
     card = _cards[coded.octree]
-    card.work_at_codes(coded)
+    if card.codes is None or card.codes[0]() is not coded:
+        card.codes, card.coded, card.no_codes = (ref(coded), card.bring_codes(coded)), False, ""
+    try:
+        with attended():
+            next(card.codes[1], None)
+    except CardError as error:
+        card.no_codes = str(error)
     return card.coded, card.no_codes
 
 
@@ -238,7 +228,7 @@ def give_up(octree: Octree, reason: str) -> None:
 def free_coming() -> None:
     """Free what is on its way, which holds its octree until it is there."""
     for octree, card in list(_cards.items()):
-        if card.coming or card.codes_coming:
+        if card.coming or (card.codes is not None and not (card.coded or card.no_codes)):
             del _cards[octree]
 
 
