@@ -76,7 +76,10 @@ def draw_region(context: bpy.types.Context) -> None:
             _draw_overlay(context, found.view, found.rects[0])
     for pixel in inspected.values():
         if pixel is not None and pixel.region == region.as_pointer():
-            _draw_inspected(context, pixel)
+            scale = context.preferences.system.ui_scale
+            size = paint.box_size(pixel.lines, scale)
+            corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(area, region))
+            paint.box(pixel.lines, corner, scale)
 
 
 def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> None:
@@ -161,13 +164,6 @@ def _draw_mark(look: _Look, text: str, short: str, below_title: bool) -> None:
     down = look.gap + (height + look.gap if below_title else 0.0) + height
     said = text if width + 2 * look.gap <= look.seen.width else short
     paint.box([said], (look.seen.left + look.gap, look.seen.top - down), look.scale, paint.WARNING)
-
-
-def _draw_inspected(context: bpy.types.Context, pixel: InspectedPixel) -> None:
-    scale = context.preferences.system.ui_scale
-    size = paint.box_size(pixel.lines, scale)
-    corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(context.area, context.region))
-    paint.box(pixel.lines, corner, scale)
 
 
 NO_VIEW = "There are no pictures yet: run Render Preview first"

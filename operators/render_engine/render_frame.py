@@ -137,16 +137,12 @@ class _Output:
 
     def _write(self) -> None:
         pixels = pass_pixels(self._picture, self._world)
+        camera, kept = self._picture.camera, self._kept
+        rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
         for item in self._result.layers[0].passes:  # of each view, where there are several
             if item.name in pixels:
-                item.rect.foreach_set(self._of_result(pixels[item.name]))
-
-    def _of_result(self, pixels: np.ndarray) -> np.ndarray:
-        """Values (N,) of the view's pixels (P, C) without its margin."""
-        camera, kept = self._picture.camera, self._kept
-        picture = pixels.reshape(camera.height_px, camera.width_px, -1)
-        rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
-        return np.ascontiguousarray(picture[rows, columns]).ravel()
+                picture = pixels[item.name].reshape(camera.height_px, camera.width_px, -1)
+                item.rect.foreach_set(np.ascontiguousarray(picture[rows, columns]).ravel())  # without its margin
 
 
 def _world(
