@@ -43,21 +43,14 @@ else:
     OperatorBase = object  # Blender requires its own class among the direct bases of each operator
 
 
-_EVENTS = {
-    "INFO": ("result", logging.INFO),
-    "WARNING": ("warning", logging.WARNING),
-    "ERROR": ("error", logging.ERROR),
-}
-
-
 def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str = "", **fields: Any) -> None:
     """Report INFO, WARNING or ERROR, and log it.
 
     logged_as: another kind for the log. fields: of the event.
     """
     operator.report({kind}, text)
-    name, level = _EVENTS[logged_as or kind]
-    log.event(name, text, level, **fields)
+    logged = logged_as or kind
+    log.event("result" if logged == "INFO" else logged.lower(), text, getattr(logging, logged), **fields)
 
 
 def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = "Preview Selection") -> str:

@@ -126,7 +126,15 @@ def read_surface(
         source = read_scene(depsgraph, settings.surface.scope, overrides.chosen)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
-        return ReadSurface(settings, overrides, source, _state(context, source, settings, overrides))
+        # With the place of the camera if gloss is baked for it.
+        seen = settings.light.is_baked and not overrides.unlit and bool(settings.light.from_camera)
+        seen = seen and bool(baked_with_gloss(source, settings.light.gloss).any())
+        scene, layer = context.scene, ""
+        if overrides.depsgraph is not None:
+            scene, layer = depsgraph.scene.original, depsgraph.view_layer.name
+        selected = settings.surface.scope == SELECTED
+        state = read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
+        return ReadSurface(settings, overrides, source, state)
 
 
 def choose_leaves(
@@ -226,15 +234,3 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
     cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)
     return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])
-
-
-def _state(
-    context: bpy.types.Context, source: SceneMesh, settings: JobSettings, overrides: OctreeOverrides
-) -> SceneState:
-    """State of the scene, with the place of its camera if gloss is baked for it."""
-    light, depsgraph = settings.light, overrides.depsgraph
-    seen = light.is_baked and not overrides.unlit and bool(light.from_camera)
-    seen = seen and bool(baked_with_gloss(source, light.gloss).any())
-    scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
-    selected = settings.surface.scope == SELECTED
-    return read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)

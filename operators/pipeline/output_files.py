@@ -116,7 +116,11 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     """
     wanted = {out / name: kind for name, kind in files.items()}
     check_outputs(wanted, inputs, folder=out)
-    parent = _parent(out)
+    parent = out.absolute().parent
+    while not parent.exists():
+        parent = parent.parent
+    if out.exists() and not os.access(parent, os.W_OK):  # such as a mount
+        parent = out
     remove_left_over(parent, out.name)
     before = reported(out)
     with ExitStack() as stack:
@@ -151,14 +155,6 @@ def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
         raise OutputError(
             f"{where} cannot be written ({error.strerror}): choose another folder or make room"
         ) from error
-
-
-def _parent(out: Path) -> Path:
-    """Nearest existing folder above `out`; `out` itself if only that is writable, such as a mount."""
-    parent = out.absolute().parent
-    while not parent.exists():
-        parent = parent.parent
-    return parent if os.access(parent, os.W_OK) or not out.exists() else out
 
 
 def _move(source: Path, out: Path) -> None:
