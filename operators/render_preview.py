@@ -32,7 +32,7 @@ class PATCHNET_OT_render_preview(CodesJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        result = yield from look(context, settings, compare=settings.view.reference)
+        result = yield from look(context, settings)
         said = tell_notes(self, result.warnings)
         wanted, errors = settings.view, result.errors
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
@@ -43,10 +43,10 @@ class PATCHNET_OT_render_preview(CodesJob, bpy.types.Operator):
         return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}{said}"
 
 
-def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
+def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     """Render the first camera's view of the scene's result, show its pictures, and keep its figures.
 
-    compare: measure all strategies. Raises SettingError, SceneError.
+    Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
     from .scene.cameras import focus_warnings, octree_cameras
@@ -57,12 +57,12 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)
-        looking = view(coded, camera, wanted, before.scope, compare=compare, background=behind, meanwhile=meanwhile)
+        looking = view(coded, camera, wanted, before.scope, background=behind, meanwhile=meanwhile)
         result = yield from looking
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
     before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
-    results.keep(context.scene, attach_view_stats(before, result, compared=compare), "view")
+    results.keep(context.scene, attach_view_stats(before, result, compared=wanted.reference), "view")
     overlay.show(context, [result], settings.view)
     return result
 
@@ -76,7 +76,7 @@ class PATCHNET_OT_compare(CodesJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies and keep the table."""
-        result = yield from look(context, settings, compare=True)
+        result = yield from look(context, settings.changed(reference=True))
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
         before, after = error_text(found.unrefined), error_text(best.error)

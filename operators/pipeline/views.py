@@ -87,21 +87,20 @@ def view(
     settings: ViewSettings,
     scope: str,
     *,
-    compare: bool | None = None,
     background: Background = BLACK_GROUND,
     meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
     """Preview, predicted picture, priority and refinement of one camera.
 
-    scope: of the voxels, for painted importance. compare: also trace the reference of all pixels and measure the error
-    that all strategies, exact oracles and uniform pictures leave; None: by the settings. Painted importance multiplies
-    the scores of all strategies.
+    scope: of the voxels, for painted importance, which multiplies the scores of all strategies. With `reference` of the
+    settings, also trace the reference of all pixels and measure the error that all strategies, exact oracles and
+    uniform pictures leave.
     background: of the pictures; priorities and errors are of surfaces alone.
     meanwhile: shows the preview, the heatmap, and the picture in refinement. Raises SettingError if the painted image
     or vertex group is missing.
     """
     chosen = strategy(settings.strategy)
-    compare = settings.reference if compare is None else compare
+    compare = settings.reference
     ground = Ground(camera, background.light, coded.octree.exposure)
     if meanwhile is not None:
         yield from first_look(coded.octree, camera, meanwhile, background=ground.background)

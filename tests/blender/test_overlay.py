@@ -129,7 +129,7 @@ def test_a_view_without_a_reference(made: tuple[View, ViewSettings]) -> None:
     result, wanted = made
     shown = shown_view.view_to_show(result, wanted, 0.0)
     assert [name for name in shown_view.TITLES if not shown.has(name)] == [shown_view.CYCLES_PICTURE]
-    plain = drain(view(results.codes_of(bpy.context.scene), result.camera, wanted, "VISIBLE", compare=False))
+    plain = drain(view(results.codes_of(bpy.context.scene), result.camera, wanted, "VISIBLE"))
     assert plain.errors is None and plain.buffers.reference is None
     np.testing.assert_array_equal(plain.refined.luminance, result.refined.luminance)
     np.testing.assert_array_equal(plain.priority, result.priority)
