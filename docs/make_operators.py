@@ -21,9 +21,28 @@ import bpy  # noqa: TID251
 import patchnet
 from patchnet.__main__ import leave
 from patchnet.operators.jobs.job_operator import JobOperator
-from patchnet.operators.properties.stages import DerivedProperties, PatchNetSettings
+from patchnet.operators.properties.stages import AnimationProperties, DisplayProperties, LevelProperties
+from patchnet.operators.schema import table as stages
 
 PAGE = Path(__file__).with_name("operators.md")
+# Settings of a scene, by stages of the table or by the class that declares them.
+GROUPS = {
+    "Octree: what is voxelized, and how finely": stages.rows(stages.OCTREE),
+    "Light: where luminance comes from": stages.rows(stages.LIGHT),
+    "Network that looks ahead": stages.rows(stages.CODES),
+    "Cameras: whose pictures are made, and how large": stages.rows(stages.CAMERAS),
+    "View: what is refined first, what matters to the user, and how it is shown": stages.rows(
+        stages.VIEW, stages.IMPORTANCE
+    ),
+    "Output: where files go": stages.rows(stages.OUTPUT),
+    "Animation: how its frames are baked": AnimationProperties,
+    "Level that is shown or exported": LevelProperties,
+    "Voxels in the scene. Operators forget these values, so that those of the panel count for each call": (
+        DisplayProperties
+    ),
+    "Refinement of a preview with Cycles": stages.rows(stages.REFINEMENT),
+    "Renders of the engine": stages.rows(stages.RENDERS),
+}
 
 
 @dataclass(frozen=True)
@@ -229,25 +248,15 @@ def section(name: str, kind: type) -> Iterator[str]:
         yield ""
 
 
-def groups(kind: type) -> Iterator[type]:
-    """A class after its base classes."""
-    for base in kind.__bases__:
-        yield from groups(base)
-    yield kind
-
-
 def settings() -> Iterator[str]:
     """The scene's settings by group."""
     scene = bpy.types.Scene.bl_rna.properties["patchnet"].fixed_type.properties
-    seen: set[str] = set()
-    for group in groups(PatchNetSettings):
-        names = [name for name in getattr(group, "__annotations__", {}) if name in scene and name not in seen]
-        seen |= set(names)
-        if names and group is not DerivedProperties:  # the panel's only
-            yield f"### {(group.__doc__ or '').strip().splitlines()[0].rstrip('.')}"
-            yield ""
-            yield from table([scene[name] for name in names])
-            yield ""
+    for title, group in GROUPS.items():
+        names = [row.name for row in group] if isinstance(group, list) else list(group.__annotations__)
+        yield f"### {title}"
+        yield ""
+        yield from table([scene[name] for name in names])
+        yield ""
 
 
 HEAD = """\

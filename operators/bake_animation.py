@@ -10,15 +10,16 @@ from ..patchnet_addon.runtime.frames import frame_range
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator, tell
 from .properties.job import is_given, setting
-from .properties.stages import AnimationProperties, FrameProperties, JobProperties
+from .properties.stages import JOB, AnimationProperties, FrameProperties, properties_of
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_bake_animation(FrameProperties, AnimationProperties, JobProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_bake_animation(FrameProperties, AnimationProperties, JobOperator, bpy.types.Operator):
     """Run all steps for every frame, each into a folder of its own in the output folder"""
 
     bl_idname = "patchnet.bake_animation"
     bl_label = "Bake Animation"
+    __annotations__ = properties_of(*JOB)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

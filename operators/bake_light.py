@@ -8,17 +8,19 @@ import bpy
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from .jobs.job_operator import VoxelJob, tell_notes
-from .properties.stages import LightProperties
+from .properties.stages import properties_of
+from .schema.table import LIGHT
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
+class PATCHNET_OT_bake_light(VoxelJob, bpy.types.Operator):
     """Bake the light that falls on the surface into the voxels"""
 
     bl_idname = "patchnet.bake_light"
     bl_label = "Bake Light"
+    __annotations__ = properties_of(LIGHT)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, with baked light."""
@@ -32,9 +34,9 @@ class PATCHNET_OT_bake_light(LightProperties, VoxelJob, bpy.types.Operator):
         clock = plan.clock
         with BakePageCache() as kept:
             surface = yield from read_surface(context, settings, clock, overrides)
-            leaves = yield from choose_leaves(context, surface, clock)
-            yield from plan.make(surface.source, leaves.choice, (), "light", "denoise", "voxelize")
-            made = yield from plan.timed(light_octree(context, surface, leaves, clock, kept))
+            choice = yield from choose_leaves(context, surface, clock)
+            yield from plan.make(surface.source, choice, (), "light", "denoise", "voxelize")
+            made = yield from plan.timed(light_octree(context, surface, choice, clock, kept))
             plan.resumed = bool(kept.found)
         plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}

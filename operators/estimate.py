@@ -7,16 +7,17 @@ import bpy
 
 from ..patchnet_addon.runtime.progress import Steps
 from .jobs.job_operator import JobOperator, tell, tell_notes
-from .properties.stages import CameraProperties, LightProperties, VoxelizeProperties
+from .properties.stages import properties_of
 from .session.scene_session import session_of
 from .settings.job_settings import ESTIMATED, JobSettings, recorded
 
 
-class PATCHNET_OT_estimate(VoxelizeProperties, LightProperties, CameraProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_estimate(JobOperator, bpy.types.Operator):
     """Estimate depth, time, memory, and the share of pixels with look-ahead, without making voxels"""
 
     bl_idname = "patchnet.estimate"
     bl_label = "Estimate"
+    __annotations__ = properties_of(*ESTIMATED)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Estimate the job and keep the estimate for the panel."""

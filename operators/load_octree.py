@@ -16,7 +16,8 @@ from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.worker import computed
 from .jobs.job_operator import JobOperator, tell
 from .properties.job import absolute_path
-from .properties.stages import CodesProperties
+from .properties.stages import properties_of
+from .schema.table import CODES
 from .session import results
 from .session.scene_result import SceneResult
 from .session.staleness import look_again
@@ -33,11 +34,12 @@ _CODES = "codes.safetensors"  # beside the octree, written by the same job
 _OTHER = "the file was made of another scene, or of this one before it was changed"
 
 
-class PATCHNET_OT_load_octree(CodesProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_load_octree(JobOperator, bpy.types.Operator):
     """Load the voxels of an octree file into this scene, and its look-ahead if that file is beside it"""
 
     bl_idname = "patchnet.load_octree"
     bl_label = "Load Octree"
+    __annotations__ = properties_of(CODES)
 
     filepath: StringProperty(
         name="File",

@@ -11,16 +11,18 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import VoxelJob
-from .properties.stages import CodesProperties
+from .properties.stages import properties_of
+from .schema.table import CODES
 from .session import results
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_precompute_codes(CodesProperties, VoxelJob, bpy.types.Operator):
+class PATCHNET_OT_precompute_codes(VoxelJob, bpy.types.Operator):
     """Encode the detail two levels below every voxel, so that the network can rate the pixels of any view"""
 
     bl_idname = "patchnet.precompute_codes"
     bl_label = "Prepare Look-Ahead"
+    __annotations__ = properties_of(CODES)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Load the weights, encode, keep the codes beside the octree."""

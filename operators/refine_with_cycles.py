@@ -13,9 +13,9 @@ from ..patchnet_addon.runtime.quantities import error_text
 from . import overlay
 from .jobs.job_operator import CodesJob, tell_notes
 from .properties.job import cycles_settings
-from .properties.stages import CameraProperties, CyclesRefineProperties, ViewProperties
+from .properties.stages import properties_of
 from .render_preview import look
-from .schema.table import SELECTED
+from .schema.table import CAMERAS, IMPORTANCE, REFINEMENT, SELECTED, VIEW
 from .session import results
 from .session.scene_result import SceneResult
 from .session.shown_view import CYCLES_PICTURE
@@ -29,13 +29,12 @@ _ALL = "Cycles renders all objects, but the voxels are those of the selected one
 _READING_S = 5.0  # estimate of the time that Cycles reads a small scene
 
 
-class PATCHNET_OT_refine_with_cycles(
-    CameraProperties, ViewProperties, CyclesRefineProperties, CodesJob, bpy.types.Operator
-):
+class PATCHNET_OT_refine_with_cycles(CodesJob, bpy.types.Operator):
     """Let Cycles render the pixels of highest priority in the preview of the first camera"""
 
     bl_idname = "patchnet.refine_with_cycles"
     bl_label = "Refine with Cycles"
+    __annotations__ = properties_of(CAMERAS, VIEW, IMPORTANCE, REFINEMENT)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, choose pixels, render them, show."""
@@ -50,8 +49,7 @@ class PATCHNET_OT_refine_with_cycles(
         work = work_of(settings.changed(cycles=wanted), pixels=width * height)
         eta, seconds = JobEta(), Rates().seconds({name: work[name] for name in ("views", "cycles")})
         eta.expect(seconds | {"cycles": seconds["cycles"] + _READING_S})
-        looking = look(context, settings, compare=settings.view.reference)
-        seen = yield from changed(looking, lambda report: eta.see("views", report))
+        seen = yield from changed(look(context, settings), lambda report: eta.see("views", report))
         refining = refine_view(context, seen, wanted, sun=settings.light.daylight)
         view = yield from changed(refining, lambda report: eta.see("cycles", report))
         overlay.add(context, view.camera.name, CYCLES_PICTURE, *show_cycles(view))

@@ -5,80 +5,56 @@ from __future__ import annotations
 
 import atexit
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
 import bpy
 
-from . import (
-    add_demo_scene,
-    bake_animation,
-    bake_light,
-    cache,
-    clear_results,
-    copy_diagnostics,
-    estimate,
-    export_octree,
-    load_octree,
-    overlay,
-    precompute_codes,
-    refine_with_cycles,
-    render_engine,
-    render_preview,
-    run_all,
-    show_voxels,
-    ui,
-    voxelize_objects,
-)
 from .jobs import job_operator
-from .overlay import drawing, mouse, open_pictures, overlay_settings
-from .overlay import panel as overlay_panel
-from .properties import preferences, stages
-from .render_engine import panels
-from .scene_access import overrides, temporary, unread_file, window_job
-from .session import octree_cache, scene_session, staleness, world_maps
-from .ui import presets_menu
+from .properties import preferences
 
 # Of each module Blender gets its CLASSES, or all that it declares; the functions in its HANDLERS, by their names in
 # `bpy.app.handlers`, and in its MENUS, by the type of menu. Then its register() is called. Its TIMERS end with it.
-_MODULES = (
-    preferences,
-    stages,
-    scene_session,
-    staleness,
-    overrides,
-    temporary,
-    window_job,
-    job_operator,
-    unread_file,
-    octree_cache,
-    world_maps,
-    voxelize_objects,
-    bake_light,
-    precompute_codes,
-    render_preview,
-    refine_with_cycles,
-    run_all,
-    load_octree,
-    estimate,
-    bake_animation,
-    show_voxels,
-    export_octree,
-    clear_results,
-    presets_menu,
-    cache,
-    copy_diagnostics,
-    add_demo_scene,
-    ui,
-    overlay_settings,
-    drawing,
-    mouse,
-    open_pictures,
-    overlay_panel,
-    overlay,
-    render_engine,
-    panels,
+_NAMES = (
+    "properties.preferences",
+    "properties.stages",
+    "session.scene_session",
+    "session.staleness",
+    "scene_access.overrides",
+    "scene_access.temporary",
+    "scene_access.window_job",
+    "jobs.job_operator",
+    "scene_access.unread_file",
+    "session.octree_cache",
+    "session.world_maps",
+    "voxelize_objects",
+    "bake_light",
+    "precompute_codes",
+    "render_preview",
+    "refine_with_cycles",
+    "run_all",
+    "load_octree",
+    "estimate",
+    "bake_animation",
+    "show_voxels",
+    "export_octree",
+    "clear_results",
+    "ui.presets_menu",
+    "cache",
+    "copy_diagnostics",
+    "add_demo_scene",
+    "ui",
+    "overlay.overlay_settings",
+    "overlay.drawing",
+    "overlay.mouse",
+    "overlay.open_pictures",
+    "overlay.panel",
+    "overlay",
+    "render_engine",
+    "render_engine.panels",
 )
+_MODULES = tuple(import_module(f"{__package__}.{name}") for name in _NAMES)
 _KINDS = (
     bpy.types.Operator, bpy.types.Macro, bpy.types.Panel, bpy.types.PropertyGroup, bpy.types.AddonPreferences
 )  # fmt: skip

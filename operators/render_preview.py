@@ -13,7 +13,8 @@ from ..patchnet_addon.runtime.quantities import error_text
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from . import overlay
 from .jobs.job_operator import CodesJob, tell_notes
-from .properties.stages import CameraProperties, ViewProperties
+from .properties.stages import properties_of
+from .schema.table import CAMERAS, IMPORTANCE, VIEW
 from .session import results
 from .session.shown_view import attach_view_stats, comparison_of
 from .settings.job_settings import JobSettings
@@ -22,15 +23,16 @@ if TYPE_CHECKING:
     from .pipeline.views import View
 
 
-class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
+class PATCHNET_OT_render_preview(CodesJob, bpy.types.Operator):
     """Render preview, heatmap and refined picture of the first camera as Blender images"""
 
     bl_idname = "patchnet.render_preview"
     bl_label = "Render Preview"
+    __annotations__ = properties_of(CAMERAS, VIEW, IMPORTANCE)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace, score, refine, show."""
-        result = yield from look(context, settings, compare=settings.view.reference)
+        result = yield from look(context, settings)
         said = tell_notes(self, result.warnings)
         wanted, errors = settings.view, result.errors
         refined = f"{wanted.budget:.0%} of the active pixels" if wanted.spp is None else f"with {wanted.budget_text}"
@@ -41,10 +43,10 @@ class PATCHNET_OT_render_preview(CameraProperties, ViewProperties, CodesJob, bpy
         return f"{result.camera.name}: error x 10,000 {before}, {after} after refining {refined}{said}"
 
 
-def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) -> Steps[View]:
+def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     """Render the first camera's view of the scene's result, show its pictures, and keep its figures.
 
-    compare: measure all strategies. Raises SettingError, SceneError.
+    Raises SettingError, SceneError.
     """
     from .pipeline.views import view, view_background
     from .scene.cameras import focus_warnings, octree_cameras
@@ -55,25 +57,26 @@ def look(context: bpy.types.Context, settings: JobSettings, *, compare: bool) ->
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)
-        looking = view(coded, camera, wanted, before.scope, compare=compare, background=behind, meanwhile=meanwhile)
+        looking = view(coded, camera, wanted, before.scope, background=behind, meanwhile=meanwhile)
         result = yield from looking
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}
     before = replace(before, seconds=before.seconds | clock.seconds, notes=notes)
-    results.keep(context.scene, attach_view_stats(before, result, compared=compare), "view")
+    results.keep(context.scene, attach_view_stats(before, result, compared=wanted.reference), "view")
     overlay.show(context, [result], settings.view)
     return result
 
 
-class PATCHNET_OT_compare(CameraProperties, ViewProperties, CodesJob, bpy.types.Operator):
+class PATCHNET_OT_compare(CodesJob, bpy.types.Operator):
     """Trace a reference for the first camera, and measure the error that each strategy leaves after the budget"""
 
     bl_idname = "patchnet.compare"
     bl_label = "Compare Strategies"
+    __annotations__ = properties_of(CAMERAS, VIEW, IMPORTANCE)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Trace the view with all strategies and keep the table."""
-        result = yield from look(context, settings, compare=True)
+        result = yield from look(context, settings.changed(reference=True))
         found = comparison_of(result)
         best = next(row for row in found.rows if row.name != "optimal")
         before, after = error_text(found.unrefined), error_text(best.error)

@@ -11,7 +11,7 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
 from .jobs.job_operator import JobOperator, tell_notes
-from .properties.stages import JobProperties
+from .properties.stages import JOB, properties_of
 from .schema.table import SELECTED
 from .session import octree_cache, results
 from .session.scene_result import SceneResult
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from .pipeline.run import Before
 
 
-class PATCHNET_OT_run_all(JobProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
     """Voxelize objects, bake light, and render preview, heatmap and refined picture; up-to-date steps are skipped"""
 
     bl_idname = "patchnet.run_all"
     bl_label = "Preview Selection"
+    __annotations__ = properties_of(*JOB)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Run stale steps of the job, keep the results, show the first camera's pictures."""

@@ -9,17 +9,19 @@ from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted
 from ..patchnet_addon.runtime.stage_clock import StageClock
 from .jobs.job_operator import JobOperator, tell_notes
-from .properties.stages import CameraProperties, VoxelizeProperties
+from .properties.stages import properties_of
+from .schema.table import CAMERAS, OCTREE
 from .session import results
 from .session.scene_result import SceneResult
 from .settings.job_settings import JobSettings
 
 
-class PATCHNET_OT_voxelize(VoxelizeProperties, CameraProperties, JobOperator, bpy.types.Operator):
+class PATCHNET_OT_voxelize(JobOperator, bpy.types.Operator):
     """Turn the objects into a sparse voxel octree, with voxels as small as Voxel Detail says"""
 
     bl_idname = "patchnet.voxelize"
     bl_label = "Voxelize"
+    __annotations__ = properties_of(OCTREE, CAMERAS)
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build and keep the octree in the surface's own colour."""

@@ -18,7 +18,7 @@ _FORMATS = {WORDS: ("r32ui", "uimage2D", 1, "u4"), "RGBA32F": ("rgba32f", "image
 
 
 class EglDevice:
-    """`Device` for Blender's shaders, by moderngl; raises PatchNetError without OpenGL 4.3."""
+    """`BlenderDevice` by moderngl, for Blender's shaders; raises PatchNetError without OpenGL 4.3."""
 
     def __init__(self) -> None:
         moderngl = imported("moderngl", "moderngl", "patchnet-blender[bench]")

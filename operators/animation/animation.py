@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,9 @@ import numpy as np
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
-from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
+from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.eta import FramesEta
-from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT, FileKind
+from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT
 from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed, labelled
@@ -26,21 +26,18 @@ from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ..cycles.daylight import has_light
 from ..pipeline.output_files import output_folder
-from ..pipeline.reports import REPORT_NAME, machine, versions, write_json
+from ..pipeline.reports import REPORT_NAME, files_in, machine, versions, write_json
 from ..scene.read import read_scene
 from ..scene_access.frames import go_to_frame, kept_frame
 from ..settings.groups import Bounds
 from .frame_maker import (
     RECORD_NAME,
-    FrameMaker,
     FrameRecord,
+    OctreeMaker,
     SharedSettings,
     content_key,
-    discard,
-    files_in,
     frame_folder,
     read_record,
-    write_record,
 )
 
 
@@ -54,7 +51,9 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
     return True
 
 
-def same_grid(context: bpy.types.Context, frames: Sequence[int], maker: FrameMaker) -> Steps[tuple[Bounds, int | None]]:
+def same_grid(
+    context: bpy.types.Context, frames: Sequence[int], maker: OctreeMaker
+) -> Steps[tuple[Bounds, int | None]]:
     """Bounds around the surface at all frames, and the depth that the most demanding frame needs.
 
     The depth is None if settings give it, and rounded down if memory limits a frame.
@@ -93,10 +92,6 @@ class FramePlan:
     overwrite: bool = False
     one_grid: bool = False
 
-    def __post_init__(self) -> None:
-        if not self.frames:
-            raise SettingError("No frames to bake: give at least one")
-
 
 @dataclass
 class AnimationResult:
@@ -114,13 +109,15 @@ class AnimationResult:
         return f"{counted(len(self.made), 'frame')} made{there}"
 
 
-def bake_frames(context: bpy.types.Context, maker: FrameMaker, plan: FramePlan) -> Steps[AnimationResult]:
+def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan) -> Steps[AnimationResult]:
     """Make the missing frames; each is freed before the next.
 
     Afterwards, the scene's frame is restored; finished frames stay. Raises PatchNetError that names the frame.
     """
     files, inputs = maker.files(context) | {RECORD_NAME: FRAME_RECORD}, maker.inputs()
-    check_outputs(_all_files(plan, files), inputs, folder=plan.out)
+    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
+    missing = {folder / name: kind for folder in folders for name, kind in files.items()}
+    check_outputs({plan.out / REPORT_NAME: REPORT, **missing}, inputs, folder=plan.out)
     with kept_frame(context.scene):
         common = SharedSettings(exposure=maker.exposure)
         if maker.bakes:
@@ -141,14 +138,6 @@ def _before_all(steps: Steps[Result]) -> Steps[Result]:
     return changed(steps, lambda report: replace(report, whole=0.0))
 
 
-def _all_files(plan: FramePlan, files: Mapping[str, FileKind]) -> dict[Path, FileKind]:
-    """Files of all frames without a valid record; `files` are those of one frame."""
-    folders = [folder for frame in plan.frames if read_record(folder := frame_folder(plan.out, frame)) is None]
-    return {plan.out / REPORT_NAME: REPORT} | {
-        folder / name: kind for folder in folders for name, kind in files.items()
-    }
-
-
 class _Animation:
     """Bake of frames, with the settings that they share.
 
@@ -156,7 +145,7 @@ class _Animation:
     pictures. Finished frames keep their reference.
     """
 
-    def __init__(self, context: bpy.types.Context, maker: FrameMaker, plan: FramePlan, common: SharedSettings) -> None:
+    def __init__(self, context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan, common: SharedSettings) -> None:
         self._context, self._maker, self._plan, self._common = context, maker, plan, common
         self._reference: int | None = None
         self._summaries: dict[int, dict[str, Any]] = {}
@@ -207,8 +196,8 @@ class _Animation:
 
             summary = yield from changed(steps, counted_in)
             written = files_in(temporary)
-            discard(folder, inputs)
-        write_record(folder, FrameRecord(frame, content, written, summary))
+            (folder / RECORD_NAME).unlink(missing_ok=True)
+        write_json(folder / RECORD_NAME, asdict(FrameRecord(frame, content, written, summary)), FRAME_RECORD)
         self._time.end()
         self.result.made.append(frame)
         self._done(frame, summary)

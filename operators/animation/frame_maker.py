@@ -4,25 +4,22 @@
 from __future__ import annotations
 
 import json
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, OCTREE, FileKind
-from ...patchnet_addon.runtime.outputs import identities, identity
+from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import LitOctree, OctreeOverrides, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
-from ..pipeline.reports import is_inside, write_json
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
@@ -59,13 +56,6 @@ def frame_folder(out: Path, frame: int) -> Path:
     return out / f"frame-{frame:04d}"
 
 
-def files_in(folder: Path) -> dict[str, int]:
-    """Bytes of all files in a folder, by their paths in it."""
-    return {
-        path.relative_to(folder).as_posix(): path.stat().st_size for path in sorted(folder.rglob("*")) if path.is_file()
-    }
-
-
 def read_record(folder: Path) -> FrameRecord | None:
     """Read the record of the frame in `folder`; None if a file is missing."""
     try:
@@ -74,26 +64,6 @@ def read_record(folder: Path) -> FrameRecord | None:
     except (OSError, ValueError, TypeError, AttributeError):
         return None
     return record if there and record.files and isinstance(record.summary, dict) else None
-
-
-def write_record(folder: Path, record: FrameRecord) -> None:
-    """Write the record of a finished frame; raises OutputError."""
-    write_json(folder / RECORD_NAME, asdict(record), FRAME_RECORD)
-
-
-def discard(folder: Path, inputs: Iterable[Path]) -> None:
-    """Remove the files of an earlier frame from `folder`, its record first.
-
-    Other files and those of `inputs` stay. Raises OSError.
-    """
-    record, keep = read_record(folder), identities(inputs)
-    (folder / RECORD_NAME).unlink(missing_ok=True)
-    for name in record.files if record else ():
-        if is_inside(name) and identity(folder / name) not in keep:
-            (folder / name).unlink(missing_ok=True)
-    for path in sorted(folder.glob("*/"), reverse=True):
-        if path.is_dir() and not any(path.iterdir()):
-            path.rmdir()
 
 
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
@@ -127,31 +97,45 @@ class SharedSettings:
     depth: int | None = None
 
 
-class FrameMaker(ABC):
-    """Maker of frames; the scene is at the frame when a method is called.
+class OctreeMaker:
+    """Maker of lit octrees, by settings and overrides; the scene is at the frame when a method is called.
 
-    scope: of objects. exposure: as given, None for automatic. bakes: whether Cycles computes the light.
+    wanted: all inputs of the overrides, as text. scope: of objects. exposure: as given, None for automatic. bakes:
+    whether Cycles computes the light.
     """
 
-    def __init__(self, settings: JobSettings) -> None:
-        self._settings, self.scope = settings, settings.surface.scope
-        self.exposure, self.bakes = settings.light.exposure, settings.light.is_baked
+    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
+        self._settings, self._overrides, self._wanted = settings, overrides, wanted
+        self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
 
-    @abstractmethod
     def settings_text(self, common: SharedSettings) -> str:
         """Text of all settings that the files depend on."""
+        return f"{self._of_frame(common)!r} {self._wanted}"
 
-    @abstractmethod
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Kind of each file of any frame, by its path in the frame's folder; raises SceneError."""
+        return {OCTREE_NAME: OCTREE}
 
     def inputs(self) -> list[Path]:
         """Input files, which are never replaced."""
         return list(scene_inputs())
 
-    @abstractmethod
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
+        from ...patchnet_addon.lightmap.page_cache import BakePageCache
+        from ...patchnet_addon.octree.file import save_octree
+        from ...patchnet_addon.tracing.empty_view import why_unseen_by
+
+        with BakePageCache() as kept:
+            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
+            save_octree(made.octree, folder / OCTREE_NAME)
+        octree = made.octree
+        figures = {
+            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
+        }  # fmt: skip
+        fitted_to = self._overrides.cameras if made.layout is not None else None
+        unseen = [] if fitted_to is None else why_unseen_by(octree, fitted_to())
+        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": [*made.warnings, *unseen]}
 
     def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
         """Side of the voxels that this frame needs, and whether memory limits it; None if settings give it."""
@@ -162,23 +146,24 @@ class FrameMaker(ABC):
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
 
 
-class JobMaker(FrameMaker):
+class JobMaker(OctreeMaker):
     """Maker of frames by the whole job, as `patchnet run`."""
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
-        super().__init__(replace(settings, out=None))
-        self._weights = load_network(settings.network)
-        self._painted = importance_key(settings.view.importance)
+        weights, painted = load_network(settings.network), importance_key(settings.view.importance)
+        super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights, their estimator and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._weights.whole_hash} {self._painted}"
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the named cameras, or of all cameras that are active at some frame."""
-        wanted = self._settings.view
-        folders = view_folders(context.scene, wanted.cameras or _active_cameras(context.scene)).values()
+        wanted, scene = self._settings.view, context.scene
+        active = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
+        names = [name for camera in active if (name := camera_name(scene, camera))]
+        folders = view_folders(scene, wanted.cameras or names).values()
         return job_files(folders, wanted.cycles, reference=wanted.has_reference)
 
     def inputs(self) -> list[Path]:
@@ -208,12 +193,6 @@ class JobMaker(FrameMaker):
         return super()._of_frame(common).changed(depth=depth)
 
 
-def _active_cameras(scene: bpy.types.Scene) -> list[str]:
-    """Active camera, and cameras of markers."""
-    cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
-    return [name for camera in cameras if (name := camera_name(scene, camera))]
-
-
 def _summary(result: JobResult) -> dict[str, Any]:
     """Figures of a frame that the report of the animation repeats."""
     report = result.report
@@ -234,42 +213,3 @@ def _view_summary(view: dict[str, Any], strategy: str) -> dict[str, Any]:
     predicted = {"mse_unrefined": view["predicted"]["mse_unrefined"], "mse": view["predicted"]["mse"][strategy]}
     errors = {"mse_unrefined": view["mse_unrefined"], "mse": view["mse"][strategy], "predicted": predicted}
     return found | errors
-
-
-class OctreeMaker(FrameMaker):
-    """Maker of lit octrees alone, by settings and overrides; `wanted`: all inputs of the overrides, as text."""
-
-    def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
-        super().__init__(settings)
-        self._overrides, self._wanted = overrides, wanted
-
-    def settings_text(self, common: SharedSettings) -> str:
-        """Text of the settings of the octree."""
-        return f"{self._of_frame(common)!r} {self._wanted}"
-
-    def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
-        """Kind of the octree file."""
-        return {OCTREE_NAME: OCTREE}
-
-    def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Write the octree of a frame."""
-        from ...patchnet_addon.lightmap.page_cache import BakePageCache
-        from ...patchnet_addon.octree.file import save_octree
-
-        with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
-            save_octree(made.octree, folder / OCTREE_NAME)
-        octree = made.octree
-        figures = {
-            "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,
-        }  # fmt: skip
-        warnings = [*made.warnings, *self._unseen(made)]
-        return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": warnings}
-
-    def _unseen(self, made: LitOctree) -> list[str]:
-        """Reasons why cameras that the octree is fitted to see nothing, or only black."""
-        from ...patchnet_addon.tracing.empty_view import why_unseen_by
-
-        if made.layout is None or self._overrides.cameras is None:
-            return []
-        return why_unseen_by(made.octree, self._overrides.cameras())

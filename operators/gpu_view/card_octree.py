@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree on the graphics card, and its passes; the graphics library is a `Device`: Blender's, or one of a bench."""
+"""Octree on the graphics card, and its passes; the graphics library is a `BlenderDevice`, or one of a bench."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,28 +24,6 @@ SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "estimate": EST
 _FINER = 1 / 8  # sides of the rays behind a patch over a pixel's, of weights that look two levels ahead
 
 
-class Device(Protocol):
-    """Graphics library."""
-
-    def texture(self, words: np.ndarray) -> Any:
-        """Texture of words (n, C) uint32."""
-
-    def image(self, width_px: int, height_px: int, kind: str) -> Any:
-        """Image that shaders write, of a format of `shaders.py`."""
-
-    def block(self, values: np.ndarray) -> Any:
-        """Uniform block of values (n,) float32."""
-
-    def program(self, shader: Shader) -> Any:
-        """Compile a shader; raises PatchNetError with the compiler's words."""
-
-    def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a shader over pixels (across, up), with textures, images and blocks by their names."""
-
-    def read(self, image: Any, kind: str) -> np.ndarray:
-        """Values (H, W) uint32 or (H, W, 4) float32 of an image; waits for what was dispatched."""
-
-
 class HitImages(NamedTuple):
     """Images of the hits of a view: see `hits_main.glsl`."""
 
@@ -60,7 +38,7 @@ class CardOctree:
     nbytes: of its textures. grid: of the octree. estimates: weights of the codes have an estimator of errors.
     """
 
-    def __init__(self, device: Device, octree: Octree) -> None:
+    def __init__(self, device: Any, octree: Octree) -> None:
         """Nothing is there before `upload`, which lets go of the octree."""
         self.device, self.grid, self.nbytes = device, octree.grid, 0
         self._brightness = 1.0 / octree.exposure

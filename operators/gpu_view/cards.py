@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.quantities import bytes_text
 from ...patchnet_addon.runtime.worker import attended
 from ..properties.preferences import VIEWPORT_AUTO, VIEWPORT_CPU, preferences
 from .card_octree import CardOctree
-from .packing import WIDTH, card_bytes, code_bytes, fits_card, padded
+from .packing import card_bytes, code_bytes, fits_card, padded
 from .shaders import BITS, FLOATS, VIEW_NUMBERS, VIEW_SIZE, WORDS, Shader
 
 _TEXTURES = {1: "R32F", 2: "RG32F", 4: "RGBA32F"}
@@ -33,7 +33,7 @@ class CardError(PatchNetError):
 
 
 class BlenderDevice:
-    """`Device` by Blender's own module."""
+    """Graphics library, by Blender's own module."""
 
     def texture(self, words: np.ndarray) -> Any:
         """Texture of words (n, C) uint32; raises CardError."""
@@ -45,7 +45,7 @@ class BlenderDevice:
         return self._made((full.shape[1], full.shape[0]), format=_TEXTURES[full.shape[2]], data=data)
 
     def image(self, width_px: int, height_px: int, kind: str) -> Any:
-        """Image that shaders write; raises CardError."""
+        """Image that shaders write, of a format of `shaders.py`; raises CardError."""
         return self._made((width_px, height_px), format=kind)
 
     def _made(self, size: tuple[int, int], **values: Any) -> Any:
@@ -85,7 +85,7 @@ class BlenderDevice:
             raise CardError(f"{shader.files[-1]} does not compile on {self.name}: {cause}") from cause
 
     def dispatch(self, program: Any, shader: Shader, bound: dict[str, Any], size: tuple[int, int]) -> None:
-        """Run a shader over pixels (across, up)."""
+        """Run a shader over pixels (across, up), with textures, images and blocks by their names."""
         import gpu
 
         program.bind()
@@ -98,7 +98,7 @@ class BlenderDevice:
         gpu.compute.dispatch(program, *shader.groups(size), 1)
 
     def read(self, image: Any, kind: str) -> np.ndarray:
-        """Values (H, W) uint32 or (H, W, 4) float32 of an image."""
+        """Values (H, W) uint32 or (H, W, 4) float32 of an image; waits for what was dispatched."""
         _, dtype, channels = _KINDS[kind]
         data = image.read()
         shape = (image.height, image.width) if channels == 1 else (image.height, image.width, channels)
@@ -112,13 +112,6 @@ class BlenderDevice:
 
         return f"{gpu.platform.renderer_get()} ({gpu.platform.backend_type_get()})"
 
-    @property
-    def max_side_px(self) -> int:
-        """Longest side of a texture."""
-        import gpu
-
-        return int(gpu.capabilities.max_texture_size_get())
-
 
 _GIB = 1 << 30
 _SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
@@ -130,46 +123,23 @@ class _Card:
     """An octree on its way to the card.
 
     octree: once all of it is there. reason: why it will never be. chosen: preferences that it was begun with. coded:
-    whether its codes can be decoded; no_codes: why they never will.
+    whether its codes can be decoded; no_codes: why they never will. steps: that bring it; codes: those that were begun,
+    and the steps that bring them.
     """
 
     def __init__(self, octree: Octree, chosen: tuple[str, float]) -> None:
         self.octree: CardOctree | None = None
         self.reason, self.no_codes, self.coded, self.chosen = "", "", False, chosen
-        self._steps = self._bring(octree)
-        self._code_steps: Steps[None] | None = None
-        self._codes: ReferenceType[CodedOctree] | None = None
+        self.steps = self._bring(octree)
+        self.codes: tuple[ReferenceType[CodedOctree], Steps[None]] | None = None
 
     @property
     def coming(self) -> bool:
         """Whether the octree is on its way."""
         return self.octree is None and not self.reason
 
-    @property
-    def codes_coming(self) -> bool:
-        """Whether its codes are on their way, or were left there."""
-        return self._code_steps is not None and not (self.coded or self.no_codes)
-
-    def work(self) -> None:
-        """Do a step, if any is left."""
-        try:
-            with attended():  # packing is beside the window
-                next(self._steps, None)
-        except CardError as error:
-            self.reason = str(error)
-
-    def work_at_codes(self, coded: CodedOctree) -> None:
-        """Do a step of bringing codes, if any is left; others than before are brought anew."""
-        if self._code_steps is None or self._codes is None or self._codes() is not coded:
-            self._code_steps, self._codes = self._bring_codes(coded), ref(coded)
-            self.coded, self.no_codes = False, ""
-        try:
-            with attended():
-                next(self._code_steps, None)
-        except CardError as error:
-            self.no_codes = str(error)
-
-    def _bring_codes(self, coded: CodedOctree) -> Steps[None]:
+    def bring_codes(self, coded: CodedOctree) -> Steps[None]:
+        """Bring codes of the octree, which is there; raises CardError."""
         assert self.octree is not None
         wanted = card_bytes(coded.octree) + code_bytes(coded)
         if wanted > self.chosen[1] * _GIB:
@@ -185,7 +155,7 @@ class _Card:
         if reason := _against(viewport):
             raise CardError(reason)
         wanted = card_bytes(octree)
-        if wanted > gib * _GIB or octree.node_count > WIDTH * device.max_side_px:
+        if wanted > gib * _GIB:
             raise CardError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")
         if not same_bits():
             raise CardError(f"{device.name} changes bits of textures")
@@ -205,15 +175,28 @@ def card_of(context: bpy.types.Context, octree: Octree) -> CardOctree | None:
     card = _cards.get(octree)
     if card is None or card.chosen != chosen:
         card = _cards[octree] = _Card(octree, chosen)
-    if card.octree is None and not card.reason:
-        card.work()
+    if card.coming:
+        try:
+            with attended():  # packing is beside the window
+                next(card.steps, None)
+        except CardError as error:
+            card.reason = str(error)
     return card.octree
 
 
 def codes_on_card(coded: CodedOctree) -> tuple[bool, str]:
-    """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment."""
+    """Whether codes are there, too, of an octree that is on the card, and why they never will; works for a moment.
+
+    Others than before are brought anew.
+    """
     card = _cards[coded.octree]
-    card.work_at_codes(coded)
+    if card.codes is None or card.codes[0]() is not coded:
+        card.codes, card.coded, card.no_codes = (ref(coded), card.bring_codes(coded)), False, ""
+    try:
+        with attended():
+            next(card.codes[1], None)
+    except CardError as error:
+        card.no_codes = str(error)
     return card.coded, card.no_codes
 
 
@@ -245,7 +228,7 @@ def give_up(octree: Octree, reason: str) -> None:
 def free_coming() -> None:
     """Free what is on its way, which holds its octree until it is there."""
     for octree, card in list(_cards.items()):
-        if card.coming or card.codes_coming:
+        if card.coming or (card.codes is not None and not (card.coded or card.no_codes)):
             del _cards[octree]
 
 

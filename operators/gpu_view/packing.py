@@ -158,13 +158,6 @@ def estimator_block(estimators: Estimators) -> np.ndarray:
     return np.concatenate([inputs.ravel(), first[1], second[0].T.ravel(), second[1], ends.ravel()])
 
 
-def normal_words(octree: Octree) -> np.ndarray:
-    """Words (n, 1) uint32 of mean normals: x, y and z as signed bytes."""
-    words = np.zeros((octree.node_count, 4), np.int8)
-    words[:, :3] = octree.normal
-    return words.view(np.uint32)
-
-
 def padded(words: np.ndarray) -> np.ndarray:
     """Words (rows, WIDTH, C) of a texture that holds words (n, C)."""
     count, channels = words.shape
@@ -176,12 +169,8 @@ def padded(words: np.ndarray) -> np.ndarray:
     return full.reshape(rows, WIDTH, channels)
 
 
-def code_words(coded: CodedOctree) -> np.ndarray:
-    """Words (C, 5) uint32 of corner codes, two halves each."""
-    return np.ascontiguousarray(coded.codes).view(np.uint32)
-
-
 # Textures by name, and what packs them: those that tracing and colours need, and those that the decoder needs, too.
+# Of corner codes a word is two halves, of mean normals x, y and z as signed bytes.
 OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
     "nodes": node_words,
     "hues": hue_words,
@@ -189,11 +178,11 @@ OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
     "bright": bright_words,
 }
 CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
-    "codes": lambda coded: np.ascontiguousarray(code_words(coded)[:, :4]),
-    "code_ends": lambda coded: np.ascontiguousarray(code_words(coded)[:, 4:]),
+    "codes": lambda coded: np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32),
+    "code_ends": lambda coded: np.ascontiguousarray(coded.codes[:, 8:]).view(np.uint32),
     "cells": lambda coded: np.ascontiguousarray(coded.corner_cells).reshape(-1, 4),
     "corner_rows": lambda coded: coded.corner_rows.reshape(-1, 1),
-    "normals": lambda coded: normal_words(coded.octree),
+    "normals": lambda coded: np.pad(coded.octree.normal, ((0, 0), (0, 1))).view(np.uint32),
 }
 
 

@@ -20,17 +20,16 @@ from typing import IO
 
 import bpy
 
+from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.compiling import NOTE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed
-from ..pipeline.kernels_beside import start_compiler
 from ..properties.preferences import ROOT_PACKAGE
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
 ABOUT = 293  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two counts of compiled kernels
-_STOP_S = 5.0  # until a Blender that does not stop is killed
 _LOG_BYTES = 2000  # of the end of its output, for the log
 _tried: set[Path] = set()  # marks of failed attempts in this process
 
@@ -66,7 +65,8 @@ def _compiled(folder: Path) -> Steps[None]:
                     at, looked = replace(_AT, done=min(count, ABOUT - 1)), time.monotonic()
                 yield at
         finally:
-            _end(process)
+            process.kill()
+            process.wait()
         if process.returncode:
             said.seek(max(0, said.seek(0, os.SEEK_END) - _LOG_BYTES))
             text = said.read().decode(errors="replace")
@@ -81,17 +81,11 @@ def _mark() -> Path:
 
 
 def start_other_blender(said: IO[bytes]) -> subprocess.Popen[bytes]:
-    """Start a Blender with factory settings, in which small jobs compile missing kernels."""
+    """Start a Blender with factory settings, in which small jobs compile missing kernels into this process's folder."""
     words = [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1"]
     words += ["--python", str(SCRIPT), "--", ROOT_PACKAGE, str(Path(__file__).parents[2]), *sys.path]
-    return start_compiler(words, said, PATCHNET_KEEP="0")
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(_STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    environment = os.environ | {"PATCHNET_CACHE": str(user_cache_folder()), "PATCHNET_KEEP": "0"}
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # else a terminal opens on Windows
+    return subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, env=environment, creationflags=flags
+    )

@@ -36,16 +36,11 @@ from ..state import watch as job_watch
 from .job_window import JobDisplay, passes
 
 if TYPE_CHECKING:
-    from bpy.types import Operator as _Operator
+
+    class OperatorBase(bpy.types.Operator):
+        """Base of mixins for operators."""
 else:
-    _Operator = object  # Blender requires its own class among the direct bases of each operator
-
-
-_EVENTS = {
-    "INFO": ("result", logging.INFO),
-    "WARNING": ("warning", logging.WARNING),
-    "ERROR": ("error", logging.ERROR),
-}
+    OperatorBase = object  # Blender requires its own class among the direct bases of each operator
 
 
 def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str = "", **fields: Any) -> None:
@@ -54,8 +49,8 @@ def tell(operator: bpy.types.Operator, kind: str, text: str, *, logged_as: str =
     logged_as: another kind for the log. fields: of the event.
     """
     operator.report({kind}, text)
-    name, level = _EVENTS[logged_as or kind]
-    log.event(name, text, level, **fields)
+    logged = logged_as or kind
+    log.event("result" if logged == "INFO" else logged.lower(), text, getattr(logging, logged), **fields)
 
 
 def tell_notes(operator: bpy.types.Operator, notes: Iterable[str], below: str = "Preview Selection") -> str:
@@ -77,7 +72,7 @@ _TICK_S = 0.02
 _GONE = "The scene of this job was deleted or closed: open it and start again"
 
 
-class JobOperator(_Operator):
+class JobOperator(OperatorBase):
     """Mixin of operators that run steps.
 
     `execute` runs them to the end, in background and from scripts; in a window, `invoke` runs them in slices of time,

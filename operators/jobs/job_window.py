@@ -23,7 +23,7 @@ class JobDisplay:
     def __init__(self, title: str) -> None:
         self.progress = Progress(0, 1, title)
         self.whole: float | None = None
-        self._text, self._at_pointer = "", False  # text of the status bar; whether the pointer shows a number
+        self._text = ""  # of the status bar
         self._log = ProgressLog(title)
         self._eta = Eta()
 
@@ -47,17 +47,11 @@ class JobDisplay:
         text = f"PatchNet: {progress.label}{share}{remaining}   (Esc stops)"
         if text != self._text:  # redrawing the window slows down the job
             self._text = text
-            if self.whole is not None:  # the pointer shows a number once the share is known
-                if not self._at_pointer:
-                    context.window_manager.progress_begin(0, 100)
-                self._at_pointer = True
-                context.window_manager.progress_update(round(100 * self.whole))
             context.workspace.status_text_set(text)
             _redraw(context, "UI")
 
     def end(self, context: bpy.types.Context) -> None:
         """Hide the progress."""
-        context.window_manager.progress_end()
         if context.workspace is not None:
             context.workspace.status_text_set(None)
         _redraw(context)
@@ -100,12 +94,13 @@ def passes(context: bpy.types.Context, event: bpy.types.Event) -> bool:
 def _over_scene(window: bpy.types.Window, event: bpy.types.Event) -> bool:
     """Return whether the mouse is over the main region of an editor of the scene, not over menus or sidebars."""
     for area in window.screen.areas:
-        if area.type not in _HARMLESS_EDITORS and _inside(area, event):
-            return not any(region.type != "WINDOW" and _inside(region, event) for region in area.regions)
+        if area.type not in _HARMLESS_EDITORS and inside(area, event):
+            return not any(region.type != "WINDOW" and inside(region, event) for region in area.regions)
     return False
 
 
-def _inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> bool:
+def inside(part: bpy.types.Area | bpy.types.Region, event: bpy.types.Event) -> bool:
+    """Return whether the mouse is over a part of a window."""
     right, top = part.x + part.width, part.y + part.height
     return part.x <= event.mouse_x < right and part.y <= event.mouse_y < top
 

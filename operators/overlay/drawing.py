@@ -21,7 +21,7 @@ from . import overlay_settings as settings
 from . import paint
 from .framed import EDITORS, Rect, beside, framed, free_rect
 from .overlay_settings import NOTHING, overlay_settings
-from .paint import free_shader, free_textures
+from .paint import free_textures
 
 NO_REFERENCE = "No reference yet: Compare Strategies traces it"
 NOT_REFINED = "Not rendered yet: press Refine with Cycles"
@@ -76,12 +76,10 @@ def draw_region(context: bpy.types.Context) -> None:
             _draw_overlay(context, found.view, found.rects[0])
     for pixel in inspected.values():
         if pixel is not None and pixel.region == region.as_pointer():
-            _draw_inspected(context, pixel)
-
-
-def maximum_of(scene: bpy.types.Scene, view: ShownView) -> float:
-    """Priority at the end of the legend, from the scene's settings."""
-    return view.maximum_now(scene.patchnet.heatmap_maximum)
+            scale = context.preferences.system.ui_scale
+            size = paint.box_size(pixel.lines, scale)
+            corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(area, region))
+            paint.box(pixel.lines, corner, scale)
 
 
 def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> None:
@@ -89,7 +87,7 @@ def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> No
     whole = free_rect(context.area, context.region)
     look = _Look(
         view,
-        maximum_of(context.scene, view),
+        view.maximum_now(context.scene.patchnet.heatmap_maximum),
         preferences(context).colormap,
         context.preferences.system.ui_scale,
         f" ({VIEW_TRANSFORM})" if unlike_view(context.scene) else "",
@@ -168,13 +166,6 @@ def _draw_mark(look: _Look, text: str, short: str, below_title: bool) -> None:
     paint.box([said], (look.seen.left + look.gap, look.seen.top - down), look.scale, paint.WARNING)
 
 
-def _draw_inspected(context: bpy.types.Context, pixel: InspectedPixel) -> None:
-    scale = context.preferences.system.ui_scale
-    size = paint.box_size(pixel.lines, scale)
-    corner = beside((pixel.x, pixel.y), size, 14 * scale, free_rect(context.area, context.region))
-    paint.box(pixel.lines, corner, scale)
-
-
 NO_VIEW = "There are no pictures yet: run Render Preview first"
 _handles: dict[Any, Any] = {}  # by the space type that they draw in
 
@@ -197,12 +188,11 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove the draw handlers, textures and the shader."""
+    """Remove the draw handlers and textures."""
     while _handles:
         space, handle = _handles.popitem()
         space.draw_handler_remove(handle, "WINDOW")
     free_textures()
-    free_shader()
     inspected.clear()
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.image.heatmap import places_on_page
 from ...patchnet_addon.tracing.camera import Camera
+from ..jobs.job_window import inside
 from ..scene.cameras import camera_name, camera_size_px
 from ..session import views
 from ..session.scene_session import session_of
@@ -171,20 +172,16 @@ def _of_render(scene: bpy.types.Scene, image: bpy.types.Image) -> ShownView | No
 
 def under_mouse(context: bpy.types.Context, event: bpy.types.Event) -> UnderMouse | None:
     """Viewport or Image Editor under the mouse; None over bars and other editors."""
-    x, y = event.mouse_x, event.mouse_y
     for area in context.window.screen.areas:
-        if area.type not in EDITORS or not _holds(area, x, y):
+        if area.type not in EDITORS or not inside(area, event):
             continue
         for region in sorted(area.regions, key=lambda item: item.type == "WINDOW"):  # bars lie above
-            if _holds(region, x, y):
+            if inside(region, event):
                 if region.type != "WINDOW":
                     return None
-                return UnderMouse(region, x - region.x, y - region.y, framed(context.scene, area, region))
+                x, y = event.mouse_x - region.x, event.mouse_y - region.y
+                return UnderMouse(region, x, y, framed(context.scene, area, region))
     return None
-
-
-def _holds(item: bpy.types.Area | bpy.types.Region, x: int, y: int) -> bool:
-    return item.x <= x < item.x + item.width and item.y <= y < item.y + item.height
 
 
 def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:

@@ -3,23 +3,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 
+from ..jobs.job_operator import OperatorBase
 from ..session.scene_session import session_of
 from . import overlay_settings as settings
-from .drawing import NO_VIEW, InspectedPixel, inspected, live, maximum_of, switch_of
+from .drawing import NO_VIEW, InspectedPixel, inspected, live, switch_of
 from .framed import UnderMouse, pixel_at, under_mouse
 from .overlay_settings import overlay_settings, refresh
 
-if TYPE_CHECKING:
-    from bpy.types import Operator as _Operator
-else:
-    _Operator = object  # Blender requires its own class among the direct bases of each operator
 
-
-class _MouseOperator(_Operator):
+class _MouseOperator(OperatorBase):
     bl_label = ""
     bl_options = {"REGISTER"}
 
@@ -142,4 +136,5 @@ def _lines(context: bpy.types.Context, cursor: UnderMouse) -> list[str]:
     view, rects = cursor.framed
     pixels = (pixel_at(rect, view.size_px, cursor.x, cursor.y) for rect in rects)
     pixel = next((item for item in pixels if item is not None), None)
-    return view.describe_pixel(*pixel, maximum_of(context.scene, view)) if pixel is not None else []
+    maximum = view.maximum_now(context.scene.patchnet.heatmap_maximum)
+    return view.describe_pixel(*pixel, maximum) if pixel is not None else []

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Show pictures in Image Editors or new windows; editors that show an image of the user's stay as they are.
 
-A job's unfinished picture, which is never saved, lies in the lower right corner of the largest 3D viewport where no
-Image Editor is free: no window opens unasked.
+A job's unfinished picture lies in the lower right corner of the largest 3D viewport.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -17,16 +17,13 @@ from bpy.props import StringProperty
 
 from ...patchnet_addon.runtime import log
 from ..properties.preferences import OPEN_NEVER, OPEN_WINDOW, preferences
-from ..scene_access.images import write_pixels
 from ..scene_access.own import OWNER, is_own
-from ..scene_access.temporary import temporary
+from ..session.results import redraw_viewports
 from . import paint
 from .framed import Rect, free_rect
 
 if TYPE_CHECKING:
     from ..pipeline.unfinished import Meanwhile, Unfinished
-
-_waiting: list[str] = []  # names of images that wait for a window
 
 
 class PATCHNET_OT_show_picture(bpy.types.Operator):
@@ -48,38 +45,30 @@ class PATCHNET_OT_show_picture(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def open_picture(
-    context: bpy.types.Context, image: bpy.types.Image, *, new_window: bool = True, asked: bool = False
-) -> bool:
-    """Show `image` in a free Image Editor or as the preferences say; returns whether it is or will be shown.
+def open_picture(context: bpy.types.Context, image: bpy.types.Image, *, asked: bool = False) -> None:
+    """Show `image` in a free Image Editor or as the preferences say; not in background.
 
-    new_window: a window may open if no editor is free. asked: by a button; preferences do not count. Background: False.
+    asked: by a button; preferences do not count.
     A timer opens the window: an operator that opened it during its event would not be released by its own window.
     """
     chosen = OPEN_WINDOW if asked else preferences(context).open_pictures
     if bpy.app.background or chosen == OPEN_NEVER:
-        return False
+        return
     editors = list(_editors(context))
     if any(area.spaces.active.image == image for _, area in editors):
-        return True
+        return
     free = [(window, area) for window, area in editors if _is_free(area.spaces.active)]
     if free:
         _show(*max(free, key=lambda item: item[1].width * item[1].height), image)
-        return True
-    if not new_window or chosen != OPEN_WINDOW:
-        return False
-    _waiting.append(image.name)
-    if not bpy.app.timers.is_registered(_open_windows):
-        bpy.app.timers.register(_open_windows, first_interval=0.0)
-    return True
+    elif chosen == OPEN_WINDOW:
+        bpy.app.timers.register(partial(_open_window, image.name), first_interval=0.0)
 
 
-def _open_windows() -> None:
-    while _waiting:
-        image = bpy.data.images.get(_waiting.pop(0))
-        found = _new_window(bpy.context) if image is not None else None
-        if image is not None and found is not None:
-            _show(*found, image)
+def _open_window(name: str) -> None:
+    image = bpy.data.images.get(name)
+    found = _new_window(bpy.context) if image is not None else None
+    if image is not None and found is not None:
+        _show(*found, image)
 
 
 def _show(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image) -> None:
@@ -136,82 +125,41 @@ def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
             bpy.ops.image.view_all(fit_view=True)
 
 
-TIMERS = (_open_windows,)
-
-
-NAME = "PatchNet unfinished"
 _INSET = 0.4  # of the viewport's sides, at most
 _GAP_PX = 8
 
 
 @contextmanager
 def unfinished_pictures(context: bpy.types.Context) -> Iterator[Meanwhile | None]:
-    """Function that shows unfinished pictures within the block, None in background; then editors are as before.
+    """Function that shows unfinished pictures in a viewport within the block.
 
-    Without a free Image Editor a 3D viewport shows them, unless the preferences open no pictures.
+    None in background, and if the preferences open no pictures.
     """
-    if bpy.app.background:
+    if bpy.app.background or preferences(context).open_pictures == OPEN_NEVER:
         yield None
         return
-    with temporary(bpy.data.images.new(NAME, 8, 8, alpha=False)) as image:
-        image[OWNER] = NAME
-        inset = Inset()
-        before = [(area.spaces.active, area.spaces.active.image) for area in _areas(context, "IMAGE_EDITOR")]
-        try:
-            yield lambda unfinished: _show_unfinished(context, image, inset, unfinished)
-        finally:
-            inset.show(context, None)
-            for space, shown in before:
-                with suppress(ReferenceError):  # the editor or its image was removed
-                    if space.image == image:
-                        space.image = shown
-
-
-def _areas(context: bpy.types.Context, kind: str) -> list[bpy.types.Area]:
-    windows = context.window_manager.windows
-    return [area for window in windows for area in window.screen.areas if area.type == kind]
-
-
-def _show_unfinished(context: bpy.types.Context, image: bpy.types.Image, inset: Inset, unfinished: Unfinished) -> None:
-    with suppress(ReferenceError):  # another file was opened, or the user removed it
-        page = unfinished.page().astype(np.float32)
-        resized = tuple(image.size) != (page.shape[1], page.shape[0])
-        write_pixels(image, page)
-        image.pack()  # else Blender asks about an unsaved image if the user saves the file
-        # No new window: it would take the keyboard focus.
-        if not open_picture(context, image, new_window=False):
-            inset.show(context, unfinished if preferences(context).open_pictures != OPEN_NEVER else None)
-            return
-        inset.show(context, None)
-        for window, area in _editors(context):
-            if area.spaces.active.image == image:
-                if resized:
-                    _fit(window, area)
-                area.tag_redraw()
+    inset = Inset()
+    handle = bpy.types.SpaceView3D.draw_handler_add(inset.draw, (), "WINDOW", "POST_PIXEL")
+    try:
+        yield inset.show
+    finally:
+        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+        redraw_viewports()
 
 
 class Inset:
-    """Last unfinished picture in a viewport, with a draw handler only while there is a picture."""
+    """Last unfinished picture in a viewport."""
 
     def __init__(self) -> None:
-        self._handle: Any = None
         self._texture: Any = None
         self.shown: Unfinished | None = None
 
-    def show(self, context: bpy.types.Context, unfinished: Unfinished | None) -> None:
-        """Replace the picture; None removes it."""
-        if unfinished is self.shown is None:
-            return
+    def show(self, unfinished: Unfinished) -> None:
+        """Replace the picture."""
         self.shown, self._texture = unfinished, None
-        if self._handle is None:
-            self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
-        if unfinished is None:
-            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
-            self._handle = None
-        for area in _areas(context, "VIEW_3D"):
-            area.tag_redraw()
+        redraw_viewports()
 
-    def _draw(self) -> None:
+    def draw(self) -> None:
         """Draw in the current region, called for every region of every viewport; the first error ends it."""
         try:
             rect = inset_rect(bpy.context, self.shown.picture) if self.shown is not None else None
@@ -234,7 +182,8 @@ class Inset:
 def inset_rect(context: bpy.types.Context, picture: np.ndarray) -> Rect | None:
     """Rectangle of a picture (h, w, 3) in the current region; None for all but the largest viewport's."""
     area, region = context.area, context.region
-    viewports = [item for item in _areas(context, "VIEW_3D") if item.spaces.active.overlay.show_overlays]
+    areas = [item for window in context.window_manager.windows for item in window.screen.areas]
+    viewports = [item for item in areas if item.type == "VIEW_3D" and item.spaces.active.overlay.show_overlays]
     largest = max(viewports, key=lambda item: item.width * item.height, default=None)
     if area is None or area != largest or region != next(item for item in area.regions if item.type == "WINDOW"):
         return None

@@ -35,34 +35,30 @@ void main()
 """
 
 
+@lru_cache(maxsize=6)  # two sides of a wipe in three editors
 def texture_of(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     """Texture (gpu.types.GPUTexture) of a view's picture, made when it is first drawn."""
-    return _texture(view, name, *((None, "") if name in view.looks else (maximum, ramp)))
-
-
-@lru_cache(maxsize=6)  # two sides of a wipe in three editors
-def _texture(view: ShownView, name: str, maximum: float, ramp: str) -> Any:
     return uploaded(view.picture(name, maximum, ramp))
 
 
 def free_textures() -> None:
-    """Free the memory on the graphics card."""
-    _texture.cache_clear()
-
-
-def texels(picture: np.ndarray) -> np.ndarray:
-    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
-    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
-    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
+    """Free the memory on the graphics card, and the shader for pictures."""
+    texture_of.cache_clear()
+    _picture_shader.cache_clear()
 
 
 def uploaded(picture: np.ndarray) -> Any:
-    """Upload sRGB colours as a texture, see `texels`."""
+    """Upload sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4), as a texture."""
+    opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
+    return texture(np.concatenate([picture, opaque], axis=-1, dtype=np.float32), "RGBA8")
+
+
+def texture(pixels: np.ndarray, kind: str) -> Any:
+    """Texture of pixels (H, W, 4) float32, in one of Blender's formats."""
     import gpu
 
-    pixels = texels(picture)
-    data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
-    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format="RGBA8", data=data)
+    data = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).ravel())
+    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format=kind, data=data)
 
 
 def fill(rect: Rect, color: Color) -> None:
@@ -124,11 +120,6 @@ def _picture_shader() -> Any:
     info.vertex_source("void main() { at = place; gl_Position = matrix * vec4(pos, 0.0, 1.0); }")
     info.fragment_source(_PICTURE_SOURCE)
     return gpu.shader.create_from_info(info)
-
-
-def free_shader() -> None:
-    """Free the shader for pictures."""
-    _picture_shader.cache_clear()
 
 
 def text_size(text: str, scale: float) -> tuple[float, float]:

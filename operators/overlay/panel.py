@@ -10,19 +10,19 @@ from ..scene_access.images import unlike_view
 from ..session.scene_session import session_of
 from ..ui.tab import OVERLAY, PanelBase, draw_sentence, split
 from . import overlay_settings as settings
-from .drawing import NO_VIEW, inspected
+from .drawing import NO_VIEW, inspected, switch_of
 from .overlay_settings import overlay_settings
 
 
 class _OverlayPanel(PanelBase):
     bl_region_type = "UI"
     bl_category = "PatchNet"
-    shown_by = ""  # the setting that switches the overlay of this editor
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switch, the pictures, the wipe, the inspection."""
         layout, values = split(self.layout), overlay_settings(context)
-        on = getattr(values, self.shown_by)
+        switch = switch_of(context)
+        on = getattr(values, switch)
         layout.operator("patchnet.toggle_overlay", icon="OVERLAY", depress=on)
         if settings.problem:
             draw_sentence(layout, context, settings.problem, "ERROR")
@@ -31,7 +31,7 @@ class _OverlayPanel(PanelBase):
         elif on and not context.space_data.overlay.show_overlays:
             draw_sentence(layout, context, "Hidden by Show Overlays", "INFO")
         else:
-            if on and self.shown_by == "show_viewport":
+            if on and switch == "show_viewport":
                 _draw_how_to_see(layout, context)
             if unlike := unlike_view(context.scene):
                 draw_sentence(layout, context, unlike, "INFO")
@@ -69,7 +69,6 @@ class PATCHNET_PT_overlay(_OverlayPanel, bpy.types.Panel):
     bl_parent_id = "PATCHNET_PT_main"
     bl_order = OVERLAY
     bl_options = {"DEFAULT_CLOSED"}
-    shown_by = "show_viewport"
 
 
 class PATCHNET_PT_image_overlay(_OverlayPanel, bpy.types.Panel):
@@ -77,4 +76,3 @@ class PATCHNET_PT_image_overlay(_OverlayPanel, bpy.types.Panel):
 
     bl_label = "Overlay"
     bl_space_type = "IMAGE_EDITOR"
-    shown_by = "show_editor"

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.background import opaque
-from ...patchnet_addon.image.colormaps import COLORMAPS, colormap
+from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify, with_legend
 from ...patchnet_addon.runtime.quantities import error_text
@@ -61,12 +61,12 @@ def save_cycles(view: CyclesView, folder: Path, maximum: float) -> None:
         save_png(folder / _SHEET_NAME, comparison_sheet(view, maximum))
 
 
-def comparison_sheet(view: CyclesView, maximum: float, map_name: str = COLORMAPS[0]) -> np.ndarray:
+def comparison_sheet(view: CyclesView, maximum: float) -> np.ndarray:
     """(h, w, 3): preview, heatmap of the chosen pixels, composited and full render, with the figures as titles."""
     assert view.full is not None
     report = view.report
     mse, seconds, unrefined = report["mse"], report["seconds"], report["unrefined"]
-    heat = colormap(view.priority / np.float32(maximum), map_name)
+    heat = colormap(view.priority / np.float32(maximum))
     chosen = np.where(view.mask[..., None], heat, heat * np.float32(_DIMMED))
     titles = [
         f"{unrefined.capitalize()} error {error_text(mse[unrefined])}",

@@ -65,23 +65,6 @@ def shown_light(light: np.ndarray, exposure: float, colored: bool) -> np.ndarray
     return np.clip(np.float32(exposure) * (light if colored else luminance(light)), 0.0, 1.0).astype(np.float32)
 
 
-def cycles_report(priority: np.ndarray, mask: np.ndarray, renders: Renders, settings: CyclesSettings) -> dict[str, Any]:
-    """Shares and seconds."""
-    total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))
-    report: dict[str, Any] = {
-        "budget": settings.budget,
-        "samples": settings.samples,
-        "light": settings.light,
-        "pixels_share": float(mask.mean()),
-        "priority_share": held / total if total > 0 else 0.0,
-        "seconds": {"pixels": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
-    }
-    if renders.full is not None:
-        report["seconds"]["full"] = renders.full_seconds
-        report["reference_samples"] = REFERENCE_FACTOR * settings.samples
-    return report
-
-
 def squared_errors(
     buffers: PixelBuffers, mask: np.ndarray, renders: Renders, exposure: float, octree: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, np.ndarray]:
@@ -265,15 +248,15 @@ def _rendered(
     if chosen.mask.any():
         with pixel_renders(context, camera, light, chosen, sun=sun) as cycles:
             yield from cycles.synced()
-            result.pixels = yield from cycles.picture(settings.samples, settings.seed, f"{camera.name}: Cycles")
+            result.pixels = yield from cycles.picture(settings.samples, 0, f"{camera.name}: Cycles")
             result.sync_seconds, result.seconds = cycles.sync_seconds, cycles.seconds
     if settings.compare:
         with pixel_renders(context, camera, light, sun=sun) as cycles:
             label = f"{camera.name}: Cycles, the whole picture"
-            result.full = yield from cycles.picture(settings.samples, settings.seed, label, at_once=True)
+            result.full = yield from cycles.picture(settings.samples, 0, label, at_once=True)
             result.full_seconds = cycles.seconds
             samples, label = REFERENCE_FACTOR * settings.samples, f"{camera.name}: Cycles, the reference"
-            result.reference = yield from cycles.picture(samples, settings.seed + REFERENCE_SEED, label)
+            result.reference = yield from cycles.picture(samples, REFERENCE_SEED, label)
     return result
 
 
@@ -299,7 +282,16 @@ def _composited(
     buffers, camera, exposure = view.buffers, view.camera, view.octree.exposure
     score = np.nan_to_num(np.maximum(view.ranking.priority, 0.0))
     priority = buffers.picture(np.where(buffers.active, score, np.float32(0.0)))
-    report = cycles_report(priority, mask, renders, settings) | {"unrefined": buffers.unrefined}
+    total, held = (float(priority[where].sum(dtype=np.float64)) for where in (..., mask))
+    report: dict[str, Any] = {
+        "budget": settings.budget,
+        "samples": settings.samples,
+        "light": settings.light,
+        "pixels_share": float(mask.mean()),
+        "priority_share": held / total if total > 0 else 0.0,
+        "seconds": {"pixels": renders.seconds, "of_that_reading_the_scene": renders.sync_seconds},
+        "unrefined": buffers.unrefined,
+    }
     errors: dict[str, np.ndarray] = {}
     if renders.reference is not None:
         squared = squared_errors(buffers, mask, renders, exposure, (view.refined.luminance, own.luminance))
@@ -314,12 +306,14 @@ def _composited(
     others = np.minimum(buffers.picture(own.colors if colored else own.luminance), np.float32(1.0))
     cycles = shown_light(renders.pixels, exposure, colored)
     composited = np.where(mask[..., None] if colored else mask, cycles, others)
-    full = None if renders.full is None else shown_light(renders.full, exposure, colored)
+    full = None
     alphas = {
         "preview": buffers.picture(buffers.shown_alpha),
         "composited": np.where(mask, renders.pixels[..., 3], buffers.picture(own.coverage)),
     }
     if renders.full is not None:
-        alphas["full"] = renders.full[..., 3]
+        full, alphas["full"] = shown_light(renders.full, exposure, colored), renders.full[..., 3]
+        report["seconds"]["full"] = renders.full_seconds
+        report["reference_samples"] = REFERENCE_FACTOR * settings.samples
     ground = Ground(camera, view.background, exposure)
     return CyclesView(camera, priority, mask, preview, composited, full, errors, report, alphas, ground)

@@ -21,9 +21,8 @@ from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
-from ..settings.groups import SurfaceSettings
 from ..settings.job_settings import JobSettings
-from .job_work import Rates, pixels_of, texels_of, time_line, work_of
+from .job_work import Rates, texels_of, time_line, work_of
 from .stages import GridChoice, encoder_text, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
@@ -92,7 +91,11 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     free = settings.compute.memory_bytes or available_memory()
     yield Progress(1, 3, "Estimating: what cameras see")
     automatic = choose_depth(coarse, cameras, None, free, color=light.color, sides=light.has_sides, lookahead=lookahead)
-    depth = _depth(surface, bounds, automatic.wanted if surface.fit else automatic.depth)
+    depth = min(automatic.wanted if surface.fit else automatic.depth, MAX_DEPTH)
+    if surface.depth is not None:
+        depth = surface.depth
+    elif surface.voxel_size_world is not None:
+        depth = Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
     leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color, sides=light.has_sides)
     yield Progress(2, 3, "Estimating: texels of the bake")
     texels = 0
@@ -100,7 +103,8 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         texels = yield from texels_of(source, GridChoice(Grid.around(bounds, depth)), settings)
     rates = Rates()
     triangles = source.triangle_count
-    work = work_of(settings, pixels=pixels_of(cameras), triangles=triangles, leaves=leaves, texels=texels)
+    pixels = sum(camera.pixel_count for camera in cameras)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, texels=texels)
     seconds = rates.seconds(work)
     return Estimate(
         depth=depth,
@@ -118,14 +122,6 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         seconds=seconds,
         time_line=time_line(seconds, rates, at_most=surface.fit),
     )
-
-
-def _depth(surface: SurfaceSettings, bounds: Any, automatic: int) -> int:
-    if surface.depth is not None:
-        return surface.depth
-    if surface.voxel_size_world is not None:
-        return Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
-    return min(automatic, MAX_DEPTH)
 
 
 def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 from collections.abc import Sequence
 from contextlib import suppress
@@ -32,11 +31,6 @@ _ELSEWHERE = {
     "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "denoise": 2e-5, "voxelize": 1.5e-6, "codes": 2e-6,
     "views": 2e-8, "cycles": 2e-6,
 }  # fmt: skip
-
-
-def pixels_of(cameras: Sequence[Camera]) -> int:
-    """Pixels of all cameras."""
-    return sum(camera.pixel_count for camera in cameras)
 
 
 def work_of(
@@ -98,13 +92,10 @@ class Rates:
                 before = self._sums.get(name, (0.0, 0.0))
                 self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
         temporary = temporary_path(self._path)
-        try:
+        with suppress(OSError):
             temporary.write_text(json.dumps(self._sums), encoding="utf-8")
             os.replace(temporary, self._path)
-        except OSError as cause:
-            logging.getLogger("patchnet").info("Rates of this machine cannot be kept: %s", cause)
-        finally:
-            temporary.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def time_line(seconds: dict[str, float], rates: Rates, *, at_most: bool = False) -> str:
@@ -131,7 +122,7 @@ class JobPlan:
         if self._settings.light.is_baked:
             counting = Progress(0, 1, "Counting texels")
             texels = yield from run_in_worker(lambda: texels_of(source, choice, self._settings), counting)
-        pixels, triangles = pixels_of(cameras), source.triangle_count
+        pixels, triangles = sum(camera.pixel_count for camera in cameras), source.triangle_count
         work = work_of(self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves, texels=texels)
         self._work = {name: units for name, units in work.items() if not stages or name in stages}
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))

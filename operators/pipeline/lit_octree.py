@@ -20,7 +20,7 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
+from ...patchnet_addon.surface.mesh import MeshSource, RotatedSource, random_rotation
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
@@ -83,14 +83,6 @@ class ReadSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class ChosenLeaves:
-    """Grid and levels of the leaves, and the cameras that they were chosen for."""
-
-    choice: GridChoice
-    cameras: Sequence[Camera]
-
-
-@dataclass(frozen=True, eq=False)
 class LitOctree:
     """Lit octree with its inputs.
 
@@ -118,8 +110,8 @@ def build_lit_octree(
     clock: records the stages "read", "depth", "light", "denoise" and "voxelize". kept: cache of finished pages.
     """
     surface = yield from read_surface(context, settings, clock, overrides or OctreeOverrides())
-    leaves = yield from choose_leaves(context, surface, clock)
-    return (yield from light_octree(context, surface, leaves, clock, kept))
+    choice = yield from choose_leaves(context, surface, clock)
+    return (yield from light_octree(context, surface, choice, clock, kept))
 
 
 def read_surface(
@@ -134,12 +126,20 @@ def read_surface(
         source = read_scene(depsgraph, settings.surface.scope, overrides.chosen)
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
-        return ReadSurface(settings, overrides, source, _state(context, source, settings, overrides))
+        # With the place of the camera if gloss is baked for it.
+        seen = settings.light.is_baked and not overrides.unlit and bool(settings.light.from_camera)
+        seen = seen and bool(baked_with_gloss(source, settings.light.gloss).any())
+        scene, layer = context.scene, ""
+        if overrides.depsgraph is not None:
+            scene, layer = depsgraph.scene.original, depsgraph.view_layer.name
+        selected = settings.surface.scope == SELECTED
+        state = read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
+        return ReadSurface(settings, overrides, source, state)
 
 
 def choose_leaves(
     context: bpy.types.Context, surface: ReadSurface, clock: StageClock, cameras: Sequence[Camera] | None = None
-) -> Steps[ChosenLeaves]:
+) -> Steps[GridChoice]:
     """Choose grid and levels for cameras; None takes the overrides' or the settings'. Raises PatchNetError."""
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     with clock.stage("depth"):
@@ -157,27 +157,26 @@ def choose_leaves(
         if surface.is_baked and not cameras:
             with suppress(SceneError):  # a scene without cameras is baked, too
                 cameras = yield from _looking(context, settings, source, overrides.depsgraph)
-    return ChosenLeaves(choice, cameras)
+    return replace(choice, cameras=cameras)
 
 
 def light_octree(
     context: bpy.types.Context,
     surface: ReadSurface,
-    leaves: ChosenLeaves,
+    choice: GridChoice,
     clock: StageClock,
     kept: BakePageCache | None = None,
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
     from ...patchnet_addon.surface.shading import bisected_shade
 
-    overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
+    overrides, source, settings = surface.overrides, surface.source, surface.settings
     assumed: tuple[str, ...] = ()
     notes: dict[str, Any] = {}
     facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
-            graph, cameras = overrides.depsgraph, leaves.cameras
-            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
+            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=overrides.depsgraph)
             shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):
@@ -189,14 +188,19 @@ def light_octree(
             if overrides.bisect is not None:
                 shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
             kind = UNLIT if overrides.unlit else settings.light.kind
-            provenance = _provenance(overrides, surface.state) | notes
+            provenance: dict[str, Any] = {}
+            if not (overrides.rotation or overrides.bisect):
+                provenance["scene_state"] = surface.state.identity()
+                if surface.state.gloss_from:
+                    provenance["gloss_from"] = surface.state.gloss_from
+            provenance |= overrides.provenance | notes
+            built: MeshSource = source
+            placed = choice
             if overrides.rotation:
-                turned = RotatedSource(source, random_rotation(overrides.rotation))
-                choice_turned = replace(choice, grid=Grid.around(turned.bounds_world, choice.grid.depth))
-                octree = yield from build(turned, choice_turned, shade, settings, kind, provenance, facing)
-            else:
-                octree = yield from build(source, choice, shade, settings, kind, provenance, facing)
-    thin = thin_warnings(source, choice.grid, leaves.cameras)
+                built = RotatedSource(source, random_rotation(overrides.rotation))
+                placed = replace(choice, grid=Grid.around(built.bounds_world, choice.grid.depth))
+            octree = yield from build(built, placed, shade, settings, kind, provenance, facing)
+    thin = thin_warnings(source, choice.grid, choice.cameras)
     own_color = () if surface.is_baked else source.color_warnings
     warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)
     return LitOctree(octree, choice.layout, kind, source, surface.state, warnings)
@@ -230,23 +234,3 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
     cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)
     return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])
-
-
-def _state(
-    context: bpy.types.Context, source: SceneMesh, settings: JobSettings, overrides: OctreeOverrides
-) -> SceneState:
-    """State of the scene, with the place of its camera if gloss is baked for it."""
-    light, depsgraph = settings.light, overrides.depsgraph
-    seen = light.is_baked and not overrides.unlit and bool(light.from_camera)
-    seen = seen and bool(baked_with_gloss(source, light.gloss).any())
-    scene, layer = (context.scene, "") if depsgraph is None else (depsgraph.scene.original, depsgraph.view_layer.name)
-    selected = settings.surface.scope == SELECTED
-    return read_state(scene, layer, selected=selected, chosen=overrides.chosen, gloss_from_camera=seen)
-
-
-def _provenance(overrides: OctreeOverrides, state: SceneState) -> dict[str, Any]:
-    """Entries of the octree's file, with the scene's state unless the surface is rotated or cut open."""
-    known = {} if overrides.rotation or overrides.bisect else {"scene_state": state.identity()}
-    if known and state.gloss_from:
-        known["gloss_from"] = state.gloss_from
-    return known | overrides.provenance

@@ -26,7 +26,7 @@ from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .cycles_pictures import cycles_file_names
-from .reports import REPORT_NAME, remove_omitted, reported
+from .reports import REPORT_NAME, files_in, remove_omitted, reported
 
 OCTREE_NAME, CODES_NAME, OVERVIEW_NAME = "octree.safetensors", "codes.safetensors", "overview.png"
 _MAX_BYTES = 120
@@ -116,7 +116,11 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     """
     wanted = {out / name: kind for name, kind in files.items()}
     check_outputs(wanted, inputs, folder=out)
-    parent = _parent(out)
+    parent = out.absolute().parent
+    while not parent.exists():
+        parent = parent.parent
+    if out.exists() and not os.access(parent, os.W_OK):  # such as a mount
+        parent = out
     remove_left_over(parent, out.name)
     before = reported(out)
     with ExitStack() as stack:
@@ -153,23 +157,15 @@ def _spoken_of_as(out: Path, temporary: Path | None = None) -> Iterator[None]:
         ) from error
 
 
-def _parent(out: Path) -> Path:
-    """Nearest existing folder above `out`; `out` itself if only that is writable, such as a mount."""
-    parent = out.absolute().parent
-    while not parent.exists():
-        parent = parent.parent
-    return parent if os.access(parent, os.W_OK) or not out.exists() else out
-
-
 def _move(source: Path, out: Path) -> None:
     """Move all files, the report last; all are copied to the output's disk before the first one replaces a file."""
-    names = [path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()]
     with ExitStack() as stack:
         moved: dict[Path, Path] = {}
-        for target in sorted((out / name for name in names), key=lambda path: (path.name == REPORT_NAME, path)):
+        for name in sorted(files_in(source), key=lambda name: name == REPORT_NAME):
+            target = out / name
             target.parent.mkdir(parents=True, exist_ok=True)
             temporary = moved[target] = temporary_path(target)
             stack.callback(temporary.unlink, missing_ok=True)
-            shutil.move(source / target.relative_to(out), temporary)
+            shutil.move(source / name, temporary)
         for target, temporary in moved.items():
             os.replace(temporary, target)

@@ -9,7 +9,6 @@ import os
 import platform
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -41,18 +40,15 @@ def machine() -> dict[str, Any]:
     return {"system": sys.platform, "processor": platform.machine(), "cores": os.cpu_count()}
 
 
-@dataclass(frozen=True)
-class Reported:
-    """Contents of a report: the `job` that wrote it, and paths of its `files` in the folder."""
-
-    job: str = ""
-    files: frozenset[str] = frozenset()
+def files_in(folder: Path) -> dict[str, int]:
+    """Bytes of all files in a folder, by their paths in it."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
 
 
 def write_report(folder: Path, job: str, report: dict[str, Any]) -> None:
     """Write the report of a `job` with the names of all files in `folder`; raises OutputError."""
-    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    values = {"job": job, **report, "files": sorted(names | {REPORT_NAME})}
+    values = {"job": job, **report, "files": sorted({*files_in(folder), REPORT_NAME})}
     write_json(folder / REPORT_NAME, values, REPORT)
 
 
@@ -62,27 +58,28 @@ def write_json(path: Path, values: dict[str, Any], kind: FileKind) -> None:
         file.write((json.dumps(values, indent=2, allow_nan=False) + "\n").encode())
 
 
-def reported(out: Path) -> Reported:
-    """Read the report in `out`; an empty one if there is none of ours."""
+def reported(out: Path) -> tuple[str, frozenset[str]]:
+    """Job that wrote the report in `out`, and paths of its files in the folder; empty if there is none of ours."""
     path = out / REPORT_NAME
     try:
         report = json.loads(path.read_text(encoding="utf-8")) if REPORT.is_at(path) else {}
         files = frozenset(name for name in report.get("files", ()) if is_inside(name))
     except (OSError, ValueError, TypeError, AttributeError):
-        return Reported()
-    return Reported(str(report.get("job", "")), files)
+        return "", frozenset()
+    return str(report.get("job", "")), files
 
 
-def remove_omitted(out: Path, before: Reported, inputs: Iterable[Path]) -> None:
-    """Remove pictures in cameras' folders that the report `before` named and that of the same job now omits.
+def remove_omitted(out: Path, before: tuple[str, frozenset[str]], inputs: Iterable[Path]) -> None:
+    """Remove pictures in cameras' folders that the report `before`, see `reported`, named and that of the same job now
+    omits.
 
     Other kinds of files, `inputs` and folders with other files stay.
     """
-    now = reported(out)
-    if before.job != now.job:
+    (job_before, files_before), (job, files) = before, reported(out)
+    if job_before != job:
         return
-    keep = identities([*inputs, *(out / name for name in now.files)])  # the same file may have several names
-    for name in before.files - now.files:
+    keep = identities([*inputs, *(out / name for name in files)])  # the same file may have several names
+    for name in files_before - files:
         path, parents = out / name, PurePosixPath(name).parents[:-1]
         kind, links = _PICTURES.get(path.suffix.lower()), (path, *(out / parent for parent in parents))
         if not parents or kind is None or any(part.is_symlink() for part in links):

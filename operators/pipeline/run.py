@@ -19,7 +19,6 @@ from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
@@ -32,7 +31,6 @@ from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
 from .job_work import JobPlan
-from .kernels_beside import compiling_beside
 from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
@@ -98,7 +96,7 @@ def run_job(
     files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     # Pages stay until the files are written.
-    with compiling_beside(), BakePageCache() as kept, output as folder:
+    with BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
         plan = JobPlan(settings)
         result = yield from plan.timed(_compute(context, settings, weights, plan, kept, meanwhile, before))
@@ -129,7 +127,11 @@ def _compute(
     if meanwhile is not None:
         with clock.stage("first look"):
             yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
-    coded, encoder = yield from _codes(made, before, weights, settings, clock)
+    if made is before and before.coded is not None:
+        coded, encoder = before.coded, before.encoder
+    else:
+        with clock.stage("codes"):
+            coded, encoder = yield from encode(made.octree, weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -174,23 +176,13 @@ def _lit(
         with clock.stage("depth"):
             cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
             fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
-    leaves = yield from choose_leaves(context, surface, clock, fit)
+    choice = yield from choose_leaves(context, surface, clock, fit)
     with clock.stage("depth"):
-        yield from plan.make(surface.source, leaves.choice, cameras)
+        yield from plan.make(surface.source, choice, cameras)
     if meanwhile is not None and settings.light.is_baked:
         with clock.stage("first look"):
-            yield from stand_in_look(surface.source, leaves.choice, settings, cameras[0], meanwhile)
-    return (yield from light_octree(context, surface, leaves, clock, kept)), cameras
-
-
-def _codes(
-    made: LitOctree | Before, before: Before | None, weights: Weights, settings: JobSettings, clock: StageClock
-) -> Steps[tuple[CodedOctree, str]]:
-    """Codes of an octree, the existing ones if they fit, and the name of the encoder."""
-    if made is before and before.coded is not None:
-        return before.coded, before.encoder
-    with clock.stage("codes"):
-        return (yield from encode(made.octree, weights, settings.compute))
+            yield from stand_in_look(surface.source, choice, settings, cameras[0], meanwhile)
+    return (yield from light_octree(context, surface, choice, clock, kept)), cameras
 
 
 def _report(

@@ -46,13 +46,14 @@ NO_LIGHT = "The scene has no light: it was lit with a sun and a sky"
 class GridChoice:
     """Grid of the octree, the levels of its leaves (None: all on the deepest), and warnings.
 
-    leaves: approximate number of leaves; 0 if unknown.
+    leaves: approximate number of leaves; 0 if unknown. cameras: those that it was chosen for, or that see it.
     """
 
     grid: Grid
     layout: LeafLevels | None = None
     warnings: tuple[str, ...] = ()
     leaves: int = 0
+    cameras: Sequence[Camera] = ()
 
 
 def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -68,27 +69,26 @@ def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetti
 
 def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
     """Choose a grid with all leaves on one level."""
-    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree, estimate
+    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
 
     surface, memory = settings.surface, settings.compute.memory_bytes
     color, sides = settings.light.color, settings.light.has_sides
     bounds_world = surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
+    grid, depth = None, surface.depth
     if surface.voxel_size_world is not None:
         grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
-        choose_depth(coarse, cameras, grid.depth, memory, color=color, sides=sides)
-        return GridChoice(grid, leaves=estimate(coarse, grid.depth, color=color, sides=sides)[0])
-    # A given depth needs no weights.
-    lookahead = load_network(settings.network).lookahead if surface.depth is None else DEFAULT_LOOKAHEAD
-    choice = choose_depth(coarse, cameras, surface.depth, memory, color=color, sides=sides, lookahead=lookahead)
+        depth = grid.depth
+    lookahead = load_network(settings.network).lookahead if depth is None else DEFAULT_LOOKAHEAD  # needs no weights
+    choice = choose_depth(coarse, cameras, depth, memory, color=color, sides=sides, lookahead=lookahead)
     warnings: tuple[str, ...] = ()
     if choice.bounded_by_memory:
         warnings = (
             f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
             "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
         )
-    grid = Grid.around(bounds_world, choice.depth)
-    return GridChoice(grid, None, warnings, estimate(coarse, choice.depth, color=color, sides=sides)[0])
+    grid = grid or Grid.around(bounds_world, choice.depth)
+    return GridChoice(grid, None, warnings, choice.leaves)
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
@@ -136,12 +136,11 @@ def baked(
     *,
     kept: BakePageCache | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
-    cameras: Sequence[Camera] = (),
 ) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
     """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and entries of the octree's file.
 
-    choice: the leaves, which decide texels. clock: records the stages "light" and "denoise". kept: cache of finished
-    pages. depsgraph: of `source`; None takes the context's. cameras: see `bake_luminance`.
+    choice: the leaves, which decide texels, and the cameras, see `bake_luminance`. clock: records the stages "light"
+    and "denoise". kept: cache of finished pages. depsgraph: of `source`; None takes the context's.
     """
     from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
     from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
@@ -160,7 +159,7 @@ def baked(
         pages = None if kept is None else KeptPages.of(kept, graph)
         device = settings.compute.device
         atlas = yield from bake_luminance(
-            context, source, texel_world, light, device=device, kept=pages, cameras=cameras
+            context, source, texel_world, light, device=device, kept=pages, cameras=choice.cameras
         )
     with clock.stage("denoise"):
         if light.denoise:

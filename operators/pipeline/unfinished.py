@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...patchnet_addon.image.background import BLACK, encoded, opaque
-from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, changed
@@ -37,10 +36,6 @@ class Unfinished:
     camera: str
     title: str
     picture: np.ndarray
-
-    def page(self) -> np.ndarray:
-        """(H, W, 3): the picture under its titles, which mark it as unfinished."""
-        return contact_sheet([[self.picture]], [self.camera], [self.title])
 
 
 Meanwhile = Callable[[Unfinished], None]  # shows a picture at once

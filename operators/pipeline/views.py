@@ -87,21 +87,20 @@ def view(
     settings: ViewSettings,
     scope: str,
     *,
-    compare: bool | None = None,
     background: Background = BLACK_GROUND,
     meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
     """Preview, predicted picture, priority and refinement of one camera.
 
-    scope: of the voxels, for painted importance. compare: also trace the reference of all pixels and measure the error
-    that all strategies, exact oracles and uniform pictures leave; None: by the settings. Painted importance multiplies
-    the scores of all strategies.
+    scope: of the voxels, for painted importance, which multiplies the scores of all strategies. With `reference` of the
+    settings, also trace the reference of all pixels and measure the error that all strategies, exact oracles and
+    uniform pictures leave.
     background: of the pictures; priorities and errors are of surfaces alone.
     meanwhile: shows the preview, the heatmap, and the picture in refinement. Raises SettingError if the painted image
     or vertex group is missing.
     """
     chosen = strategy(settings.strategy)
-    compare = settings.reference if compare is None else compare
+    compare = settings.reference
     ground = Ground(camera, background.light, coded.octree.exposure)
     if meanwhile is not None:
         yield from first_look(coded.octree, camera, meanwhile, background=ground.background)
@@ -114,7 +113,8 @@ def view(
         lambda: rank(chosen, buffers, settings.budget), Progress(0, 1, f"{camera.name}: Ranking pixels")
     )
     if meanwhile is not None:
-        meanwhile(_heatmap(ranking, camera, settings))
+        urgent = buffers.picture(ranking.priority) / np.float32(settings.heatmap_maximum or chosen.maximum)
+        meanwhile(Unfinished(camera.name, "heatmap", colormap(urgent, settings.colormap)))
     refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground)
     strategies = list(STRATEGIES.values()) if compare else [chosen]
     if compare:
@@ -160,12 +160,6 @@ def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ran
         return {buffers.unrefined: {chosen.strategy.name: chosen}}
     views = {name: replace(buffers, unrefined=name) for name in UNREFINED}
     return {name: {item.name: rank(item, view, chosen.budget) for item in strategies} for name, view in views.items()}
-
-
-def _heatmap(ranking: Ranking, camera: Camera, settings: ViewSettings) -> Unfinished:
-    maximum = settings.heatmap_maximum or ranking.strategy.maximum
-    urgent = ranking.buffers.picture(ranking.priority)
-    return Unfinished(camera.name, "heatmap", colormap(urgent / np.float32(maximum), settings.colormap))
 
 
 def _refined(

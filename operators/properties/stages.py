@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties of the stages of a job, which scenes and operators mix in; declared in the table of settings.
+"""Properties of the stages of a job, for scenes and operators; declared in the table of settings.
 
 Those of the panel that read and write other settings keep nothing themselves: sides of pictures, as in Blender's Format
 panel; checkboxes of numbers that are found where they are 0, as Cycles has them; the few strategies of a short list.
@@ -95,63 +95,12 @@ def property_of(row: Setting) -> Any:
     return make(row.label, row.description, row.default, row.bounds, **more)
 
 
+JOB = (OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT)  # stages whose settings a job has
+
+
 def properties_of(*stages: str) -> dict[str, Any]:
     """Blender properties of all settings of some stages, as the annotations of a class."""
     return {row.name: property_of(row) for row in rows(*stages)}
-
-
-class VoxelizeProperties:
-    """Octree: what is voxelized, and how finely."""
-
-    __annotations__ = properties_of(OCTREE)
-
-
-class LightProperties:
-    """Light: where luminance comes from."""
-
-    __annotations__ = properties_of(LIGHT)
-
-
-class CodesProperties:
-    """Network that looks ahead."""
-
-    __annotations__ = properties_of(CODES)
-
-
-class CameraProperties:
-    """Cameras: whose pictures are made, and how large."""
-
-    __annotations__ = properties_of(CAMERAS)
-
-
-class ViewProperties:
-    """View: what is refined first, what matters to the user, and how it is shown."""
-
-    __annotations__ = properties_of(VIEW, IMPORTANCE)
-
-
-class CyclesRefineProperties:
-    """Refinement of a preview with Cycles."""
-
-    __annotations__ = properties_of(REFINEMENT)
-
-
-class RenderProperties:
-    """Renders of the engine."""
-
-    __annotations__ = properties_of(RENDERS)
-
-
-class OutputProperties:
-    """Output: where files go."""
-
-    __annotations__ = properties_of(OUTPUT)
-
-
-class JobProperties(
-    VoxelizeProperties, LightProperties, CodesProperties, CameraProperties, ViewProperties, OutputProperties
-):
-    """All settings of a job."""
 
 
 class AnimationProperties:
@@ -280,16 +229,10 @@ class DerivedProperties:
     __annotations__ |= _checkboxes() | {"short_strategy": _short_list()}
 
 
-class PatchNetSettings(
-    JobProperties,
-    DerivedProperties,
-    AnimationProperties,
-    DisplayProperties,
-    CyclesRefineProperties,
-    RenderProperties,
-    bpy.types.PropertyGroup,
-):
+class PatchNetSettings(DerivedProperties, AnimationProperties, DisplayProperties, bpy.types.PropertyGroup):
     """Settings that a scene remembers; operators use them for whatever is not given to themselves."""
+
+    __annotations__ = properties_of(*JOB, REFINEMENT, RENDERS)
 
 
 def register() -> None:

@@ -62,18 +62,12 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
 def may_change(scene: bpy.types.Scene) -> bool:
     """Return whether anything but a camera moves, with or without keys; else all frames share a surface."""
-    if has_films() or scene.rigidbody_world is not None or any(_moves(item) for item in scene.objects):
+    kinds = {modifier.type for item in scene.objects for modifier in item.modifiers}
+    if has_films() or scene.rigidbody_world is not None or kinds & MOVES_BY_ITSELF:
         return True
-    kinds = (value for name in dir(bpy.data) if _is_collection(value := getattr(bpy.data, name)))
-    return any(_is_animated(block) for kind in kinds for block in kind)
-
-
-def _is_collection(value: object) -> bool:
-    return isinstance(value, bpy.types.bpy_prop_collection)
-
-
-def _moves(item: bpy.types.Object) -> bool:
-    return bool(item.particle_systems) or any(modifier.type in MOVES_BY_ITSELF for modifier in item.modifiers)
+    found = (getattr(bpy.data, name) for name in dir(bpy.data))
+    collections = (blocks for blocks in found if isinstance(blocks, bpy.types.bpy_prop_collection))
+    return any(_is_animated(block) for blocks in collections for block in blocks)
 
 
 def _is_animated(block: bpy.types.ID) -> bool:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -107,25 +106,21 @@ def _draw_live(header: bpy.types.Header, context: bpy.types.Context) -> None:
         header.layout.prop(overlay_settings(context), "live", text="")
 
 
+MENUS = (("VIEW3D_HT_header", _draw_live),)
+
+
 def register() -> None:
     """Show Blender's own panels with this engine."""
-    bpy.types.VIEW3D_HT_header.append(_draw_live)
-    for panel in _fitting():
-        panel.COMPAT_ENGINES.add(ENGINE)
+    for panel in bpy.types.Panel.__subclasses__():
+        engines: Any = getattr(panel, "COMPAT_ENGINES", None)
+        general = isinstance(engines, set) and "BLENDER_RENDER" in engines
+        if panel.__name__ in _BORROWED or (general and not panel.__name__.startswith(_LEFT_OUT)):
+            engines.add(ENGINE)
 
 
 def unregister() -> None:
     """Hide Blender's own panels again."""
-    bpy.types.VIEW3D_HT_header.remove(_draw_live)
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
         if isinstance(engines, set) and panel not in CLASSES:
             engines.discard(ENGINE)
-
-
-def _fitting() -> Iterator[Any]:
-    for panel in bpy.types.Panel.__subclasses__():
-        engines = getattr(panel, "COMPAT_ENGINES", None)
-        general = isinstance(engines, set) and "BLENDER_RENDER" in engines
-        if panel.__name__ in _BORROWED or (general and not panel.__name__.startswith(_LEFT_OUT)):
-            yield panel

@@ -21,7 +21,6 @@ import numpy as np
 if TYPE_CHECKING:
     from ...patchnet_addon.octree.octree import Octree
     from ...patchnet_addon.sampling.adaptive import AdaptivePicture
-    from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
     from ...patchnet_addon.tracing.render import Hits
 
 NO_DEPTH = 1e10  # what Cycles writes
@@ -79,7 +78,9 @@ def pass_pixels(picture: AdaptivePicture, world: np.ndarray | None) -> dict[str,
         "Level": np.where(hits.hit, hits.level, -1),
     }
     if picture.ranking is not None:
-        values |= {"Priority": picture.ranking.priority, "Coverage": _coverage(picture.buffers)}
+        predicted = picture.buffers.prediction
+        coverage = hits.hit if predicted is None else np.where(hits.hit, predicted.coverage, np.float32(0.0))
+        values |= {"Priority": picture.ranking.priority, "Coverage": coverage}
     return known | {name: value.astype(np.float32).reshape(len(hits.hit), -1) for name, value in values.items()}
 
 
@@ -91,9 +92,3 @@ def _normals(octree: Octree, hits: Hits) -> np.ndarray:
     mean[away] *= -1.0
     normals[hits.hit] = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
     return normals
-
-
-def _coverage(buffers: PixelBuffers) -> np.ndarray:
-    if buffers.prediction is None:
-        return buffers.hit
-    return np.where(buffers.hit, buffers.prediction.coverage, np.float32(0.0))

@@ -28,6 +28,7 @@ from ..scene_access.frames import values_of_graph
 from ..schema.table import AUTO, CYCLES, VISIBLE
 from ..session.scene_session import in_main_thread
 from ..session.world_maps import awaited_background
+from ..settings.groups import samples_side
 from .frame_octree import octree_of_frame
 from .passes import pass_pixels
 from .render_camera import render_view
@@ -41,6 +42,8 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     Raises StoppedError when the user stops, and PatchNetError.
     """
     apply_preferences(bpy.context)
+    from ...patchnet_addon.tracing.empty_view import why_unseen
+
     engine.warnings = ()
     scene = depsgraph.scene
     settings = scene_settings(scene.original)
@@ -51,22 +54,30 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     strokes = None
     if wanted.importance is not None:  # missing input is reported before work starts
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # the selection may have changed
-    _mention_left_out(engine, scene, camera)
+    for text in focus_warnings(scene.original, [camera]):
+        warn(engine, text)
+    if scene.render.use_multiview:
+        warn(engine, "PatchNet renders no stereo: all views show the picture of the middle camera")
+    if scene.render.use_motion_blur:
+        warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")
     making = octree_of_frame(depsgraph, camera, settings, partial(warn, engine), animation=engine.is_animation)
     octree, coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
     budget = wanted.budget if wanted.spp is None else None
-    if wanted.render_side is None:
+    if wanted.render_samples is None:
         picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
         refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
     else:
         picture = AdaptivePicture(octree, camera, None, None, importance)
-        refining = picture.sample_evenly(wanted.render_side)
+        refining = picture.sample_evenly(samples_side(wanted.render_samples))
     output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
     try:
         pull(engine, output.shown_meanwhile(picture.trace()), 0.3, 0.5)
-        _warn_of_unseen(engine, picture)
+        assert picture.buffers is not None
+        unseen = why_unseen(octree, camera, picture.buffers.hits, float(picture.buffers.preview.max()))
+        if unseen is not None:
+            warn(engine, unseen)
         pull(engine, output.shown_meanwhile(refining), 0.5, 1.0)
     finally:  # a stopped render shows its unfinished picture
         output.end()
@@ -126,16 +137,12 @@ class _Output:
 
     def _write(self) -> None:
         pixels = pass_pixels(self._picture, self._world)
+        camera, kept = self._picture.camera, self._kept
+        rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
         for item in self._result.layers[0].passes:  # of each view, where there are several
             if item.name in pixels:
-                item.rect.foreach_set(self._of_result(pixels[item.name]))
-
-    def _of_result(self, pixels: np.ndarray) -> np.ndarray:
-        """Values (N,) of the view's pixels (P, C) without its margin."""
-        camera, kept = self._picture.camera, self._kept
-        picture = pixels.reshape(camera.height_px, camera.width_px, -1)
-        rows, columns = slice(kept.bottom, kept.bottom + kept.height), slice(kept.left, kept.left + kept.width)
-        return np.ascontiguousarray(picture[rows, columns]).ravel()
+                picture = pixels[item.name].reshape(camera.height_px, camera.width_px, -1)
+                item.rect.foreach_set(np.ascontiguousarray(picture[rows, columns]).ravel())  # without its margin
 
 
 def _world(
@@ -153,29 +160,9 @@ def _world(
     return seen.light
 
 
-def _warn_of_unseen(engine: bpy.types.RenderEngine, picture: AdaptivePicture) -> None:
-    """Warn why the picture is empty or black."""
-    from ...patchnet_addon.tracing.empty_view import why_unseen
-
-    buffers = picture.buffers
-    assert buffers is not None
-    warning = why_unseen(picture.octree, picture.camera, buffers.hits, float(buffers.preview.max()))
-    if warning is not None:
-        warn(engine, warning)
-
-
 def warn(engine: bpy.types.RenderEngine, text: str) -> None:
     """Report a warning in the status bar or on the terminal, in the log, and above the picture."""
     engine.report({"WARNING"}, text)
     engine.warnings = dict.fromkeys((*engine.warnings, text))
     engine.error_set(". ".join(engine.warnings))
     event("warning", text, logging.WARNING)
-
-
-def _mention_left_out(engine: bpy.types.RenderEngine, scene: bpy.types.Scene, camera: Camera) -> None:
-    for text in focus_warnings(scene.original, [camera]):
-        warn(engine, text)
-    if scene.render.use_multiview:
-        warn(engine, "PatchNet renders no stereo: all views show the picture of the middle camera")
-    if scene.render.use_motion_blur:
-        warn(engine, "PatchNet renders no motion blur: render with Cycles for the blur")

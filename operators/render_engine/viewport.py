@@ -9,6 +9,7 @@ never finish. So each engine hands its viewport's picture over to the next one.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,8 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.heap import trim
+from ...patchnet_addon.runtime.progress import Progress, drain
+from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture
 from ...patchnet_addon.sampling.predicted import PREVIEW
 from ...patchnet_addon.sampling.registry import strategy
@@ -26,6 +29,7 @@ from ..gpu_view.card_octree import CardOctree
 from ..gpu_view.cards import CardError
 from ..overlay.drawing import live
 from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
+from ..overlay.paint import texture
 from ..properties.preferences import apply_preferences, preferences
 from ..session import results
 from ..session.scene_result import SceneResult
@@ -34,8 +38,8 @@ from ..settings.groups import samples_side
 from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
-from .viewport_preview import Preparation, ViewportPreview
-from .viewport_world import ViewportWorld, draw_message, draw_picture, picture_texture
+from .viewport_preview import ViewportPreview
+from .viewport_world import ViewportWorld, draw_message, draw_picture
 
 _NO_VOXELS = "PatchNet: there are no voxels yet. Press Preview Selection in the sidebar's tab PatchNet (N)."
 _NO_CODES = "PatchNet: look-ahead is not prepared yet. Press Prepare Look-Ahead in the sidebar's tab PatchNet (N)."
@@ -54,9 +58,8 @@ class Viewport:
         self.region = 0
         self.missed = False
         self._state: tuple[Any, ...] | None = None
-        self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
-        self._preparation: Preparation | None = None
+        self._preparing: Iterator[Progress] = iter(())
         self._prepared_for: tuple[Any, ...] = ()
         self._texture: Any = None
         self._asked = 0.0  # time of the last request to redraw
@@ -69,11 +72,6 @@ class Viewport:
         self.world.updated(depsgraph)
         if depsgraph.id_type_updated("MESH"):
             self.mask.meshes_changed()
-
-    def adopted(self) -> None:
-        """Assume unreported changes since the last engine ended."""
-        self.world.forget()
-        self.mask.meshes_changed()
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Work for a slice of time, draw the result, and request a redraw while work is left."""
@@ -122,7 +120,7 @@ class Viewport:
         preview = self._preview_of(context, depsgraph, result, camera)
         if not preview.done or self._texture is None:
             preview.work(time.perf_counter() - self._asked)  # as long as a redraw takes
-            self._texture = picture_texture(preview.pixels())
+            self._texture = texture(preview.pixels(), "RGBA16F")
             if preview.done:
                 trim()  # a moving view frees many arrays
         if self._on_card is None or preview.picture.buffers is not None:
@@ -201,29 +199,29 @@ class Viewport:
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
         wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
-        state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
+        state = (id(result), background, *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = _picture(context, result, camera, importance)
             side = samples_side(values.render_samples)
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples, side)
-            self._state, self._background, self._preview = state, background, preview
+            self._state, self._preview = state, preview
             self._asked = time.perf_counter()  # a short first slice: the first picture appears soon
-        elif background != self._background:
-            self._preview.show_world(world)
-            self._background = background
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:
-        """Return whether all kernels are loaded; they are loaded once for each kind of work."""
+        """Return whether all kernels are loaded; a thread loads or compiles them once for each kind of work.
+
+        picture: like the preview's, but tiny.
+        """
         ranked_by = picture.strategy and picture.strategy.name
         kind = ranked_by, picture.unrefined, picture.octree.chroma is None, picture.coded is None
-        if self._preparation is None or self._prepared_for != kind:
+        if self._prepared_for != kind:
             apply_preferences(context)
-            self._preparation, self._prepared_for = Preparation(picture), kind
-        if self._preparation.ready and self._preparation.problem:
-            raise PatchNetError(self._preparation.problem)
-        return self._preparation.ready
+            steps = ViewportPreview(picture, 1.0, None).steps
+            self._preparing, self._prepared_for = computed(lambda: drain(steps), Progress(0, 1, _READY_SOON)), kind
+        with attended():
+            return next(self._preparing, None) is None
 
     def _say(self, engine: bpy.types.RenderEngine, status: str, result: SceneResult) -> None:
         engine.update_stats("PatchNet", f"{status}, {_STALE}" if result.stale else status)
@@ -268,8 +266,9 @@ def leave(viewport: Viewport) -> None:
 def left_in(region: bpy.types.Region) -> Viewport | None:
     """Viewport of a region whose engine has just ended, or None."""
     viewport = _left.pop(region.as_pointer(), None)
-    if viewport is not None:
-        viewport.adopted()
+    if viewport is not None:  # what has changed since was not reported
+        viewport.world.forget()
+        viewport.mask.meshes_changed()
     return viewport
 
 

@@ -7,7 +7,6 @@ while the view moves, then bands of rows.
 
 from __future__ import annotations
 
-import time
 from typing import Any, NamedTuple
 from weakref import ReferenceType, ref
 
@@ -92,8 +91,7 @@ class CardPicture:
 
 
 _RAMP = 256
-_FIRST_ROWS, _FEWEST_ROWS = 32, 8  # rows of a band
-_QUICK_S, _SLOW_S = 0.02, 0.05  # time between two redraws: bands grow below, shrink above
+_BAND_ROWS = 64  # decoded between two redraws
 
 _PRIORITY = 1  # kind of a heatmap
 _PAPER, _NO_RAY = STRATEGIES["patchnet"], STRATEGIES["patchnet-plus-0"]  # strategies of the card
@@ -142,13 +140,12 @@ class CardHeat:
         self._wanted: tuple[Any, ...] = ()
         self._half: _Pass | None = None  # kept while the view moves, when memory grows less with Vulkan
         self._pass: _Pass | None = None
-        self._rows, self._last = _FIRST_ROWS, 0.0
         self._seen: tuple[ReferenceType[CodedOctree], Camera, Strategy] | None = None
 
     def look(self, card: CardOctree, coded: CodedOctree, view: tuple[Any, ...], camera: Camera, kind: HeatKind) -> None:
         """Continue the heatmap of a view."""
         self._seen = ref(coded), camera, kind.ranked_by
-        now, wanted = time.perf_counter(), (view, kind)
+        wanted = view, kind
         if wanted != self._wanted:
             self._wanted, self.done, self._pass = wanted, False, None
             half = camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1))
@@ -161,13 +158,8 @@ class CardHeat:
             if self._pass is None:
                 self._pass = _Pass(card, camera, kind)
                 self._pass.begin(camera)
-            elif now - self._last < _QUICK_S:
-                self._rows *= 2
-            elif now - self._last > _SLOW_S:
-                self._rows = max(self._rows // 2, _FEWEST_ROWS)
-            if self._pass.decode(self._rows):
+            if self._pass.decode(_BAND_ROWS):
                 self.shown, self._pass, self.done = self._pass.heat(), None, True
-        self._last = now
 
     def describe_pixel(self, column: int, row: int) -> list[str]:
         """Lines about a pixel of the view, computed on the CPU: nothing is read back from the card."""

@@ -61,7 +61,10 @@ class ViewportMask:
         if chosen is not None and not chosen.vertex_group:
             self._look_at_image(chosen.image, idle)
         elif self._touched:
-            self._read_soon(context)
+            self._where = context.scene.name, context.view_layer.name
+            if not self._registered:
+                self._registered = True
+                bpy.app.timers.register(self._read)
         if self._problem:
             raise SettingError(self._problem)
         return chosen is None or self.strokes is not None
@@ -83,12 +86,6 @@ class ViewportMask:
         self._touched, self._rest_until = False, end + _REST * (end - start)
         if before is None or not np.array_equal(picture, before):
             self._take(Strokes(picture=picture))
-
-    def _read_soon(self, context: bpy.types.Context) -> None:
-        self._where = context.scene.name, context.view_layer.name
-        if not self._registered:
-            self._registered = True
-            bpy.app.timers.register(self._read)
 
     def _read(self) -> None:
         self._registered = False

@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import threading
 import time
 
 import numpy as np
 
 from ...patchnet_addon.image.background import BLACK
 from ...patchnet_addon.image.cube_map import CubeMap, pixel_directions
-from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.runtime.progress import Progress, Steps, drain
+from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import attended, computed
 from ...patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from .passes import combined
@@ -20,9 +18,7 @@ SLICE_S = 0.04  # least work per redraw
 LONGEST_SLICE_S = 0.2  # if a redraw takes as long
 COARSE = 4  # side of the first picture's squares, in pixels
 _QUICK_SIDE, _FINE_SIDE = 4, 32  # rays per pixel side of the first and the second pass over the budget
-_FIRST_PACE = (1 << 13, 1 << 16)
-_SMALLEST_PACE = (1 << 11, 1 << 13)
-_LARGEST_PACE = (1 << 16, 1 << 20)
+_PACE = Pace(1 << 14, 1 << 17)  # a hundredth of a second each on two cores; larger steps save nothing
 
 
 class ViewportPreview:
@@ -53,22 +49,12 @@ class ViewportPreview:
         self._map = world if isinstance(world, CubeMap) else None
         self._world = BLACK if isinstance(world, CubeMap) else world
         self._budget, self._spp, self._refined, self._even_side = budget, spp, refined, even_side
-        self.pace = Pace(*_FIRST_PACE)
         self.steps = self._all()
-
-    def show_world(self, world: np.ndarray | CubeMap | None) -> None:
-        """Replace the background; traced and refined pixels stay. world: as for the constructor."""
-        self._map = world if isinstance(world, CubeMap) else None
-        if not isinstance(world, CubeMap):  # the former one is shown until the map is sampled
-            self._world = world
-        self.steps, self.done = self._look_first(self.steps), False
 
     def work(self, seconds: float) -> None:
         """Work for a slice of time, at least one step; raises PatchNetError."""
-        seconds = min(max(seconds, SLICE_S), LONGEST_SLICE_S)
-        end = time.perf_counter() + seconds
+        end = time.perf_counter() + min(max(seconds, SLICE_S), LONGEST_SLICE_S)
         while not self.done:
-            start = time.perf_counter()
             try:
                 with attended():  # work without a pace runs beside the window
                     report = next(self.steps)
@@ -76,10 +62,7 @@ class ViewportPreview:
                 self.done, self.status = True, "Done"
                 return
             self.status = f"{report.label} {round(100 * report.fraction)} %"
-            now = time.perf_counter()
-            if not report.waiting:
-                self._keep_pace(now - start, seconds)
-            if now >= end:
+            if time.perf_counter() >= end:
                 return
 
     def pixels(self) -> np.ndarray:
@@ -91,23 +74,15 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing")
         self._trace_coarsely()
         yield Progress(0, 1, "Tracing the preview")
-        yield from self._look()
-        yield from self.picture.trace(self.pace)
+        if (known := self._map) is not None:
+            looking = Progress(0, 1, "Sampling the world")
+            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
+        yield from self.picture.trace(_PACE)
         if self.picture.strategy is None:
-            yield from self.picture.sample_evenly(self._even_side, self.pace)
+            yield from self.picture.sample_evenly(self._even_side, _PACE)
             return
         for side in (_QUICK_SIDE, _FINE_SIDE):
-            yield from self.picture.refine(self._budget, side, self.pace, spp=self._spp, refined=self._refined)
-
-    def _look_first(self, others: Steps[None]) -> Steps[None]:
-        yield from self._look()
-        yield from others
-
-    def _look(self) -> Steps[None]:
-        """Sample the map of the world for each pixel, if there is one."""
-        known, looking = self._map, Progress(0, 1, "Sampling the world")
-        if known is not None:
-            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
+            yield from self.picture.refine(self._budget, side, _PACE, spp=self._spp, refined=self._refined)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; `samples` stays 0."""
@@ -124,34 +99,3 @@ class ViewportPreview:
         seen = seen_color(picture.octree, hits.node, hits.direction) + seen_above_white(picture.octree, hits)
         picture.colors[:] = seen[square]
         picture.alpha[:] = hits.hit[square]
-
-    def _keep_pace(self, took: float, slice_s: float) -> None:
-        """Double or halve the size of the next step; bands and batches have sizes of their own."""
-        factor = 0.5 if took > slice_s else 2.0 if took < slice_s / 4 else 1.0
-        pace = self.pace
-        if self.picture.buffers is None:
-            pace.band_pixels = int(np.clip(pace.band_pixels * factor, _SMALLEST_PACE[0], _LARGEST_PACE[0]))
-        else:
-            pace.batch_rays = int(np.clip(pace.batch_rays * factor, _SMALLEST_PACE[1], _LARGEST_PACE[1]))
-
-
-class Preparation:
-    """Preparation of a preview: a thread loads or compiles all kernels, so the window stays responsive."""
-
-    def __init__(self, picture: AdaptivePicture) -> None:
-        """Start the thread. picture: like the preview's, but tiny."""
-        self.problem = ""
-        self._thread = threading.Thread(target=self._run, args=(picture,), name="PatchNet kernels", daemon=True)
-        self._thread.start()
-
-    @property
-    def ready(self) -> bool:
-        """Return whether the thread has ended."""
-        return not self._thread.is_alive()
-
-    def _run(self, picture: AdaptivePicture) -> None:
-        preview = ViewportPreview(picture, 1.0, None)
-        try:
-            drain(preview.steps)
-        except PatchNetError as error:
-            self.problem = str(error)

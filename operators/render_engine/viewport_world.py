@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""World behind a viewport's picture: one colour, or a map that a timer renders. Drawing of pictures and messages.
-
-`gpu` needs a window, so it is imported in the functions that draw.
-"""
+"""World behind a viewport's picture: one colour, or a map that a timer renders. Drawing of pictures and messages."""
 
 from __future__ import annotations
 
@@ -16,26 +13,19 @@ from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.octree.octree import Octree
 from ..cycles.background import SeenWorld, seen_world
 from ..cycles.daylight import has_light
+from ..overlay import paint
 from ..scene.fingerprint import world_hash
 from ..schema.table import CYCLES
 from ..session.scene_session import session_of
 from ..session.world_maps import ask_for_map
 
-_TEXT_PX = 15
+_SCALE, _LEAST_SCALE = 1.4, 0.75  # of messages, over that of the overlay's texts
 _MARGIN_PX = 20
-
-
-def picture_texture(pixels: np.ndarray) -> Any:
-    """Texture of pixels (H, W, 4) float32, scene-linear, premultiplied by alpha."""
-    import gpu
-
-    data = gpu.types.Buffer("FLOAT", pixels.size, np.ascontiguousarray(pixels).ravel())
-    return gpu.types.GPUTexture((pixels.shape[1], pixels.shape[0]), format="RGBA16F", data=data)
 
 
 def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
     """Draw a scene-linear texture, premultiplied by alpha; Blender applies the scene's view transform afterwards."""
-    import gpu
+    import gpu  # it needs a window
     from gpu_extras.presets import draw_texture_2d
 
     gpu.state.blend_set("ALPHA_PREMULT")
@@ -47,15 +37,10 @@ def draw_picture(texture: Any, engine: bpy.types.RenderEngine, scene: bpy.types.
 
 def draw_message(region: bpy.types.Region, text: str) -> None:
     """Draw a sentence in the middle of the region."""
-    import blf
-
-    font = 0
-    size = min(_TEXT_PX * bpy.context.preferences.system.ui_scale, 1.8 * (region.width - 2 * _MARGIN_PX) / len(text))
-    blf.size(font, max(size, 8))
-    width, _ = blf.dimensions(font, text)
-    blf.color(font, 0.9, 0.9, 0.9, 1.0)
-    blf.position(font, max((region.width - width) / 2, _MARGIN_PX), region.height / 2, 0)
-    blf.draw(font, text)
+    scale, room = _SCALE * bpy.context.preferences.system.ui_scale, region.width - 2 * _MARGIN_PX
+    scale = max(min(scale, scale * room / paint.text_size(text, scale)[0]), _LEAST_SCALE)
+    width, _ = paint.text_size(text, scale)
+    paint.write(text, max((region.width - width) / 2, _MARGIN_PX), region.height / 2, scale)
 
 
 World = np.ndarray | CubeMap | None

@@ -51,18 +51,12 @@ def show_image(name: str, picture: np.ndarray, *, raw: bool = False) -> bpy.type
         image = bpy.data.images.new(name, width, height, alpha=alpha, float_buffer=raw, is_data=raw)
         image[OWNER] = name
         image.use_fake_user = True
-    write_pixels(image, picture)
-    image.pack()
-    return image
-
-
-def write_pixels(image: bpy.types.Image, picture: np.ndarray) -> None:
-    """Give an image the size of a picture and its pixels."""
-    height, width = picture.shape[:2]
     if tuple(image.size) != (width, height):
         image.scale(width, height)
     image.pixels.foreach_set(_rgba(picture))
     image.update()
+    image.pack()
+    return image
 
 
 def drop_image(name: str) -> None:

@@ -10,7 +10,7 @@ from ..schema.table import COMBINED, CYCLES_TABLE, DIFFUSE
 
 WITH_GLOSS = "with-gloss"  # light that DIFFUSE renders if voxels have gloss
 REFERENCE_FACTOR = 4  # samples of the reference per sample of the judged picture
-REFERENCE_SEED = 1000  # added to the seed of the judged picture for the reference
+REFERENCE_SEED = 1000  # that of the judged picture is 0
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,6 @@ class CyclesSettings:
     samples: int = CYCLES_TABLE["cycles_samples"].default
     light: str = CYCLES_TABLE["cycles_light"].default
     compare: bool = CYCLES_TABLE["cycles_compare"].default
-    seed: int = 0
 
     def __post_init__(self) -> None:
         for name, value in {"cycles_budget": self.budget, "cycles_samples": self.samples}.items():

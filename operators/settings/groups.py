@@ -161,11 +161,6 @@ class ViewSettings:
         _check_choice("color map", self.colormap, COLORMAPS)
 
     @property
-    def render_side(self) -> int | None:
-        """Rays per pixel side in every pixel of renders; None refines by priority."""
-        return None if self.render_samples is None else samples_side(self.render_samples)
-
-    @property
     def has_reference(self) -> bool:
         """Return whether a job's views have a reference: by the setting, or since the strategy ranks by it."""
         return self.reference or REFERENCE in strategy(self.strategy).needs

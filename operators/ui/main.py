@@ -6,9 +6,10 @@ from __future__ import annotations
 import bpy
 
 from ...patchnet_addon.export.vdb import vdb_module_name
-from ...patchnet_addon.runtime.quantities import counted
+from ...patchnet_addon.runtime.quantities import bytes_text, counted
 from ..jobs.job_operator import JobOperator
 from ..scene_access.images import PICTURES
+from ..schema.table import TABLE
 from ..session import results
 from ..session.scene_session import held, session_of
 from ..session.staleness import PERHAPS
@@ -33,7 +34,12 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, or progress in its place, so that the buttons below stay where they are."""
         layout = tab.split(self.layout)
-        tab.draw_first(layout, context.scene.patchnet)
+        values = context.scene.patchnet
+        for name in tab.FIRST:
+            if TABLE[name].counts(values):
+                row = layout.row()
+                row.active = name != "budget" or not values.spp
+                tab.draw_setting(row, values, name)
         row = layout.row()
         row.scale_y = 1.5
         if JobOperator.running:
@@ -57,16 +63,12 @@ def _draw_pictures(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
         if len(cameras) > 1:
             column.label(text=camera, icon="CAMERA_DATA")
         grid = column.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
-        for what in sorted(names, key=_place):
+        for what in sorted(names, key=[*PICTURES, *names].index):  # others come last
             text = _TITLES.get(what, what.title())
             grid.operator("patchnet.show_picture", text=text, icon="IMAGE_DATA").image = names[what]
     if len(cameras) > _MOST_CAMERAS:
         more = len(cameras) - _MOST_CAMERAS
         tab.draw_sentence(layout, context, f"Image Editors list those of {counted(more, 'other camera')}")
-
-
-def _place(what: str) -> int:
-    return PICTURES.index(what) if what in PICTURES else len(PICTURES)
 
 
 def _draw_estimate(layout: bpy.types.UILayout, context: bpy.types.Context, said: list[str]) -> None:
@@ -99,7 +101,6 @@ class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
 
     bl_label = "Statistics"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Lines of the last step, memory in use, and the button that frees it."""
@@ -109,9 +110,9 @@ class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
             tab.draw_sentence(layout, context, "Nothing computed yet")
             return
         taken = held()
-        memory = [f"In memory: {_size(taken.results)}, pictures {_size(taken.images)}"]
+        memory = [f"In memory: {bytes_text(taken.results)}, pictures {bytes_text(taken.images)}"]
         if taken.process is not None:
-            memory.append(f"Blender as a whole: {_size(taken.process)}")
+            memory.append(f"Blender as a whole: {bytes_text(taken.process)}")
         for lines in (result.summary, memory):
             column = layout.column(align=True)
             for line in lines:
@@ -119,16 +120,11 @@ class PATCHNET_PT_statistics(tab.SubPanel, bpy.types.Panel):
         layout.operator("patchnet.clear_results", icon="TRASH")
 
 
-def _size(nbytes: int) -> str:
-    return f"{nbytes / 2**20:.1f} MiB" if nbytes < 2**30 else f"{nbytes / 2**30:.2f} GiB"
-
-
 class PATCHNET_PT_export(tab.SubPanel, bpy.types.Panel):
     """Display and export of voxels."""
 
     bl_label = "Show and Export"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the two buttons, and formats that this Blender cannot write."""

@@ -8,7 +8,6 @@ from pathlib import Path
 import bpy
 from bl_operators.presets import AddPresetBase  # type: ignore[import-not-found]
 from bl_ui.utils import PresetPanel
-from bpy.props import StringProperty
 
 _FOLDER = "patchnet"
 _VALUES = (
@@ -18,32 +17,12 @@ _VALUES = (
 
 
 class PATCHNET_PT_presets(PresetPanel, bpy.types.Panel):
-    """Settings by name."""
+    """Voxel detail, light, pictures and pixel budget by name."""
 
     bl_label = "PatchNet Presets"
     preset_subdir = _FOLDER
-    preset_operator = "patchnet.apply_preset"
+    preset_operator = "script.execute_preset"
     preset_add_operator = "patchnet.add_preset"
-
-
-class PATCHNET_OT_apply_preset(bpy.types.Operator):
-    """Set voxel detail, light, pictures and pixel budget to those of the preset"""
-
-    bl_idname = "patchnet.apply_preset"
-    bl_label = "Apply Preset"
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
-
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
-
-    def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Run the preset's lines."""
-        path = Path(self.filepath)
-        if path.suffix != ".py" or not path.is_file():
-            self.report({"ERROR"}, f"There is no preset {path}: choose one from the menu")
-            return {"CANCELLED"}
-        bpy.utils.execfile(str(path))
-        PATCHNET_PT_presets.bl_label = bpy.path.display_name(path.name, title_case=False)
-        return {"FINISHED"}
 
 
 class PATCHNET_OT_add_preset(AddPresetBase, bpy.types.Operator):

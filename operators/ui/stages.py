@@ -18,7 +18,6 @@ class PATCHNET_PT_octree(tab.SubPanel, bpy.types.Panel):
     """Octree: its objects and its resolution."""
 
     bl_label = "Octree"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and why voxels are out of date."""
@@ -34,7 +33,6 @@ class PATCHNET_PT_light(tab.SubPanel, bpy.types.Panel):
     """Light of the voxels and its source."""
 
     bl_label = "Light"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and limits of the bake."""
@@ -69,7 +67,6 @@ class PATCHNET_PT_network(tab.SubPanel, bpy.types.Panel):
     """Network for look-ahead."""
 
     bl_label = "Network"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and the name of the encoder that made the codes."""
@@ -132,7 +129,6 @@ class PATCHNET_PT_preview(tab.SubPanel, bpy.types.Panel):
     """Preview of a view, its errors and its refinement."""
 
     bl_label = "Preview"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, the button, and advice on the picture."""
@@ -174,7 +170,6 @@ class PATCHNET_PT_compare(tab.SubPanel, bpy.types.Panel):
 
     bl_label = "Compare"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the button, and the table of the last comparison."""
@@ -212,7 +207,6 @@ class PATCHNET_PT_cycles_refine(tab.SubPanel, bpy.types.Panel):
 
     bl_label = "Refine with Cycles"
     bl_order = tab.LAST
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings, then the button."""

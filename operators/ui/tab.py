@@ -52,9 +52,10 @@ class Tab(PanelBase):
 
 
 class SubPanel(Tab):
-    """Panel below the first one."""
+    """Panel below the first one, closed at first."""
 
     bl_parent_id = "PATCHNET_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context, notes: Sequence[str], of: str) -> None:
@@ -105,15 +106,6 @@ def draw_advanced(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, s
         for name in step_settings(values, step):
             if name in ADVANCED:
                 draw_setting(split(body), values, name)
-
-
-def draw_first(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup) -> None:
-    """Draw the first panel's settings that have an effect now."""
-    for name in FIRST:
-        if TABLE[name].counts(values):
-            row = layout.row()
-            row.active = name != "budget" or not values.spp
-            draw_setting(row, values, name)
 
 
 def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, name: str) -> None:

@@ -4,6 +4,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -156,7 +157,7 @@ def view_of(scene: bpy.types.Scene, wanted: ViewSettings, *, color: bool = False
     bpy.ops.patchnet.voxelize(depth=6)
     bpy.ops.patchnet.precompute_codes()
     camera = tracing_camera(scene.camera, scene, wanted.size)
-    return drain(view(results.codes_of(scene), camera, wanted, "VISIBLE", compare=True))
+    return drain(view(results.codes_of(scene), camera, replace(wanted, reference=True), "VISIBLE"))
 
 
 def drop_result_images() -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
-from patchnet.operators.overlay import open_pictures as unfinished_image
+from patchnet.operators.overlay import open_pictures
 from patchnet.operators.pipeline import unfinished
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import SMALL, build, pixels_of
+from patchnet.tests.blender.job_scene import SMALL, build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 
@@ -44,7 +44,6 @@ def test_pictures_come_before_the_result(weights: Path, monkeypatch: pytest.Monk
     assert all(item.picture.shape == view.pictures["preview"].shape for item in shown)
     stand_in, lit = (item.picture.mean(axis=-1) > 0 for item in shown[:2])
     assert (stand_in == lit).mean() > 0.9 and not np.allclose(shown[0].picture, shown[1].picture)
-    assert shown[0].page().shape[0] > shown[0].picture.shape[0], "the title stands above it"
     assert_unchanged(before)
 
 
@@ -61,28 +60,13 @@ def test_two_lights_need_no_stand_in_and_nobody_looking_no_pictures(weights: Pat
         assert meanwhile is None, "in background"
 
 
-def test_the_image_of_a_job_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As beside a window: it takes every picture's size, is never saved, and leaves nothing, also after an error."""
+def test_pictures_of_a_job_go_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As beside a window: they change nothing in the file."""
     build()
     before = scene_snapshot()
     beside_a_window = SimpleNamespace(app=SimpleNamespace(background=False), data=bpy.data, types=bpy.types)
-    monkeypatch.setattr(unfinished_image, "bpy", beside_a_window)
-    for error in (None, RuntimeError):
-        try:
-            with overlay.unfinished_pictures(bpy.context) as meanwhile:
-                assert meanwhile is not None
-                for width, height in ((24, 16), (16, 24)):
-                    seen = Unfinished("Eye", "preview", np.random.default_rng(1).random((height, width, 3)))
-                    meanwhile(seen)
-                    image = bpy.data.images[unfinished_image.NAME]
-                    page = seen.page()
-                    assert tuple(image.size) == page.shape[1::-1] and image.is_runtime_data
-                    assert not image.is_dirty  # nobody who saves meanwhile is asked about it
-                    np.testing.assert_allclose(pixels_of(image)[..., :3], page, atol=0.51 / 255)
-                if error is not None:
-                    raise error
-        except RuntimeError:
-            pass
-        assert unfinished_image.NAME not in bpy.data.images
-        assert_unchanged(before)
-        meanwhile(seen)  # a step that comes too late finds nothing to write to
+    monkeypatch.setattr(open_pictures, "bpy", beside_a_window)
+    with overlay.unfinished_pictures(bpy.context) as meanwhile:
+        assert meanwhile is not None
+        meanwhile(Unfinished("Eye", "preview", np.zeros((24, 16, 3))))
+    assert_unchanged(before)

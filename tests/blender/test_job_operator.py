@@ -20,14 +20,10 @@ class Window:
         self.scene, self.view_layer = bpy.context.scene, bpy.context.view_layer
         self.timers: list[str] = []
         self.texts: list[str | None] = []
-        self.percents: list[float] = []
         self.window = self.screen = self
         self.areas: list[object] = []
         self.workspace = SimpleNamespace(status_text_set=self.texts.append)
         self.window_manager = SimpleNamespace(
-            progress_begin=lambda low, high: None,
-            progress_update=self.percents.append,
-            progress_end=lambda: None,
             event_timer_add=lambda step, window: self.timers.append("timer") or "timer",
             event_timer_remove=self.timers.remove,
             modal_handler_add=lambda operator: None,
@@ -98,7 +94,6 @@ def test_runs_to_the_end_in_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     states = [operator.modal(window, event("TIMER")) for _ in range(6)]
     assert states == [{"RUNNING_MODAL"}] * 5 + [{"FINISHED"}]
     assert operator.reports == [({"INFO"}, "5 steps")] and operator.closed
-    assert window.percents == [], "steps of a job whose whole is not known have no percentage"
     assert window.texts[0] == "PatchNet: Counting 0 of 5   (Esc stops)" and window.texts[-1] is None
     assert JobOperator.running == "" and window.timers == []
 
@@ -121,7 +116,7 @@ def test_there_is_one_percentage_which_never_falls(monkeypatch: pytest.MonkeyPat
     operator.invoke(window, event("LEFTMOUSE"))
     while operator.modal(window, event("TIMER")) == {"RUNNING_MODAL"}:
         shares.append(JobOperator.fraction)
-    assert shares == [0.0, 0.1, 0.4, 0.4, 0.4] and window.percents == [10, 40, 40, 40]
+    assert shares == [0.0, 0.1, 0.4, 0.4, 0.4]
     assert [text.removeprefix("PatchNet: ").split("   ")[0] for text in window.texts[:-1]] == [
         "A", "B 10 %", "B 40 %", "C 40 %", "D 40 %",
     ]  # fmt: skip

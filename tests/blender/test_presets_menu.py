@@ -16,6 +16,12 @@ def shipped() -> dict[str, Path]:
     return {path.stem: path for path in folder.glob("*.py")}
 
 
+def apply(path: Path) -> None:
+    """As an entry of the menu does."""
+    menu = presets_menu.PATCHNET_PT_presets
+    assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname=menu.__name__) == {"FINISHED"}
+
+
 def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
     assert set(shipped()) == {"Draft", "Standard", "Large_Pictures"}
     settings = scene.patchnet
@@ -23,13 +29,11 @@ def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
     assert {"budget", "spp"} <= set(defaults)
     for name, path in shipped().items():
         settings.spp = 9.0
-        assert bpy.ops.patchnet.apply_preset(filepath=str(path)) == {"FINISHED"}
+        apply(path)
         assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
         assert settings.spp == 0.0, "each says which budget"
-    bpy.ops.patchnet.apply_preset(filepath=str(shipped()["Large_Pictures"]))
+    apply(shipped()["Large_Pictures"])
     assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
-    with pytest.raises(RuntimeError, match="no preset"):
-        bpy.ops.patchnet.apply_preset(filepath="/nowhere.py")
 
 
 def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
@@ -43,7 +47,7 @@ def test_presets_of_the_user(scene: bpy.types.Scene, tmp_path: Path, monkeypatch
     assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}
     (path,) = tmp_path.rglob("*.py")
     scene.patchnet.samples, scene.patchnet.budget = 1, 1.0
-    bpy.ops.patchnet.apply_preset(filepath=str(path))
+    apply(path)
     assert scene.patchnet.samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
 
 

@@ -169,7 +169,7 @@ def drag():
 
 
 def unfinished():
-    """A job's unfinished picture where no Image Editor is free: in a corner."""
+    """A job's unfinished picture, in a corner."""
     picture = np.random.default_rng(2).random((SIZE[1], SIZE[0], 3))
     item, region = module("pipeline.unfinished").Unfinished("Eye", "refining, 40%", picture), clicks.region("WINDOW")
     preferences = bpy.context.preferences.addons[PACKAGE].preferences
@@ -243,9 +243,9 @@ def end():
     scene.camera.location.x += 0.3
     yield from shot("overlay-stale")
     seen["stale"] = kept.why_stale(scene, session.views["Eye"])
-    seen["drawing"] = [textures._texture.cache_info().currsize > 0, settings.problem]
+    seen["drawing"] = [textures.texture_of.cache_info().currsize > 0, settings.problem]
     in_area("VIEW_3D", bpy.ops.patchnet.clear_results)
-    seen["cleared"] = [textures._texture.cache_info().currsize, bool(session.views)]
+    seen["cleared"] = [textures.texture_of.cache_info().currsize, bool(session.views)]
 
 
 def session():
