@@ -14,8 +14,6 @@ NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
 BAKE_SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 # Cycles draws polylines of hair straight, not as curves through their points.
 POLYLINES_ARE_STRAIGHT = bpy.app.version >= (5, 0, 0)
-# OpenVDB files are shown half a voxel too far along each axis.
-VOLUMES_ARE_SHIFTED = bpy.app.version < (5, 0, 0)
 
 
 def tree_in_use(block: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.NodeTree | None:
