@@ -169,6 +169,7 @@ def light_octree(
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
     from ...patchnet_addon.surface.shading import bisected_shade
+    from ..cycles.bake import KeptPages
 
     overrides, source, settings, choice = surface.overrides, surface.source, surface.settings, leaves.choice
     assumed: tuple[str, ...] = ()
@@ -177,7 +178,8 @@ def light_octree(
     with overrides.baking():
         if surface.is_baked:
             graph, cameras = overrides.depsgraph, leaves.cameras
-            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=graph, cameras=cameras)
+            pages = None if kept is None else KeptPages(kept, surface.state.identity(context.scene.frame_subframe))
+            baking = baked(context, source, choice, settings, clock, kept=pages, depsgraph=graph, cameras=cameras)
             shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):

@@ -246,18 +246,12 @@ class Digest:
             return
         self.text(path, state.st_size, state.st_mtime_ns)
 
-    def geometry(self, data: Any, without: str = "", *, corners: bool = True) -> None:
-        """Hash the attributes of a mesh, hair or points, `without` one, and faces, but no selection of Edit Mode.
-
-        corners: with the values of attributes at the corners of faces; otherwise with their names alone.
-        """
+    def geometry(self, data: Any, without: str = "") -> None:
+        """Hash the attributes of a mesh, hair or points, `without` one, and faces, but no selection of Edit Mode."""
         for attribute in data.attributes:
             if attribute.name.startswith(".") or attribute.name == without or attribute.data_type not in _ATTRIBUTES:
                 continue
-            if corners or attribute.domain != "CORNER":
-                self.attribute(attribute)
-            else:
-                self.text(attribute.name, attribute.data_type)
+            self.attribute(attribute)
         self.faces(data)
         for material in data.materials:
             self.block(material)

@@ -141,25 +141,32 @@ class SceneState:
 
 
 def scene_state(
-    scene: bpy.types.Scene, layer: str = "", chosen: frozenset[int] | None = None, *, selected: bool = False
+    scene: bpy.types.Scene,
+    layer: str = "",
+    chosen: frozenset[int] | None = None,
+    *,
+    selected: bool = False,
+    keys: bool = True,
 ) -> SceneState:
     """Read the state of a scene and of all data-blocks that it refers to, without objects that show results.
 
     layer: name of the view layer, by default that of the context. chosen: session_uids of the objects that have voxels,
-    None for all; selected: those that are selected now.
+    None for all; selected: those that are selected now. keys: with keyframes, and not their present values alone.
     """
     begun = time.perf_counter()
     view_layer = _layer(scene, layer or _present_layer(scene))
     found = _shown(scene, view_layer)
     if selected:
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
-    reader = BlockReader()
+    reader = BlockReader(keys=keys)
     entries = {_SCENE: _settings(scene, view_layer)}
     waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {SURFACE: [], LIGHT: []}
     for item, _ in found.values():
         waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
     if scene.world is not None:
         waiting[LIGHT].append((scene.world, 0))
+    behind = scene.background_set.objects if scene.background_set is not None else ()
+    waiting[LIGHT] += [(item, item.session_uid) for item in behind if _counts(item)]
     animated = False
     for step in (SURFACE, LIGHT):
         while waiting[step]:
