@@ -56,7 +56,6 @@ _OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
 _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
 _CORNERS = ".corner_vert"
 _DEPTH = 6
-_MAX_TEXTS = 4096
 # Modifiers whose UV coordinates and colours at corners differ in their last bits at each evaluation: Blender sums the
 # values at a vertex in an order that depends on memory addresses.
 _UNSTEADY = frozenset({"BEVEL"})
@@ -68,24 +67,16 @@ class Digest:
     def __init__(self) -> None:
         self.is_empty = True
         self._hash = hashlib.blake2b(digest_size=16)
-        self._texts: list[str] = []  # not hashed yet; hashing them together takes a third less time
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
 
     def hexdigest(self) -> str:
         """32 hex digits."""
-        self._hash_texts()
         return self._hash.hexdigest()
 
     def text(self, *values: Any) -> None:
         """Plain values, by their repr."""
         self.is_empty = False
-        self._texts.append(repr(values))
-        if len(self._texts) >= _MAX_TEXTS:
-            self._hash_texts()
-
-    def _hash_texts(self) -> None:
-        self._hash.update("".join(f"{text};" for text in self._texts).encode("utf-8", "surrogatepass"))
-        self._texts.clear()
+        self._hash.update(f"{values!r};".encode("utf-8", "surrogatepass"))
 
     def array(self, name: str, values: np.ndarray | None) -> None:
         """Hash an array with its type and shape."""
@@ -93,7 +84,6 @@ class Digest:
             self.text(name, None)
             return
         self.text(name, values.dtype.str, values.shape)
-        self._hash_texts()
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
     def block(self, block: bpy.types.ID | None) -> None:
@@ -303,16 +293,6 @@ def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
             if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
         ]
     return _properties[kind]
-
-
-def render_keys(owner: bpy.types.bpy_struct) -> list[str]:
-    """Names of properties that only renders use, and of the resolution of ocean waves."""
-    return [
-        key
-        for key, kind, _ in _properties_of(owner)
-        if kind in ("BOOLEAN", "INT", "FLOAT", "ENUM")
-        and ("render" in key or (key == "resolution" and isinstance(owner, bpy.types.OceanModifier)))
-    ]
 
 
 def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import bpy
 
 from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over, place_of_gloss
-from .digest import Digest, render_keys
+from .digest import Digest
 
 SURFACE, LIGHT = "surface", "light"
 Named = tuple[str, str]  # word for a kind of data-block, and its name
@@ -214,10 +213,7 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 def _shown(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[int, tuple[bpy.types.Object, tuple[object, ...]]]:
-    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility.
-
-    With values that only renders use, whose changes Blender does not report.
-    """
+    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility."""
     found: dict[int, tuple[bpy.types.Object, set[tuple[bool, ...]]]] = {}
     stack = [(layer.layer_collection, (False,) * 3)]
     while stack:
@@ -230,18 +226,7 @@ def _shown(
             if _counts(each):
                 found.setdefault(each.session_uid, (each, set()))[1].add(flags)
         stack.extend((child, flags) for child in item.children)
-    return {
-        uid: (item, (sorted(flags), item.hide_get(view_layer=layer), *_unreported(item)))
-        for uid, (item, flags) in found.items()
-    }
-
-
-def _unreported(item: bpy.types.Object) -> Iterator[object]:
-    """Values of an object that only renders use."""
-    systems = (system.settings for system in item.particle_systems)
-    for owner in (*item.modifiers, item.data, *systems):
-        for key in render_keys(owner) if owner is not None else ():
-            yield getattr(owner, key)
+    return {uid: (item, (sorted(flags), item.hide_get(view_layer=layer))) for uid, (item, flags) in found.items()}
 
 
 def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
