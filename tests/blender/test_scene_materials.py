@@ -312,19 +312,3 @@ def test_displacement_that_moves_the_surface_is_told(method: str, told: bool) ->
     tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Displacement"])
     warning = read(material)[1]
     assert (warning is not None and "'Cobbles'" in warning and "Displace modifier" in warning) == told
-
-
-@pytest.mark.parametrize(("wraps", "told"), [((10497, 33071), True), ((10497, 10497), False)])
-def test_an_image_that_repeats_along_one_axis_alone_is_named(
-    tmp_path: Path, wraps: tuple[int, int], told: bool
-) -> None:
-    path = tmp_path / "scene.gltf"
-    materials = [{"name": "Band", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
-    write_gltf(path, materials, np.full((2, 2, 4), 128))
-    document = json.loads(path.read_text())
-    document["samplers"] = [{"wrapS": wraps[0], "wrapT": wraps[1]}]
-    document["textures"][0]["sampler"] = 0
-    path.write_text(json.dumps(document))
-    open_scene(path)
-    said = read_scene(bpy.context.evaluated_depsgraph_get()).color_warnings
-    assert ["'Band'" in text and "an image that repeats along one axis alone" in text for text in said] == [True] * told
