@@ -41,8 +41,8 @@ GLOSS_MOVED = "the camera that gloss is seen from moved"
 class Part(NamedTuple):
     """Hash of a part of a data-block's contents, and session_uids of the data-blocks that it refers to."""
 
-    text: str = ""
-    references: tuple[int, ...] = ()
+    text: str
+    references: tuple[int, ...]
 
 
 class OwnDigest(Digest):
@@ -61,8 +61,7 @@ class OwnDigest(Digest):
 
     def part(self) -> Part:
         """Hash and references so far."""
-        text = "" if self.is_empty else self.hexdigest()
-        return Part(text, tuple(block.session_uid for block in self.references))
+        return Part(self.hexdigest(), tuple(block.session_uid for block in self.references))
 
 
 class BlockReader:

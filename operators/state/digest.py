@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from functools import cache
 from typing import Any
 
 import bpy
@@ -65,7 +66,6 @@ class Digest:
     """Incremental hash; a data-block adds its contents once, and only its name after that."""
 
     def __init__(self) -> None:
-        self.is_empty = True
         self._hash = hashlib.blake2b(digest_size=16)
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
 
@@ -75,7 +75,6 @@ class Digest:
 
     def text(self, *values: Any) -> None:
         """Plain values, by their repr."""
-        self.is_empty = False
         self._hash.update(f"{values!r};".encode("utf-8", "surrogatepass"))
 
     def array(self, name: str, values: np.ndarray | None) -> None:
@@ -123,7 +122,7 @@ class Digest:
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
         """Hash all properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
-        for key, kind, is_array in _properties_of(owner):
+        for key, kind, is_array in _properties_of(type(owner)):  # type: ignore[arg-type]
             if key in skipped:
                 continue
             try:
@@ -191,12 +190,8 @@ class Digest:
             self.struct(node, _SKIPPED_OF_NODES)
             self.block(getattr(node, "node_tree", None))
             for socket in (*node.inputs, *node.outputs):
-                value: Any = getattr(socket, "default_value", None)
-                if isinstance(value, bpy.types.ID):
-                    self.block(value)
-                else:
-                    plain = value is None or isinstance(value, bool | int | float | str)
-                    self.text(socket.identifier, value if plain else tuple(value))
+                self.text(socket.identifier)
+                self._input(getattr(socket, "default_value", None))
         for link in tree.links:
             ends = link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier
             self.text(*ends, link.is_muted)
@@ -279,20 +274,14 @@ def origin_of_corners(item: bpy.types.Object) -> str:
     return digest.hexdigest()
 
 
-# By type: listing properties takes longer than reading values.
-_properties: dict[type, list[tuple[str, str, bool]]] = {}
-
-
-def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
-    """Identifier and type of each hashed property, and whether it is an array."""
-    kind = type(owner)
-    if kind not in _properties:
-        _properties[kind] = [
-            (prop.identifier, prop.type, getattr(prop, "is_array", False))
-            for prop in owner.bl_rna.properties
-            if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
-        ]
-    return _properties[kind]
+@cache  # listing properties takes longer than reading values
+def _properties_of(kind: type[bpy.types.bpy_struct]) -> list[tuple[str, str, bool]]:
+    """Identifier and type of each hashed property of a type, and whether it is an array."""
+    return [
+        (prop.identifier, prop.type, getattr(prop, "is_array", False))
+        for prop in kind.bl_rna.properties
+        if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
+    ]
 
 
 def values_of(items: Any, key: str, width: int, dtype: type) -> np.ndarray:
