@@ -36,16 +36,6 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
     return any(emits(material) for material in materials if not is_own(material))
 
 
-@contextmanager
-def light_of_bake(context: bpy.types.Context) -> Iterator[None]:
-    """Light of the bake within the block: that of the scene, or daylight if it has none."""
-    if has_light(context.evaluated_depsgraph_get()):
-        yield
-        return
-    with daylight(context.scene):
-        yield
-
-
 def _world_shines(world: bpy.types.World | None) -> bool:
     if world is None:
         return False

@@ -136,8 +136,7 @@ def check_camera(
         whole = yield from labelled(steps, "{}, whole voxels")
     halves = yield from render_halves(context, camera, settings.render_samples)
     if settings.compares_all_light:
-        first, second = halves
-        halves = replace(first, luminance=first.combined), replace(second, luminance=second.combined)
+        halves = [replace(half, luminance=half.combined) for half in halves]
     exposure = octree.exposure
     report = _figures(mine, halves, exposure) | _noise_and_place(halves, exposure, camera)
     if whole is not None:
