@@ -16,7 +16,7 @@ from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
 from .files import missing_files, missing_libraries
-from .gloss import Gloss, read_gloss
+from .gloss import DIFFUSE
 from .images import ImageReader
 from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
@@ -54,7 +54,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
         notes.append(f"View layer '{layer.name}' shows no Surfaces: meshes have no voxels, but still shadow hair")
     if not parts:
         raise EmptySelectionError(". ".join([_NOTHING[scope], *notes, *missing_libraries()]))
-    readings, gloss = reader.materials()
+    readings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
     warnings += _partly_transparent([reading.material for reading in readings])
@@ -64,6 +64,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
+    gloss = tuple(reading.gloss for reading in readings)
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
 
 
@@ -231,13 +232,12 @@ class _Reader:
             )
         return tuple(parts), notes
 
-    def materials(self) -> tuple[list[MaterialReading], tuple[Gloss, ...]]:
-        """Materials and their gloss in the order of their indices."""
-        images = ImageReader()
+    def materials(self) -> list[MaterialReading]:
+        """Materials in the order of their indices."""
+        images, default = ImageReader(), MaterialReading(Material("default"), gloss=DIFFUSE)
         library = {material.name_full: material for material in bpy.data.materials}
         used = [library.get(name) for name in self.material_names]
-        readings = [read_material(each, images) if each else MaterialReading(Material("default")) for each in used]
-        return readings, tuple(read_gloss(each, images) if each else Gloss(diffuse=0.8) for each in used)
+        return [read_material(each, images) if each else default for each in used]
 
 
 def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:
