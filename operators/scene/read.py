@@ -10,7 +10,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
+from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
@@ -41,8 +41,6 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
     a surface, GeometryError if the surface has no area or coordinates that are not finite.
     """
-    if scope not in _NOTHING:
-        raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     layer = depsgraph.view_layer
     reader = _Reader(depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid)
     with render_geometry(depsgraph):

@@ -16,8 +16,6 @@ from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
-from ...patchnet_addon.runtime import bounds
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -45,7 +43,7 @@ class CheckSettings:
     job: JobSettings
     viewpoints: int = 0
     render_samples: int = 256
-    rays: int = int(bounds.RAYS.high)
+    rays: int = 32
     difference: float = 0.2
     whole_voxels: bool = False
 
@@ -53,13 +51,6 @@ class CheckSettings:
     def compares_all_light(self) -> bool:
         """Return whether the render has all light (if gloss is baked), not only diffuse light and emission."""
         return self.job.light.is_baked and self.job.light.gloss != GLOSS_OFF
-
-    def __post_init__(self) -> None:
-        if not self.job.surface.has_given_depth:
-            raise SettingError("A light check needs a fixed depth: set depth")
-        bounds.RENDER_SAMPLES.check(self.render_samples)
-        bounds.RAYS.check(self.rays)
-        bounds.DIFFERENCE.check(self.difference)
 
 
 _COVERAGE_RAYS = 8
