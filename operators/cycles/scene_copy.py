@@ -56,7 +56,9 @@ def prepared(
         size = camera.width_px, camera.height_px
         if size != (scene.render.resolution_x, scene.render.resolution_y):
             raise SettingError(f"Blender renders no picture of {size[0]} x {size[1]} pixels: take sides of 4 to 65,536")
-        stack.enter_context(_lamps_unseen(scene))
+        for item in scene.objects:
+            if item.type == "LIGHT":  # no surface, and not in the octree
+                stack.enter_context(changed(item, visible_camera=False))
         stack.enter_context(looking_through(scene, camera))
         layer = scene.view_layers[context.view_layer.name]
         layer.samples = 0  # the scene's
@@ -112,16 +114,6 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
         for name, value in values.items():
             if hasattr(owner, name):
                 setattr(owner, name, value)
-
-
-@contextmanager
-def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
-    """Hide lamps from the camera: they are no surface, and not in the octree."""
-    with ExitStack() as stack:
-        for item in scene.objects:
-            if item.type == "LIGHT":
-                stack.enter_context(changed(item, visible_camera=False))
-        yield
 
 
 @contextmanager
@@ -213,18 +205,12 @@ class _Status:
 
 
 def _invoked(scene: bpy.types.Scene) -> None:
-    with _no_view():
-        _called(scene, "INVOKE_DEFAULT")
-
-
-@contextmanager
-def _no_view() -> Iterator[None]:
-    """Prevent the render from opening an editor or window, which Blender does only while the job starts."""
+    """Start the render without an editor or window, which Blender would open only while the job starts."""
     preferences = bpy.context.preferences
     was_dirty = preferences.is_dirty
     try:
         with changed(preferences.view, render_display_type="NONE"):
-            yield
+            _called(scene, "INVOKE_DEFAULT")
     finally:
         preferences.is_dirty = was_dirty
 

@@ -83,16 +83,10 @@ def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
         image = getattr(node, "image", None)
         if image is None or image.source not in _FROM_FILES or image.packed_files or image.is_dirty:
             continue
-        for name in _files_of(image):
+        tiles = image.tiles if image.source == "TILED" else ()
+        for name in [image.filepath.replace("<UDIM>", str(tile.number)) for tile in tiles] or [image.filepath]:
             if name and not os.path.exists(path := _path(name, image.library)):
                 yield path
-
-
-def _files_of(image: bpy.types.Image) -> list[str]:
-    """Files of an image."""
-    if image.source == "TILED":
-        return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
-    return [image.filepath]
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:

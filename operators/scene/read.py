@@ -55,22 +55,18 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     readings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
-    warnings += _partly_transparent([reading.material for reading in readings])
+    if partly := [each.material.name for each in readings if is_partly_transparent(each.material)]:
+        what = "partly transparent: solid where at least half opaque, left out elsewhere; Refine with Cycles shows it"
+        warnings.append(f"{subject('Material', partly)} {what}")
     warnings += notes + _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
-    warnings += _not_found(reader.instance_reader.unknown)
+    if unknown := named_list(sorted(reader.instance_reader.unknown)):
+        warnings.append(f"Materials read attribute {unknown}, which no object or instance has: it counts as 0")
     warnings += [reading.note for reading in readings if reading.note]
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
     gloss = tuple(reading.gloss for reading in readings)
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
-
-
-def _partly_transparent(materials: Sequence[Material]) -> list[str]:
-    """Sentence about materials that are partly transparent."""
-    begun = subject("Material", (material.name for material in materials if is_partly_transparent(material)))
-    what = "partly transparent: solid where at least half opaque, left out elsewhere"
-    return [f"{begun} {what}; Refine with Cycles shows it"] if begun else []
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph, names: set[str]) -> list[str]:
@@ -106,13 +102,6 @@ def _is_diced(item: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     trial = getattr(scene.cycles, "feature_set", "") == "EXPERIMENTAL"
     old = trial and getattr(item.cycles, "use_adaptive_subdivision", False)
     return bool(getattr(last, "use_adaptive_subdivision", old))
-
-
-def _not_found(names: set[str]) -> list[str]:
-    """Sentence about requested attributes that no object or instance has."""
-    listed = named_list(sorted(names))
-    found = f"Materials read attribute {listed}, which no object or instance has: it counts as 0"
-    return [found] if names else []
 
 
 class _Placed(NamedTuple):

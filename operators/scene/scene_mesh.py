@@ -165,22 +165,13 @@ class SceneMesh:
 
     def objects_of(self, triangles: np.ndarray) -> np.ndarray:
         """(N,) names of the objects of triangles (N,)."""
-        return np.array(self._names, object)[self.object_numbers(triangles)]
-
-    def object_numbers(self, triangles: np.ndarray) -> np.ndarray:
-        """(N,) int64, the same for all places of objects of one name, of triangles (N,)."""
         ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in self.parts]))
-        number = {name: index for index, name in enumerate(self._names)}
-        return np.array([number[name] for name in self.object_names])[np.searchsorted(ends, triangles, side="right")]
+        return np.array(self.object_names, object)[np.searchsorted(ends, triangles, side="right")]
 
     @property
     def object_names(self) -> list[str]:
         """Name of each placed object."""
         return [name for part in self.parts for name in part.objects]
-
-    @property
-    def _names(self) -> list[str]:
-        return list(dict.fromkeys(self.object_names))
 
     def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""

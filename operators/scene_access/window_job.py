@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import bpy
 
@@ -172,12 +172,6 @@ class PATCHNET_OT_bake_beside_window(bpy.types.Macro):
     bl_idname = "patchnet.bake_beside_window"
     bl_label = "Bake Beside Window"
     bl_options: ClassVar[set[str]] = {"INTERNAL"}
-
-
-def start_bake(arguments: dict[str, Any]) -> set[str]:
-    """Start Blender's bake with these arguments, in the context's scene."""
-    result: set[str] = bpy.ops.patchnet.bake_beside_window("INVOKE_DEFAULT", OBJECT_OT_bake=arguments)
-    return result
 
 
 def register() -> None:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import bpy
 
-from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over, place_of_gloss
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over
 from .digest import Digest
 
 SURFACE, LIGHT = "surface", "light"
@@ -104,10 +104,6 @@ class SceneState:
                 named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
                 found.append(Change(steps, _text(named, "changed")))
         return found if found and self.identity() != now.identity() else []
-
-    def gloss_has_moved(self, scene: bpy.types.Scene) -> bool:
-        """Return whether gloss was baked for a camera's place, and the active camera is elsewhere now."""
-        return bool(self.gloss_from) and place_of_gloss(scene) != self.gloss_from
 
     def fits_layer(self, scene: bpy.types.Scene, layer: str) -> bool:
         """Return whether a view layer shows the same objects as the layer of this state."""

@@ -47,11 +47,6 @@ class CheckSettings:
     difference: float = 0.2
     whole_voxels: bool = False
 
-    @property
-    def compares_all_light(self) -> bool:
-        """Return whether the render has all light (if gloss is baked), not only diffuse light and emission."""
-        return self.job.light.is_baked and self.job.light.gloss != GLOSS_OFF
-
 
 _COVERAGE_RAYS = 8
 
@@ -126,7 +121,7 @@ def check_camera(
         steps = _look(replace(octree, leaf_box=None), camera, settings.rays)
         whole = yield from labelled(steps, "{}, whole voxels")
     halves = yield from render_halves(context, camera, settings.render_samples)
-    if settings.compares_all_light:
+    if settings.job.light.is_baked and settings.job.light.gloss != GLOSS_OFF:  # else diffuse light and emission
         halves = [replace(half, luminance=half.combined) for half in halves]
     exposure = octree.exposure
     report = _figures(mine, halves, exposure) | _noise_and_place(halves, exposure, camera)

@@ -86,12 +86,6 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
     return False
 
 
-def object_coordinates(run: Run) -> np.ndarray:
-    """Object coordinates (N, 3, 3) float32 at the corners of the triangles of a run."""
-    mesh = run.instances.mesh
-    return run.per_corner(mesh.vertices[mesh.triangles])
-
-
 def placed_values(run: Run) -> dict[str, np.ndarray]:
     """Values (N, 3, C) float32 of the placed objects of a run, by layer."""
     count = run.last - run.first

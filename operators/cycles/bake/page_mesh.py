@@ -12,7 +12,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
-from .object_data import OBJECT, object_coordinates, placed_values
+from .object_data import OBJECT, placed_values
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -134,7 +134,7 @@ def _part(
     size = charts.page_size[charts.page[triangles]][:, None]
     layers = {name: run.per_corner(values) for name, values in mesh.layers.items()} | placed_values(run)
     if coordinates:
-        layers[OBJECT] = object_coordinates(run)
+        layers[OBJECT] = run.per_corner(mesh.vertices[mesh.triangles])
     return PageTriangles(
         triangles=triangles,
         corners_world=corners[mask],
