@@ -22,7 +22,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, SettingE
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ..scene_access.overrides import changed, object_mode
+from ..scene_access.overrides import changed
 from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
 from ..scene_access.window_job import RENDER, as_job, window_is_alive
 
@@ -49,7 +49,6 @@ def prepared(
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
-        stack.enter_context(object_mode(context))
         stack.enter_context(new_render_results_go())
         scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
