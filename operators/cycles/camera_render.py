@@ -70,7 +70,16 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
         with prepared(context, camera, samples, seed, path) as (scene, layer):
             add_passes(layer)
             render(scene, path)
-        return _reference(read_exr(path))
+        channels = read_exr(path)
+    layers = _layers(channels)
+    return Reference(
+        luminance=luminance(baked_light(channels)),
+        combined=luminance(combined_light(channels)),
+        coverage=layers["Combined", "A"],
+        depth_world=layers["Depth", "Z"],
+        albedo=luminance(_color(layers, _COLOR)),
+        normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
+    )
 
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:
@@ -129,15 +138,3 @@ def _color(layers: dict[tuple[str, ...], np.ndarray], names: tuple[str, ...]) ->
     if name is None:
         raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")
     return np.stack([layers[name, channel] for channel in "RGB"], axis=-1)
-
-
-def _reference(channels: dict[str, np.ndarray]) -> Reference:
-    layers = _layers(channels)
-    return Reference(
-        luminance=luminance(baked_light(channels)),
-        combined=luminance(combined_light(channels)),
-        coverage=layers["Combined", "A"],
-        depth_world=layers["Depth", "Z"],
-        albedo=luminance(_color(layers, _COLOR)),
-        normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
-    )

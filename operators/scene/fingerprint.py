@@ -12,7 +12,6 @@ import numpy as np
 from ..scene_access.own import is_own
 from ..state.block_hashes import FILMS
 from ..state.digest import Digest, names
-from .local_mesh import LocalMesh
 from .scene_mesh import SceneMesh
 
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to
@@ -35,7 +34,16 @@ def surface_hash(source: SceneMesh) -> str:
     digest = Digest()
     digest.text(source.material_names, [sorted(links) for links in source.light_links])
     for part in source.parts:
-        _add_mesh(digest, part.mesh)
+        mesh = part.mesh
+        for name in ("vertices", "triangles", "slots"):
+            digest.array(name, getattr(mesh, name))
+        digest.array("normals", mesh.corner_normals(0, len(mesh)))
+        if mesh.origin:
+            digest.text(mesh.origin, mesh.uvs is not None, sorted(mesh.layers))
+        else:
+            digest.array("uvs", mesh.uvs)
+            for name, values in sorted(mesh.layers.items()):
+                digest.array(name, values)
         for name in ("matrices_world", "materials", "links"):
             digest.array(name, getattr(part, name))
         for name, values in part.values.items():
@@ -79,16 +87,3 @@ def cameras_hash(depsgraph: bpy.types.Depsgraph) -> str:
             digest.array("matrix", np.array(seen.matrix_world, np.float64))
             digest.block(seen.data)
     return digest.hexdigest()
-
-
-def _add_mesh(digest: Digest, mesh: LocalMesh) -> None:
-    """Add a mesh of the surface without its transforms."""
-    for name in ("vertices", "triangles", "slots"):
-        digest.array(name, getattr(mesh, name))
-    digest.array("normals", mesh.corner_normals(0, len(mesh)))
-    if mesh.origin:
-        digest.text(mesh.origin, mesh.uvs is not None, sorted(mesh.layers))
-    else:
-        digest.array("uvs", mesh.uvs)
-        for name, values in sorted(mesh.layers.items()):
-            digest.array(name, values)

@@ -247,11 +247,6 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
     return NumberTerm(0.0, color.factor[channel], color.texture, "RGB"[channel])
 
 
-def _light_path(values: NodeValues, output: Output) -> NumberTerm:
-    """Evaluate a light path node for camera rays."""
-    return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
-
-
 def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
     if output.node.data_type != "FLOAT":
         raise NotUnderstoodError(f"node '{output.node.name}'")
@@ -339,5 +334,5 @@ _NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "SEPRGB": _separated,
     "VERTEX_COLOR": _vertex_number,
     "ATTRIBUTE": _vertex_number,
-    "LIGHT_PATH": _light_path,
+    "LIGHT_PATH": lambda values, output: NumberTerm(float(output.socket.name == "Is Camera Ray")),
 }

@@ -149,7 +149,8 @@ def scene_state(
     None for all; selected: those that are selected now. keys: with keyframes, and not their present values alone.
     """
     begun = time.perf_counter()
-    view_layer = _layer(scene, layer or _present_layer(scene))
+    present = bpy.context.view_layer if bpy.context.scene == scene else None
+    view_layer = _layer(scene, layer or (present.name if present is not None else ""))
     found = _shown(scene, view_layer)
     if selected:
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
@@ -195,11 +196,6 @@ def _text(named: Named, verb: str) -> str:
 
 def _short(*texts: str) -> str:
     return hashlib.blake2b("|".join(texts).encode(), digest_size=16).hexdigest()
-
-
-def _present_layer(scene: bpy.types.Scene) -> str:
-    layer = bpy.context.view_layer
-    return str(layer.name) if layer is not None and bpy.context.scene == scene else ""
 
 
 def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:

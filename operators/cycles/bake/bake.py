@@ -37,7 +37,6 @@ from ...settings.groups import LightSettings
 from ...state.digest import Digest
 from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
-from .gloss_passes import place_of_view
 from .side_probe import black_views
 from .two_sided_surfaces import plan_sides
 
@@ -94,7 +93,9 @@ def bake_luminance(
     lift = lift_world(source, charts)
     plan = yield from plan_sides(context, source, cameras, light, lift)
     switches: tuple[object, ...] = (light.color, light.denoise, bakes_on_gpu(context, device), bool(light.daylight))
-    switches += light.gloss, place_of_view(context.scene, light), plan.facing.tobytes(), plan.is_behind.tobytes()
+    switches += light.gloss, plan.facing.tobytes(), plan.is_behind.tobytes()
+    if light.from_camera and context.scene.camera is not None:
+        switches += tuple(map(tuple, context.scene.camera.matrix_world))
     baker = Baker(context, source, charts, light, plan, seed=seed, device=device)
     key = "" if kept is None else bake_key(kept.state, source, charts, light.samples, seed, switches)
     sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)

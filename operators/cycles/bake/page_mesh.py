@@ -12,7 +12,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
-from .object_data import OBJECT, placed_values
+from .object_data import OBJECT
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -132,7 +132,10 @@ def _part(
     uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
     triangles = first + np.flatnonzero(mask)
     size = charts.page_size[charts.page[triangles]][:, None]
-    layers = {name: run.per_corner(values) for name, values in mesh.layers.items()} | placed_values(run)
+    layers = {name: run.per_corner(values) for name, values in mesh.layers.items()}
+    for name, values in run.instances.values.items():
+        of_triangle = np.repeat(values[run.lo : run.hi], run.last - run.first, axis=0)
+        layers[name] = np.repeat(of_triangle[:, None], 3, axis=1)
     if coordinates:
         layers[OBJECT] = run.per_corner(mesh.vertices[mesh.triangles])
     return PageTriangles(
