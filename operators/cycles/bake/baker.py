@@ -123,13 +123,12 @@ class Baker:
         A lamp may be inside, or normals may be flipped.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
+        from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         brightest = float(means.max(initial=0.0))
         number = np.unique(part.pieces, return_inverse=True)[1].reshape(-1)
-        area = np.linalg.norm(
-            np.cross(*(part.corners_world[:, [1, 2]] - part.corners_world[:, :1]).transpose(1, 0, 2)), axis=1
-        )
+        area, _ = triangle_areas_and_normals(part.corners_world)
         light, whole = np.bincount(number, area * means), np.bincount(number, area)
         return np.asarray(part.closed & (light <= _DARK_PIECE * brightest * whole)[number])
 

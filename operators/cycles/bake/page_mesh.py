@@ -123,9 +123,11 @@ def page_triangles(
 def _part(
     run: Run, mask: np.ndarray, first: int, charts: Charts, pieces: np.ndarray, coordinates: bool
 ) -> PageTriangles:
+    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
+
     corners, mesh = run.corners_world(), run.instances.mesh
-    flat = geometric_normals(corners)
-    mask = mask & flat.any(axis=1)
+    areas, flat = triangle_areas_and_normals(corners)
+    mask = mask & (areas > 0.0)
     normals = run.normals_world()
     if normals is None:
         normals = np.repeat(flat[:, None], 3, axis=1).astype(np.float32)
@@ -151,18 +153,13 @@ def _part(
     )
 
 
-def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
-    """Unit normals (N, 3) float64 of triangles (N, 3, 3); zero where there is no area."""
-    normals = np.cross(corners_world[:, 1] - corners_world[:, 0], corners_world[:, 2] - corners_world[:, 0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), 0.0)
-
-
 def fill_mesh(
     mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
 ) -> None:
     """Fill an empty mesh with these triangles, moved by `offset_world` along their normals."""
-    corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
+    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
+
+    corners = part.corners_world + triangle_areas_and_normals(part.corners_world)[1][:, None] * offset_world
     add_polygons(mesh, corners)
     for material in materials:
         mesh.materials.append(material)
