@@ -98,7 +98,7 @@ class InstanceReader:
         if key == "Index":
             return (float(number),)
         if key == "Random":
-            return (_hash(number, 0) / _MASK,)
+            return (_hash(number) / _MASK,)
         if key == "Age":
             return (0.0 if particle is None else self._frame - particle.birth_time,)
         value = getattr(particle, _PARTICLE[key], None)
@@ -183,13 +183,13 @@ def _object_random(instance: bpy.types.DepsgraphObjectInstance) -> float:
     value = 0
     for byte in instance.object.name.encode():  # polynomial hash with base 37
         value = (value * 37 + byte) & _MASK
-    return _hash(value, 0) / _MASK
+    return _hash(value) / _MASK
 
 
-def _hash(x: int, y: int) -> int:
-    """Hash two words by Bob Jenkins' lookup3."""
+def _hash(x: int) -> int:
+    """Hash two words, the second 0, by Bob Jenkins' lookup3."""
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & _MASK
-    a, b = (a + x) & _MASK, (b + y) & _MASK
+    a = (a + x) & _MASK
     c = ((c ^ b) - _rotated(b, 14)) & _MASK
     a = ((a ^ c) - _rotated(c, 11)) & _MASK
     b = ((b ^ a) - _rotated(a, 25)) & _MASK
