@@ -26,11 +26,12 @@ from ..pipeline.reports import is_inside, write_json
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
-from ..scene.fingerprint import cameras_hash, composed, surface_hash
+from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
+from ..state.digest import composed
 from ..state.scene_state import scene_state
 
 RECORD_NAME = "frame.json"

@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.stages import encode, load_network
-from ..scene.fingerprint import composed, has_films, lights_hash, surface_hash
+from ..scene.fingerprint import has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
@@ -33,6 +33,7 @@ from ..session.scene_result import SceneResult
 from ..session.scene_session import KeyedResult, in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
+from ..state.digest import composed
 
 # A bake for each place of the camera would take minutes a frame, and cannot run in a window.
 _GLOSS = (

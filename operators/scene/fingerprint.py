@@ -17,13 +17,6 @@ from .scene_mesh import SceneMesh
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to
 
 
-def composed(*parts: object) -> str:
-    """Key (32 hex digits) of hashes and other values."""
-    digest = Digest()
-    digest.text(*parts)
-    return digest.hexdigest()
-
-
 def has_films() -> bool:
     """Return whether any image in use is a movie or an image sequence."""
     return any(image.source in FILMS and image.users for image in bpy.data.images)

@@ -259,6 +259,13 @@ class Digest:
         self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
 
 
+def composed(*parts: object) -> str:
+    """Key (32 hex digits) of hashes and other values."""
+    digest = Digest()
+    digest.text(*parts)
+    return digest.hexdigest()
+
+
 def origin_of_corners(item: bpy.types.Object) -> str:
     """32 hex digits over the user's own mesh and the modifiers of an evaluated object; "" where values are steady.
 

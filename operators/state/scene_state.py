@@ -8,7 +8,6 @@ evaluated data, so that it is the same in each process that opens the same file.
 
 from __future__ import annotations
 
-import hashlib
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,7 +15,7 @@ from typing import NamedTuple
 import bpy
 
 from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over
-from .digest import Digest
+from .digest import composed
 
 SURFACE, LIGHT = "surface", "light"
 Named = tuple[str, str]  # word for a kind of data-block, and its name
@@ -86,14 +85,12 @@ class SceneState:
 
     def identity(self, *more: object) -> str:
         """32 hex digits over all of it and `more`; the same in each process."""
-        marks = {uid: _short(entry.main.text, entry.look.text) for uid, entry in self.entries.items()}
+        marks = {uid: composed(entry.main.text, entry.look.text) for uid, entry in self.entries.items()}
         near = {uid: (uid, *entry.main.references, *entry.look.references) for uid, entry in self.entries.items()}
         for _ in range(_NEIGHBOURS):
-            marks = {uid: _short(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
-        digest = Digest()
-        digest.text(sorted(marks.values()), sorted((marks[uid], repr(how)) for uid, how in self.shown.items()))
-        digest.text(self.layer, self.frame, *more)
-        return digest.hexdigest()
+            marks = {uid: composed(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
+        shown = sorted((marks[uid], repr(how)) for uid, how in self.shown.items())
+        return composed(sorted(marks.values()), shown, self.layer, self.frame, *more)
 
     def differences(self, now: SceneState, scene: bpy.types.Scene) -> list[Change]:
         """List later changes; none if all values are equal, even in other data-blocks."""
@@ -192,10 +189,6 @@ def _named(block: bpy.types.ID) -> Named | None:
 def _text(named: Named, verb: str) -> str:
     word, name = named
     return f"{word} '{name}' {verb}".lstrip() if name else f"{word} {verb}"
-
-
-def _short(*texts: str) -> str:
-    return hashlib.blake2b("|".join(texts).encode(), digest_size=16).hexdigest()
 
 
 def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:

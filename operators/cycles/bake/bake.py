@@ -28,13 +28,13 @@ from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
-from ...scene.fingerprint import composed, surface_hash
+from ...scene.fingerprint import surface_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
-from ...state.digest import Digest
+from ...state.digest import Digest, composed
 from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
 from .side_probe import black_views
