@@ -7,18 +7,16 @@ They are constant over an object, so they are read once per placement. The rules
 
 from __future__ import annotations
 
-import hashlib
 from typing import NamedTuple
 
 import bpy
 import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
-from ..state.digest import ATTRIBUTE_KINDS, values_of
+from ..state.digest import ATTRIBUTE_KINDS, composed, values_of
 from .layer_names import all_nodes
 
 _MASK = 0xFFFFFFFF
-_LONGEST = 60  # bytes of a layer's name that Blender 4.5 does not truncate
 _NO_ID = 2**31 - 1
 _OBJECT = frozenset({"Location", "Color", "Alpha", "Object Index", "Random"})
 _PARTICLE = {
@@ -36,11 +34,8 @@ class Asked(NamedTuple):
 
     @property
     def layer(self) -> str:
-        """Name of the layer of baked triangles that holds it."""
-        name = f"patchnet {self.kind} {self.key}"
-        if len(name.encode()) <= _LONGEST:
-            return name
-        return f"patchnet {hashlib.blake2b(name.encode(), digest_size=16).hexdigest()}"
+        """Name of the layer of baked triangles that holds it, hashed: Blender 4.5 truncates long ones."""
+        return f"patchnet {composed(self.kind, self.key)}"
 
 
 def asked_by(node: bpy.types.Node, output: str) -> Asked | None:
