@@ -53,8 +53,7 @@ def run(args: argparse.Namespace) -> int:
     import bpy
 
     from ..operators.pipeline.output_files import output_folder, scene_inputs
-    from ..operators.verify_light import verify_light
-    from ..operators.verify_light.check import check_files, save_check
+    from ..operators.verify_light import check_files, save_check, verify_light
     from ..patchnet_addon.runtime.outputs import check_outputs
     from ..patchnet_addon.runtime.progress import drain
     from .shared.progress_bars import ProgressBars

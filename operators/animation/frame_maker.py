@@ -23,10 +23,13 @@ from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_in
 from ..pipeline.run import JobResult, run_job, write_result
 from ..pipeline.stages import choose_grid, load_network
 from ..scene.cameras import camera_name, looking_cameras
-from ..scene.fingerprint import SceneFingerprint, composed
+from ..scene.fingerprint import cameras_hash, surface_hash
+from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
+from ..state.digest import composed
+from ..state.scene_state import scene_state
 
 RECORD_NAME = "frame.json"
 # Modules that make results; their imports count, too.
@@ -69,12 +72,13 @@ def read_record(folder: Path) -> FrameRecord | None:
 def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
     """32 hex digits over settings and all of the scene, as it is at its present frame, that a frame's files depend on.
 
-    Unsaved changes count; changes of other frames and the machine do not. It has the limits of the fingerprint. Raises
+    Unsaved changes count; changes of other frames and the machine do not, nor do simulations that are not baked. Raises
     as `read_scene` does.
     """
-    surface = SceneFingerprint(context.evaluated_depsgraph_get()).surface(scope)
-    scene = SceneFingerprint(context.evaluated_depsgraph_get())  # reading may have evaluated it again
-    return composed(code_hash(), bpy.app.version_string, settings, surface, scene.scene(), scene.cameras())
+    surface = surface_hash(read_scene(context.evaluated_depsgraph_get(), scope))
+    state = scene_state(context.scene, keys=False).identity(context.scene.frame_current)
+    cameras = cameras_hash(context.evaluated_depsgraph_get())  # reading may have evaluated it again
+    return composed(code_hash(), bpy.app.version_string, settings, surface, state, cameras)
 
 
 @cache

@@ -93,7 +93,7 @@ def background(
 
     Black with a warning without Cycles.
     """
-    if is_transparent(choice, depsgraph.scene):
+    if choice == TRANSPARENT or (choice == AUTO and depsgraph.scene.render.film_transparent):
         return Background(None)
     if choice == BLACK_BACKGROUND:
         return BLACK_GROUND
@@ -104,8 +104,3 @@ def background(
         return Background((yield from world_view(seen.world.original, seen.frame, camera, SAMPLES)))
     except SceneError as error:
         return Background(BLACK, (_UNSEEN.format(error),))
-
-
-def is_transparent(choice: str, scene: bpy.types.Scene) -> bool:
-    """Return whether the background is transparent, by the setting `choice` or the scene's Film."""
-    return choice == TRANSPARENT or (choice == AUTO and bool(scene.render.film_transparent))

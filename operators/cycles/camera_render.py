@@ -8,6 +8,7 @@ are read from a multi-layer EXR, which neither the compositor nor view settings 
 from __future__ import annotations
 
 import tempfile
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,20 +20,19 @@ from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
-from .daylight import light_of_bake
+from .daylight import daylight, has_light
 from .scene_copy import prepared, render
 
 
-def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[tuple[Reference, Reference]]:
+def render_halves(context: bpy.types.Context, camera: Camera, samples: int) -> Steps[list[Reference]]:
     """Two renders of half the samples each, in the light of the bake; raises SceneError as `render_reference`."""
-    yield Progress(0, 2, "Cycles")
-    with light_of_bake(context):
-        first = render_reference(context, camera, samples // 2, 1)
-    yield Progress(1, 2, "Cycles")
-    with light_of_bake(context):
-        second = render_reference(context, camera, samples // 2, 2)
-    yield Progress(2, 2, "Cycles")
-    return first, second
+    halves: list[Reference] = []
+    for seed in (1, 2):
+        yield Progress(len(halves), 2, "Cycles")
+        lit = has_light(context.evaluated_depsgraph_get())
+        with nullcontext() if lit else daylight(context.scene):
+            halves.append(render_reference(context, camera, samples // 2, seed))
+    return halves
 
 
 _PASSES = (
@@ -70,7 +70,16 @@ def render_reference(context: bpy.types.Context, camera: Camera, samples: int, s
         with prepared(context, camera, samples, seed, path) as (scene, layer):
             add_passes(layer)
             render(scene, path)
-        return _reference(read_exr(path))
+        channels = read_exr(path)
+    layers = _layers(channels)
+    return Reference(
+        luminance=luminance(baked_light(channels)),
+        combined=luminance(combined_light(channels)),
+        coverage=layers["Combined", "A"],
+        depth_world=layers["Depth", "Z"],
+        albedo=luminance(_color(layers, _COLOR)),
+        normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
+    )
 
 
 def add_passes(layer: bpy.types.ViewLayer) -> None:
@@ -129,15 +138,3 @@ def _color(layers: dict[tuple[str, ...], np.ndarray], names: tuple[str, ...]) ->
     if name is None:
         raise SceneError(f"Cycles rendered no pass {names[0]}: the view layer may belong to another engine")
     return np.stack([layers[name, channel] for channel in "RGB"], axis=-1)
-
-
-def _reference(channels: dict[str, np.ndarray]) -> Reference:
-    layers = _layers(channels)
-    return Reference(
-        luminance=luminance(baked_light(channels)),
-        combined=luminance(combined_light(channels)),
-        coverage=layers["Combined", "A"],
-        depth_world=layers["Depth", "Z"],
-        albedo=luminance(_color(layers, _COLOR)),
-        normal=np.stack([layers["Normal", axis] for axis in "XYZ"], axis=-1),
-    )

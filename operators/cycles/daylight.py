@@ -36,16 +36,6 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
     return any(emits(material) for material in materials if not is_own(material))
 
 
-@contextmanager
-def light_of_bake(context: bpy.types.Context) -> Iterator[None]:
-    """Light of the bake within the block: that of the scene, or daylight if it has none."""
-    if has_light(context.evaluated_depsgraph_get()):
-        yield
-        return
-    with daylight(context.scene):
-        yield
-
-
 def _world_shines(world: bpy.types.World | None) -> bool:
     if world is None:
         return False
@@ -92,15 +82,11 @@ def daylight(scene: bpy.types.Scene) -> Iterator[None]:
         lamp.energy, lamp.angle = SUN_STRENGTH, SUN_ANGLE
         sun.rotation_euler = Euler(SUN_ROTATION)
         scene.collection.objects.link(sun)
-        _fill_sky(sky)
+        tree = start_nodes(sky)
+        tree.nodes.clear()
+        background = tree.nodes.new("ShaderNodeBackground")
+        background.inputs["Color"].default_value = (*SKY_COLOR, 1.0)
+        background.inputs["Strength"].default_value = SKY_STRENGTH
+        tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])
         with changed(scene, world=sky):
             yield
-
-
-def _fill_sky(sky: bpy.types.World) -> None:
-    tree = start_nodes(sky)
-    tree.nodes.clear()
-    background = tree.nodes.new("ShaderNodeBackground")
-    background.inputs["Color"].default_value = (*SKY_COLOR, 1.0)
-    background.inputs["Strength"].default_value = SKY_STRENGTH
-    tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])

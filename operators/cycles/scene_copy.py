@@ -22,9 +22,9 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, SettingE
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from ..scene_access.overrides import changed, object_mode
+from ..scene_access.overrides import changed
 from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
-from ..scene_access.window_job import RENDER, as_job, window_is_alive
+from ..scene_access.window_job import CANCEL, RENDER, as_job, window_is_alive
 
 # Exactly the given number of paths, without clamping; bounces and light stay the user's.
 UNBIASED: dict[str, Any] = {
@@ -49,14 +49,15 @@ def prepared(
     if not hasattr(context.scene, "cycles"):
         raise SceneError("The Cycles render engine is disabled: enable its add-on")
     with ExitStack() as stack:
-        stack.enter_context(object_mode(context))
         stack.enter_context(new_render_results_go())
         scene = stack.enter_context(scene_copy(context.scene))
         _set_up(scene, camera, samples, seed, path)
         size = camera.width_px, camera.height_px
         if size != (scene.render.resolution_x, scene.render.resolution_y):
             raise SettingError(f"Blender renders no picture of {size[0]} x {size[1]} pixels: take sides of 4 to 65,536")
-        stack.enter_context(_lamps_unseen(scene))
+        for item in scene.objects:
+            if item.type == "LIGHT":  # no surface, and not in the octree
+                stack.enter_context(changed(item, visible_camera=False))
         stack.enter_context(looking_through(scene, camera))
         layer = scene.view_layers[context.view_layer.name]
         layer.samples = 0  # the scene's
@@ -115,16 +116,6 @@ def _set_up(scene: bpy.types.Scene, camera: Camera, samples: int, seed: int, pat
 
 
 @contextmanager
-def _lamps_unseen(scene: bpy.types.Scene) -> Iterator[None]:
-    """Hide lamps from the camera: they are no surface, and not in the octree."""
-    with ExitStack() as stack:
-        for item in scene.objects:
-            if item.type == "LIGHT":
-                stack.enter_context(changed(item, visible_camera=False))
-        yield
-
-
-@contextmanager
 def looking_through(scene: bpy.types.Scene, camera: Camera) -> Iterator[None]:
     """Give `scene` a camera with the view of `camera`, without depth of field, within the block."""
     with (
@@ -170,18 +161,18 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
     if not window_is_alive():
         return render(scene, path)
     path.unlink(missing_ok=True)
-    status = _Status()
+    status, begun = _Status(), time.perf_counter()
     bpy.app.handlers.render_stats.append(status.hear)
     try:
-        end = yield from as_job(RENDER, scene, lambda: _invoked(scene), lambda: at(status.done))
+        ended = yield from as_job(RENDER, scene, lambda: _invoked(scene), lambda: at(status.done))
     finally:
         if status.hear in bpy.app.handlers.render_stats:  # opening another file removes it
             bpy.app.handlers.render_stats.remove(status.hear)
-    if end.cancelled:
+    if CANCEL in ended:
         raise StoppedError("The render was stopped")
     status.check_finished()
     _check_written(path)
-    return end.seconds
+    return max(ended.values(), default=time.perf_counter()) - begun
 
 
 class _Status:
@@ -213,18 +204,12 @@ class _Status:
 
 
 def _invoked(scene: bpy.types.Scene) -> None:
-    with _no_view():
-        _called(scene, "INVOKE_DEFAULT")
-
-
-@contextmanager
-def _no_view() -> Iterator[None]:
-    """Prevent the render from opening an editor or window, which Blender does only while the job starts."""
+    """Start the render without an editor or window, which Blender would open only while the job starts."""
     preferences = bpy.context.preferences
     was_dirty = preferences.is_dirty
     try:
         with changed(preferences.view, render_display_type="NONE"):
-            yield
+            _called(scene, "INVOKE_DEFAULT")
     finally:
         preferences.is_dirty = was_dirty
 

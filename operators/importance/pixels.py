@@ -8,7 +8,6 @@ with the octree. Where a voxel holds painted and other surfaces, the painted one
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from ...patchnet_addon.sampling.importance import PixelRect, beside_hits, pictur
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.surface.chroma import REC709
 from ..scene.render_geometry import render_geometry, shown_instances, shows_mesh
+from ..state.digest import Digest
 from .painted import Importance
 
 _LABEL = "Looking up importance"
@@ -110,16 +110,15 @@ def importance_key(importance: Importance | None) -> str:
     """Hash of painted importance: a frame made with other strokes is outdated."""
     if importance is None:
         return ""
-    digest = hashlib.blake2b(digest_size=16)
+    digest = Digest()
     if importance.vertex_group:
         for item in bpy.data.objects:
             if isinstance(item.data, bpy.types.Mesh) and importance.vertex_group in item.vertex_groups:
-                digest.update(item.name_full.encode())
-                digest.update(group_weights(item, item.data, importance.vertex_group).data)
+                digest.array(item.name_full, group_weights(item, item.data, importance.vertex_group))
     else:
         file = importance.file
         values = painted_image(importance.image) if file is None else painted_file(file)
-        digest.update(repr(values.shape).encode() + np.ascontiguousarray(values, np.float32).data)
+        digest.array("picture", values)
     return digest.hexdigest()
 
 

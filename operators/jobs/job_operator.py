@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -136,7 +136,7 @@ class JobOperator(OperatorBase):
         if self.uses_kernels:
             self._steps = _after_compiling(self._steps)
         self._scene, self._layer = context.scene, context.view_layer
-        self._watch = job_watch.begin(context.scene)
+        job_watch.begin(context.scene)
         JobOperator.running, JobOperator.fraction, JobOperator.in_window = self.bl_label, 0.0, self
         JobOperator.step = self.bl_label
         self._display.begin(context)
@@ -203,14 +203,13 @@ class JobOperator(OperatorBase):
             return
         deadline = time.perf_counter() + SLICE_S
         while not self._outcome:
-            with ExitStack() as stack:
-                stack.enter_context(job_watch.watching(self._watch))
-                try:
-                    stack.enter_context(self._in_scene(context))
-                except ReferenceError:
-                    self.cancel(context)
-                    tell(self, "ERROR", _GONE)
-                    return
+            try:
+                place = self._in_scene(context)
+            except ReferenceError:
+                self.cancel(context)
+                tell(self, "ERROR", _GONE)
+                return
+            with place:
                 self._pull(alive=True)
             if self._display.progress.waiting or time.perf_counter() >= deadline:
                 return
@@ -263,7 +262,7 @@ class JobOperator(OperatorBase):
         if JobOperator.in_window is not self:
             return
         JobOperator.running, JobOperator.in_window = "", None
-        job_watch.end(self._watch)
+        job_watch.end()
         context.window_manager.event_timer_remove(self._timer)
         self._display.end(context)
         give_back()

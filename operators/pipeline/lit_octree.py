@@ -169,6 +169,7 @@ def light_octree(
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError."""
     from ...patchnet_addon.surface.shading import bisected_shade
+    from ..cycles.bake import KeptPages
 
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     assumed: tuple[str, ...] = ()
@@ -176,7 +177,8 @@ def light_octree(
     facing: np.ndarray | None = None
     with overrides.baking():
         if surface.is_baked:
-            baking = baked(context, source, choice, settings, clock, kept=kept, depsgraph=overrides.depsgraph)
+            pages = None if kept is None else KeptPages(kept, surface.state.identity(context.scene.frame_subframe))
+            baking = baked(context, source, choice, settings, clock, kept=pages, depsgraph=overrides.depsgraph)
             shade, facing, assumed, notes = yield from baking
         else:
             with clock.stage("light"):

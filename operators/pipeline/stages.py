@@ -33,8 +33,8 @@ from ..settings.job_settings import JobSettings
 from .reports import versions
 
 if TYPE_CHECKING:  # needed only when an octree is built
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ..cycles.bake import KeptPages
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
 _OWN_ENCODER = "built-in kernels on the CPU"
@@ -134,7 +134,7 @@ def baked(
     settings: JobSettings,
     clock: StageClock,
     *,
-    kept: BakePageCache | None = None,
+    kept: KeptPages | None = None,
     depsgraph: bpy.types.Depsgraph | None = None,
 ) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
     """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and entries of the octree's file.
@@ -145,7 +145,7 @@ def baked(
     from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
     from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
     from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..cycles.bake import KeptPages, bake_luminance
+    from ..cycles.bake import bake_luminance
 
     coarse, light = light_warnings(source, choice.grid), settings.light
     graph = depsgraph or context.evaluated_depsgraph_get()
@@ -156,10 +156,9 @@ def baked(
             lambda: texel_sizes(source, choice.grid, choice.layout, light.texel_voxels),
             Progress(0, 1, "Measuring the surface"),
         )
-        pages = None if kept is None else KeptPages.of(kept, graph)
         device = settings.compute.device
         atlas = yield from bake_luminance(
-            context, source, texel_world, light, device=device, kept=pages, cameras=choice.cameras
+            context, source, texel_world, light, device=device, kept=kept, cameras=choice.cameras
         )
     with clock.stage("denoise"):
         if light.denoise:

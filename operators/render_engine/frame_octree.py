@@ -21,7 +21,8 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.stages import encode, load_network
-from ..scene.fingerprint import SceneFingerprint, composed, has_films
+from ..scene.fingerprint import has_films, lights_hash, surface_hash
+from ..scene.read import read_scene
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
@@ -32,7 +33,7 @@ from ..session.scene_result import SceneResult
 from ..session.scene_session import KeyedResult, in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
-from ..state.block_hashes import MOVES_BY_ITSELF
+from ..state.digest import composed
 
 # A bake for each place of the camera would take minutes a frame, and cannot run in a window.
 _GLOSS = (
@@ -45,7 +46,6 @@ _LAYER = (
 )
 _AS_IT_WAS = "Until then, outdated voxels are shown"
 _BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
-_STILL = (bpy.types.Camera, bpy.types.Scene)  # their animation changes no surface
 
 
 def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
@@ -53,29 +53,11 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
 
     Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
     """
-    values, scene = settings.flat(), SceneFingerprint(depsgraph)
+    values = settings.flat()
     scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
-    parts = [*(scene.surface(scope) for scope in scopes), scene.lights()]
+    parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
     frame = depsgraph.scene.frame_current_final if has_films() else None
     return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
-
-
-def may_change(scene: bpy.types.Scene) -> bool:
-    """Return whether anything but a camera moves, with or without keys; else all frames share a surface."""
-    kinds = {modifier.type for item in scene.objects for modifier in item.modifiers}
-    if has_films() or scene.rigidbody_world is not None or kinds & MOVES_BY_ITSELF:
-        return True
-    found = (getattr(bpy.data, name) for name in dir(bpy.data))
-    collections = (blocks for blocks in found if isinstance(blocks, bpy.types.bpy_prop_collection))
-    return any(_is_animated(block) for blocks in collections for block in blocks)
-
-
-def _is_animated(block: bpy.types.ID) -> bool:
-    if isinstance(block, _STILL) or (isinstance(block, bpy.types.Object) and block.type == "CAMERA"):
-        return False
-    owners = (block, getattr(block, "node_tree", None), getattr(block, "shape_keys", None))
-    found = [data for owner in owners if (data := getattr(owner, "animation_data", None)) is not None]
-    return any(data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0 for data in found)
 
 
 def octree_of_frame(
@@ -139,7 +121,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         else:
             frame.warn(_LAYER.format(own=state.layer, other=layer))
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
-    if kept is not None and ((here and not frame.animation) or not may_change(scene)):
+    if kept is not None and ((here and not frame.animation) or (state is not None and state.frame is None)):
         return kept
     key = ""
     # Without a key no later frame can be compared.

@@ -51,8 +51,11 @@ def missing_libraries() -> list[str]:
 def missing_files(materials: Iterable[bpy.types.Material], world: bpy.types.World | None) -> list[str]:
     """Sentences about missing libraries, images of these materials and of the world, and caches."""
     users: dict[str, list[str]] = {}
-    for user, tree in _trees(materials, world):
-        for path in _missing_images(tree):
+    trees = [(f"material '{material.name}'", tree_in_use(material)) for material in materials]
+    if world is not None:
+        trees.append((f"world '{world.name}'", world.node_tree))
+    for user, tree in trees:
+        for path in _missing_images(tree) if tree is not None else ():
             users.setdefault(path, []).append(user)
     said = missing_libraries()
     if users:
@@ -66,33 +69,16 @@ def missing_files(materials: Iterable[bpy.types.Material], world: bpy.types.Worl
     return said
 
 
-def _trees(
-    materials: Iterable[bpy.types.Material], world: bpy.types.World | None
-) -> Iterator[tuple[str, bpy.types.NodeTree]]:
-    """List node trees, each with its owner in words."""
-    for material in materials:
-        if (tree := tree_in_use(material)) is not None:
-            yield f"material '{material.name}'", tree
-    if world is not None and world.node_tree is not None:
-        yield f"world '{world.name}'", world.node_tree
-
-
 def _missing_images(tree: bpy.types.NodeTree) -> Iterator[str]:
     """Paths of missing image files of a tree."""
     for node in all_nodes(tree):
         image = getattr(node, "image", None)
         if image is None or image.source not in _FROM_FILES or image.packed_files or image.is_dirty:
             continue
-        for name in _files_of(image):
+        tiles = image.tiles if image.source == "TILED" else ()
+        for name in [image.filepath.replace("<UDIM>", str(tile.number)) for tile in tiles] or [image.filepath]:
             if name and not os.path.exists(path := _path(name, image.library)):
                 yield path
-
-
-def _files_of(image: bpy.types.Image) -> list[str]:
-    """Files of an image."""
-    if image.source == "TILED":
-        return [image.filepath.replace("<UDIM>", str(tile.number)) for tile in image.tiles]
-    return [image.filepath]
 
 
 def _path(name: str, library: bpy.types.Library | None) -> str:

@@ -7,18 +7,16 @@ They are constant over an object, so they are read once per placement. The rules
 
 from __future__ import annotations
 
-import hashlib
 from typing import NamedTuple
 
 import bpy
 import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
-from ..state.digest import ATTRIBUTE_KINDS, values_of
+from ..state.digest import ATTRIBUTE_KINDS, composed, values_of
 from .layer_names import all_nodes
 
 _MASK = 0xFFFFFFFF
-_LONGEST = 60  # bytes of a layer's name that Blender 4.5 does not truncate
 _NO_ID = 2**31 - 1
 _OBJECT = frozenset({"Location", "Color", "Alpha", "Object Index", "Random"})
 _PARTICLE = {
@@ -36,11 +34,8 @@ class Asked(NamedTuple):
 
     @property
     def layer(self) -> str:
-        """Name of the layer of baked triangles that holds it."""
-        name = f"patchnet {self.kind} {self.key}"
-        if len(name.encode()) <= _LONGEST:
-            return name
-        return f"patchnet {hashlib.blake2b(name.encode(), digest_size=16).hexdigest()}"
+        """Name of the layer of baked triangles that holds it, hashed: Blender 4.5 truncates long ones."""
+        return f"patchnet {composed(self.kind, self.key)}"
 
 
 def asked_by(node: bpy.types.Node, output: str) -> Asked | None:
@@ -98,7 +93,7 @@ class InstanceReader:
         if key == "Index":
             return (float(number),)
         if key == "Random":
-            return (_hash(number, 0) / _MASK,)
+            return (_hash(number) / _MASK,)
         if key == "Age":
             return (0.0 if particle is None else self._frame - particle.birth_time,)
         value = getattr(particle, _PARTICLE[key], None)
@@ -183,13 +178,13 @@ def _object_random(instance: bpy.types.DepsgraphObjectInstance) -> float:
     value = 0
     for byte in instance.object.name.encode():  # polynomial hash with base 37
         value = (value * 37 + byte) & _MASK
-    return _hash(value, 0) / _MASK
+    return _hash(value) / _MASK
 
 
-def _hash(x: int, y: int) -> int:
-    """Hash two words by Bob Jenkins' lookup3."""
+def _hash(x: int) -> int:
+    """Hash two words, the second 0, by Bob Jenkins' lookup3."""
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & _MASK
-    a, b = (a + x) & _MASK, (b + y) & _MASK
+    a = (a + x) & _MASK
     c = ((c ^ b) - _rotated(b, 14)) & _MASK
     a = ((a ^ c) - _rotated(c, 11)) & _MASK
     b = ((b ^ a) - _rotated(a, 25)) & _MASK

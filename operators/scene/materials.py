@@ -12,6 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.surface.mesh import Material, Texture
 from ..scene_access.blender_version import tree_in_use
+from .gloss import DIFFUSE, Gloss, gloss_of
 from .images import ImageReader
 from .node_terms import ColorTerm, Input, NotUnderstoodError, NumberTerm, Output, Rgb, TextureUse, source
 from .node_values import NodeValues
@@ -32,10 +33,11 @@ class _Surface:
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
     emission: Rgb = _BLACK
     transparent: bool = False
+    gloss: Gloss = Gloss()  # noqa: RUF009
 
 
 class MaterialReading(NamedTuple):
-    """Material, and one sentence each on simplifications of its shape and opacity, and of its colours.
+    """Material, and one sentence each on simplifications of its shape and opacity, and of its colours; its gloss.
 
     A bake takes its colours from Cycles, so `color_note` is for surfaces shown in their own colour.
     """
@@ -43,6 +45,7 @@ class MaterialReading(NamedTuple):
     material: Material
     note: str | None = None
     color_note: str | None = None
+    gloss: Gloss = Gloss()
 
 
 def read_material(material: bpy.types.Material, images: ImageReader) -> MaterialReading:
@@ -55,7 +58,7 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
     tree = tree_in_use(material)
     if tree is None:
         r, g, b, _ = material.diffuse_color  # its alpha is for viewports
-        return MaterialReading(Material(name, base_color=(r, g, b)))
+        return MaterialReading(Material(name, base_color=(r, g, b)), gloss=DIFFUSE)
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None:
         note = f"Material '{name}' is black, as in Cycles: no Material Output has Target Cycles or All"
@@ -70,7 +73,8 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
             walk.values.notes.append("its displacement is left out, unlike that of a Displace modifier")
     result = _material(name, surface, walk.colors)
-    return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes))
+    gloss = replace(surface.gloss, shines=max(surface.emission) > 0.0)
+    return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes), gloss)
 
 
 def _simplified(name: str, notes: list[str]) -> str | None:
@@ -138,17 +142,23 @@ def _texture(use: TextureUse, pixels: np.ndarray, images: ImageReader) -> Textur
 class _Walk:
     """Walk along shaders from the material's output towards the BSDFs.
 
-    values: evaluates opacity and mix factors of shaders. colors: base colour and emission. Each has its own notes.
+    values: evaluates opacity and mix factors of shaders. colors: base colour and emission. Each has its own notes,
+    gloss has none.
     """
 
     def __init__(self, images: ImageReader) -> None:
-        self.values, self.colors = NodeValues(images), NodeValues(images)
+        self.values, self.colors, self._silent = NodeValues(images), NodeValues(images), NodeValues(images)
 
     def surface(self, at: Input) -> _Surface:
         """Evaluate the surface of a shader input; unlinked it is black."""
         found = source(at)
         if isinstance(found, Input):
             return _Surface()
+        if found.node.type in ("MIX_SHADER", "ADD_SHADER"):
+            return self._mix(found) if found.node.type == "MIX_SHADER" else self._add(found)
+        return replace(self._shader(found), gloss=gloss_of(found, self._silent))
+
+    def _shader(self, found: Output) -> _Surface:
         node = found.node
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(found)
@@ -156,10 +166,6 @@ class _Walk:
             return _Surface(emission=self._emission(found, "Color", "Strength"))
         if node.type in ("BSDF_TRANSPARENT", "HOLDOUT"):
             return _Surface(alpha=NumberTerm(0.0), transparent=True)
-        if node.type == "MIX_SHADER":
-            return self._mix(found)
-        if node.type == "ADD_SHADER":
-            return self._add(self.surface(found.input(0)), self.surface(found.input(1)))
         if "Color" in node.inputs:  # diffuse, glossy, sheen, translucent, glass, ...
             return _Surface(base=self._base(found.input("Color")))
         if "Base Color" in node.inputs:
@@ -200,6 +206,10 @@ class _Walk:
     def _mix(self, output: Output) -> _Surface:
         factor = self._number(self.values, output.input(0), "shader mix", 0.5)
         first, second = self.surface(output.input(1)), self.surface(output.input(2))
+        weight = min(max(factor.offset + 0.5 * factor.scale * (not factor.constant), 0.0), 1.0)
+        return replace(self._mixed(first, second, factor), gloss=first.gloss.mixed(second.gloss, weight))
+
+    def _mixed(self, first: _Surface, second: _Surface, factor: NumberTerm) -> _Surface:
         if factor.constant and factor.offset <= 0.0:
             return first
         if factor.constant and factor.offset >= 1.0:
@@ -239,13 +249,16 @@ class _Walk:
                 self.colors.notes.append("the mixed shader of the smaller weight is left out")
         return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
 
-    def _add(self, first: _Surface, second: _Surface) -> _Surface:
+    def _add(self, output: Output) -> _Surface:
         """Add two surfaces, each with weight 1."""
+        first, second = self.surface(output.input(0)), self.surface(output.input(1))
+        half = first.gloss.mixed(second.gloss, 0.5)
+        gloss = Gloss(2.0 * half.diffuse, 2.0 * half.glossy, 2.0 * half.clear, half.roughness)
         r, g, b = (a + c for a, c in zip(first.emission, second.emission, strict=True))
         if first.transparent:
-            return replace(second, emission=(r, g, b))
+            return replace(second, emission=(r, g, b), gloss=gloss)
         if second.transparent:
-            return replace(first, emission=(r, g, b))
+            return replace(first, emission=(r, g, b), gloss=gloss)
         lesser, base = (first, second.base) if first.base.factor == _BLACK else (second, first.base)
         if lesser.base.factor != _BLACK:
             if lesser.base.texture is None and base.texture is None:
@@ -253,7 +266,7 @@ class _Walk:
                 base = ColorTerm((x, y, z))
             else:
                 self.colors.notes.append("one of its added shaders is left out")
-        return replace(first, base=base, emission=(r, g, b))
+        return replace(first, base=base, emission=(r, g, b), gloss=gloss)
 
 
 def _understood(values: NodeValues, read: Callable[[], _Term], what: str, default: _Term) -> _Term:

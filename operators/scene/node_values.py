@@ -100,8 +100,6 @@ def _uv_transform(at: Input) -> tuple[Transform | None, str]:
             matrix = matrix @ np.vstack([inner, [0, 0, 1]])
         (a, b, c), (d, e, f) = matrix[:2]
         return ((float(a), float(b), float(c)), (float(d), float(e), float(f))), uv_map
-    if _repeats_along_one_axis(found):
-        raise NotUnderstoodError(f"an image that repeats along one axis alone (node '{node.name}')")
     if not getattr(node, "from_instancer", False):
         if node.type == "TEX_COORD" and found.socket.name == "UV":
             return None, ""
@@ -110,17 +108,6 @@ def _uv_transform(at: Input) -> tuple[Transform | None, str]:
     if node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY" and found.socket.name in ("Vector", "Color"):
         return None, node.attribute_name
     raise NotUnderstoodError(f"texture coordinates from node '{node.name}'")
-
-
-def _repeats_along_one_axis(output: Output) -> bool:
-    """Return whether the coordinates are those of the glTF importer for axes with different wrap modes."""
-    if output.node.type != "COMBXYZ":
-        return False
-    axes = [source(output.input(name)) for name in ("X", "Y")]
-    return any(
-        isinstance(axis, Output) and axis.node.type == "MATH" and axis.node.operation in ("WRAP", "PINGPONG")
-        for axis in axes
-    )
 
 
 def _mapping_matrix(output: Output) -> np.ndarray:
@@ -260,11 +247,6 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
     return NumberTerm(0.0, color.factor[channel], color.texture, "RGB"[channel])
 
 
-def _light_path(values: NodeValues, output: Output) -> NumberTerm:
-    """Evaluate a light path node for camera rays."""
-    return NumberTerm(1.0 if output.socket.name == "Is Camera Ray" else 0.0)
-
-
 def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
     if output.node.data_type != "FLOAT":
         raise NotUnderstoodError(f"node '{output.node.name}'")
@@ -352,5 +334,5 @@ _NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "SEPRGB": _separated,
     "VERTEX_COLOR": _vertex_number,
     "ATTRIBUTE": _vertex_number,
-    "LIGHT_PATH": _light_path,
+    "LIGHT_PATH": lambda values, output: NumberTerm(float(output.socket.name == "Is Camera Ray")),
 }

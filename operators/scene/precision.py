@@ -70,13 +70,13 @@ def light_warnings(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
 
 def _farthest(source: SceneMesh) -> tuple[float, str]:
     """Return the largest coordinate of any axis, and its object."""
-    names, boxes = _boxes(source)
-    return float(np.abs(source.bounds_world).max()), names[int(np.abs(boxes).max(axis=(1, 2)).argmax())]
+    reaches = np.abs(source.boxes_world).max(axis=(1, 2))
+    return float(reaches.max()), source.object_names[int(reaches.argmax())]
 
 
 def _lonely(source: SceneMesh, grid: Grid) -> tuple[str, ...]:
     """Warn if one object is so far away that all others together span at most two voxels."""
-    names, boxes = _boxes(source)
+    names, boxes = source.object_names, source.boxes_world
     if len(names) < 2:
         return ()
     centres = boxes.mean(axis=1)
@@ -110,18 +110,3 @@ def thin_warnings(source: SceneMesh, grid: Grid, cameras: Sequence[Camera]) -> t
         f"Hair or points of {named_list(names)} are thinner than a voxel or pixel and look too wide: "
         "choose finer voxels or a larger Picture Size, or Refine with Cycles",
     )
-
-
-def _boxes(source: SceneMesh) -> tuple[list[str], np.ndarray]:
-    """Names (N) of placed objects and boxes (N, 2, 3) of their placed meshes in world units."""
-    names: list[str] = []
-    boxes = []
-    for part in source.parts:
-        vertices = part.mesh.vertices.astype(np.float64)
-        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        half = vertices.max(axis=0) - middle
-        linear = part.matrices_world[:, :3, :3]
-        centre, reach = linear @ middle + part.matrices_world[:, :3, 3], np.abs(linear) @ half
-        names += part.objects
-        boxes.append(np.stack([centre - reach, centre + reach], axis=1))
-    return names, np.concatenate(boxes)

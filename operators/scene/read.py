@@ -10,13 +10,13 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
+from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
 from .files import missing_files, missing_libraries
-from .gloss import Gloss, read_gloss
+from .gloss import DIFFUSE
 from .images import ImageReader
 from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
@@ -41,8 +41,6 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
     a surface, GeometryError if the surface has no area or coordinates that are not finite.
     """
-    if scope not in _NOTHING:
-        raise SettingError(f"There is no scope {scope!r}: choose {SELECTED} or {VISIBLE}")
     layer = depsgraph.view_layer
     reader = _Reader(depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid)
     with render_geometry(depsgraph):
@@ -54,24 +52,21 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
         notes.append(f"View layer '{layer.name}' shows no Surfaces: meshes have no voxels, but still shadow hair")
     if not parts:
         raise EmptySelectionError(". ".join([_NOTHING[scope], *notes, *missing_libraries()]))
-    readings, gloss = reader.materials()
+    readings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
-    warnings += _partly_transparent([reading.material for reading in readings])
+    if partly := [each.material.name for each in readings if is_partly_transparent(each.material)]:
+        what = "partly transparent: solid where at least half opaque, left out elsewhere; Refine with Cycles shows it"
+        warnings.append(f"{subject('Material', partly)} {what}")
     warnings += notes + _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
-    warnings += _not_found(reader.instance_reader.unknown)
+    if unknown := named_list(sorted(reader.instance_reader.unknown)):
+        warnings.append(f"Materials read attribute {unknown}, which no object or instance has: it counts as 0")
     warnings += [reading.note for reading in readings if reading.note]
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
+    gloss = tuple(reading.gloss for reading in readings)
     return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
-
-
-def _partly_transparent(materials: Sequence[Material]) -> list[str]:
-    """Sentence about materials that are partly transparent."""
-    begun = subject("Material", (material.name for material in materials if is_partly_transparent(material)))
-    what = "partly transparent: solid where at least half opaque, left out elsewhere"
-    return [f"{begun} {what}; Refine with Cycles shows it"] if begun else []
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph, names: set[str]) -> list[str]:
@@ -107,13 +102,6 @@ def _is_diced(item: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     trial = getattr(scene.cycles, "feature_set", "") == "EXPERIMENTAL"
     old = trial and getattr(item.cycles, "use_adaptive_subdivision", False)
     return bool(getattr(last, "use_adaptive_subdivision", old))
-
-
-def _not_found(names: set[str]) -> list[str]:
-    """Sentence about requested attributes that no object or instance has."""
-    listed = named_list(sorted(names))
-    found = f"Materials read attribute {listed}, which no object or instance has: it counts as 0"
-    return [found] if names else []
 
 
 class _Placed(NamedTuple):
@@ -231,13 +219,12 @@ class _Reader:
             )
         return tuple(parts), notes
 
-    def materials(self) -> tuple[list[MaterialReading], tuple[Gloss, ...]]:
-        """Materials and their gloss in the order of their indices."""
-        images = ImageReader()
+    def materials(self) -> list[MaterialReading]:
+        """Materials in the order of their indices."""
+        images, default = ImageReader(), MaterialReading(Material("default"), gloss=DIFFUSE)
         library = {material.name_full: material for material in bpy.data.materials}
         used = [library.get(name) for name in self.material_names]
-        readings = [read_material(each, images) if each else MaterialReading(Material("default")) for each in used]
-        return readings, tuple(read_gloss(each, images) if each else Gloss(diffuse=0.8) for each in used)
+        return [read_material(each, images) if each else default for each in used]
 
 
 def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:

@@ -148,7 +148,7 @@ def shows_mesh(instance: bpy.types.DepsgraphObjectInstance) -> bool:
 
 
 def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
-    """Names of the layer's objects that render and that the camera can see."""
+    """Names of the layer's objects that render and that the camera can see; objects of PatchNet are no surface."""
     names: set[str] = set()
     unseen: set[str] = set()  # in any collection with Holdout or Indirect Only
     stack = [layer.layer_collection]
@@ -159,14 +159,13 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
         stack.extend(item.children)
         if item.exclude:
             continue
-        found = {each.name_full for each in item.collection.objects if _renders(each)}
+        found = {
+            each.name_full
+            for each in item.collection.objects
+            if not (is_own(each) or each.hide_render or each.is_holdout) and _is_seen(each)
+        }
         (unseen if item.holdout or item.indirect_only else names).update(found)
     return frozenset(names - unseen)
-
-
-def _renders(item: bpy.types.Object) -> bool:
-    """Test for rendered objects; objects of PatchNet are no surface, even if they render."""
-    return not (is_own(item) or item.hide_render or item.is_holdout) and _is_seen(item)
 
 
 def _is_seen(item: bpy.types.Object) -> bool:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
+from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.surface.mesh import Material, TriangleBatch
 from .gloss import Gloss
 from .light_links import Links
@@ -140,15 +141,17 @@ class SceneMesh:
     light_links: tuple[Links, ...]
     gloss: tuple[Gloss, ...] = ()
     color_warnings: tuple[str, ...] = ()
+    boxes_world: np.ndarray = field(init=False)  # (P, 2, 3) float64 of each placed mesh
     bounds_world: np.ndarray = field(init=False)  # (2, 3) float64
     triangle_count: int = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "triangle_count", sum(part.triangle_count for part in self.parts))
-        object.__setattr__(self, "bounds_world", _bounds(self.parts))
+        boxes = np.array([box for part in self.parts for box in _boxes(part)])
+        object.__setattr__(self, "boxes_world", boxes)
+        object.__setattr__(self, "bounds_world", np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
         if not any(_has_area(batch.corners_world) for batch in self.batches()):
-            names = sorted({name for part in self.parts for name in part.objects})
-            shown = ", ".join(f"'{name}'" for name in names[:3]) + (" and others" if len(names) > 3 else "")
+            shown = named_list(sorted(set(self.object_names)))
             raise GeometryError(f"The surface of {shown} has no area: choose objects whose faces are not degenerate")
 
     @property
@@ -162,18 +165,13 @@ class SceneMesh:
 
     def objects_of(self, triangles: np.ndarray) -> np.ndarray:
         """(N,) names of the objects of triangles (N,)."""
-        return np.array(self._names, object)[self.object_numbers(triangles)]
-
-    def object_numbers(self, triangles: np.ndarray) -> np.ndarray:
-        """(N,) int64, the same for all places of objects of one name, of triangles (N,)."""
-        names = [name for part in self.parts for name in part.objects]
         ends = np.cumsum(np.concatenate([np.full(len(part.objects), len(part.mesh)) for part in self.parts]))
-        number = {name: index for index, name in enumerate(self._names)}
-        return np.array([number[name] for name in names])[np.searchsorted(ends, triangles, side="right")]
+        return np.array(self.object_names, object)[np.searchsorted(ends, triangles, side="right")]
 
     @property
-    def _names(self) -> list[str]:
-        return list(dict.fromkeys(name for part in self.parts for name in part.objects))
+    def object_names(self) -> list[str]:
+        """Name of each placed object."""
+        return [name for part in self.parts for name in part.objects]
 
     def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""
@@ -230,15 +228,12 @@ def _batch(runs: tuple[Run, ...], first_triangle: int, materials: tuple[Material
     )
 
 
-def _bounds(parts: tuple[MeshInstances, ...]) -> np.ndarray:
-    """(2, 3) float64 of all placed vertices."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for part in parts:
-        vertices = part.mesh.vertices.astype(np.float64)
-        for matrix in part.matrices_world:
-            points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-    return np.stack([low, high])
+def _boxes(part: MeshInstances) -> Iterator[np.ndarray]:
+    """(2, 3) float64 of each placed mesh."""
+    vertices = part.mesh.vertices.astype(np.float64)
+    for matrix in part.matrices_world:
+        points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        yield np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _has_area(corners_world: np.ndarray) -> bool:

@@ -78,21 +78,13 @@ def go_to_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> No
 
 def _animated_values() -> Iterator[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]:
     """Data-block, owner (it or its node tree), path, index and current value of each property with keyframes."""
-    for block, owner in _animated():
-        for curve in fcurves(owner.animation_data):
-            with suppress(*_UNREADABLE):  # keyframes of a deleted property
-                yield block, owner, curve.data_path, curve.array_index, _get(owner, curve.data_path, curve.array_index)
-
-
-def _animated() -> Iterator[tuple[bpy.types.ID, bpy.types.ID]]:
-    for name in dir(bpy.data):
-        collection = getattr(bpy.data, name)
-        if not isinstance(collection, bpy.types.bpy_prop_collection):
-            continue
-        for block in collection:
-            for owner in (block, getattr(block, "node_tree", None)):
-                if getattr(owner, "animation_data", None) is not None:
-                    yield block, owner
+    for block in bpy.data.user_map():  # all data-blocks
+        for owner in (block, getattr(block, "node_tree", None)):
+            animation = getattr(owner, "animation_data", None)
+            for curve in fcurves(animation) if animation is not None else ():
+                path, index = curve.data_path, curve.array_index
+                with suppress(*_UNREADABLE):  # keyframes of a deleted property
+                    yield block, owner, path, index, _get(owner, path, index)
 
 
 def fcurves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:

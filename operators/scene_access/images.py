@@ -75,11 +75,6 @@ def free_copies(image: bpy.types.Image) -> None:
         image.buffers_free()
 
 
-def is_shown() -> bool:
-    """Return whether a picture of ours is among Blender's images."""
-    return any(OWNER in image for image in bpy.data.images)
-
-
 def save_png(path: Path, picture: np.ndarray) -> None:
     """Write encoded colours in [0, 1] as an 8-bit PNG, atomically; raises PatchNetError if that fails."""
     _save(path, picture, "PNG", raw=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Temporary changes of settings and modes by a job, which are undone afterwards and in files saved meanwhile.
+"""Temporary changes of settings by a job, which are undone afterwards and in files saved meanwhile.
 
 Data-blocks of a job do not need this: they are `temporary`, and Blender never saves them.
 """
@@ -66,23 +66,6 @@ def _finder(owner: bpy.types.bpy_struct) -> Callable[[], Any]:
         return lambda: owner
     path = owner.path_from_id()
     return lambda: block.path_resolve(path)
-
-
-@contextmanager
-def object_mode(context: bpy.types.Context) -> Iterator[None]:
-    """Switch to Object Mode, and back after the block."""
-    active = context.view_layer.objects.active
-    mode = active.mode if active else "OBJECT"
-    if mode == "OBJECT":
-        yield
-        return
-    with context.temp_override(active_object=active, object=active):
-        bpy.ops.object.mode_set(mode="OBJECT")
-    try:
-        yield
-    finally:
-        with context.temp_override(active_object=active, object=active):
-            bpy.ops.object.mode_set(mode=mode)
 
 
 @persistent

@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import ClassVar
 
 import bpy
 
@@ -22,14 +22,14 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from .stop_cycles import stopped_cycles
 
 BAKE, RENDER = "OBJECT_BAKE", "RENDER"
-_COMPLETE, _CANCEL, _INTERRUPTED = "complete", "cancel", "interrupted"
+COMPLETE, CANCEL, INTERRUPTED = "complete", "cancel", "interrupted"
 _HANDLERS = {
     BAKE: {
-        _COMPLETE: bpy.app.handlers.object_bake_complete,
-        _CANCEL: bpy.app.handlers.object_bake_cancel,
-        _INTERRUPTED: bpy.app.handlers.render_init,
+        COMPLETE: bpy.app.handlers.object_bake_complete,
+        CANCEL: bpy.app.handlers.object_bake_cancel,
+        INTERRUPTED: bpy.app.handlers.render_init,
     },
-    RENDER: {_COMPLETE: bpy.app.handlers.render_complete, _CANCEL: bpy.app.handlers.render_cancel},
+    RENDER: {COMPLETE: bpy.app.handlers.render_complete, CANCEL: bpy.app.handlers.render_cancel},
 }
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
 _own_kinds: list[str] = []  # kinds of our running jobs
@@ -66,27 +66,17 @@ def check_no_job() -> None:
         raise SceneError("Blender is rendering or baking: wait for it, or press Esc over the window, then start again")
 
 
-@dataclass(frozen=True)
-class JobEnd:
-    """End of a job as Blender reports it, and its seconds.
-
-    interrupted: by a render of the user, for which Blender ends all other jobs.
-    """
-
-    completed: bool
-    cancelled: bool
-    interrupted: bool
-    seconds: float
-
-
-def as_job(kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: Callable[[], Progress]) -> Steps[JobEnd]:
+def as_job(
+    kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: Callable[[], Progress]
+) -> Steps[dict[str, float]]:
     """Call `start`, which starts a job of a kind on a copy of a scene, and wait until it ends.
 
-    Reports are `at`, as waiting. Closing these steps stops the job, waits for its thread and deletes the copy.
+    Reports are `at`, as waiting. The result is the times of what Blender reported: COMPLETE, CANCEL, or INTERRUPTED by
+    a render of the user, for which Blender ends all other jobs. Closing these steps stops the job, waits for its thread
+    and deletes the copy.
     """
-    ended: list[tuple[str, float]] = []
+    ended: dict[str, float] = {}
     with _told(kind, ended):
-        begun = time.perf_counter()
         start()
         _own_kinds.append(kind)
         try:
@@ -97,18 +87,15 @@ def as_job(kind: str, scene: bpy.types.Scene, start: Callable[[], object], at: C
             raise
         finally:
             _own_kinds.remove(kind)
-    words = [word for word, _ in ended]
-    end = ended[-1][1] if ended else time.perf_counter()
-    interrupted = _INTERRUPTED in words and _COMPLETE not in words
-    return JobEnd(_COMPLETE in words, _CANCEL in words, interrupted, end - begun)
+    return ended
 
 
 @contextmanager
-def _told(kind: str, ended: list[tuple[str, float]]) -> Iterator[None]:
+def _told(kind: str, ended: dict[str, float]) -> Iterator[None]:
     """Collect in `ended` how a job ended, and when; Blender calls handlers in the job's thread."""
 
     def note(word: str) -> Callable[..., None]:
-        return lambda *_: ended.append((word, time.perf_counter()))
+        return lambda *_: ended.update({word: time.perf_counter()})
 
     notes = [(handlers, note(word)) for word, handlers in _HANDLERS[kind].items()]
     for handlers, each in notes:
@@ -172,12 +159,6 @@ class PATCHNET_OT_bake_beside_window(bpy.types.Macro):
     bl_idname = "patchnet.bake_beside_window"
     bl_label = "Bake Beside Window"
     bl_options: ClassVar[set[str]] = {"INTERNAL"}
-
-
-def start_bake(arguments: dict[str, Any]) -> set[str]:
-    """Start Blender's bake with these arguments, in the context's scene."""
-    result: set[str] = bpy.ops.patchnet.bake_beside_window("INVOKE_DEFAULT", OBJECT_OT_bake=arguments)
-    return result
 
 
 def register() -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import SceneState
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
+_NOTES = ("scope", "light", "seconds", "encoder", "made_with", "made_by", "notes")  # fields of results
 _AFTER_OPENING_S = 0.1
 _writer = ThreadPoolExecutor(1, "PatchNet cache")  # one thread: an older entry never replaces a newer one
 _looked: set[int] = set()  # session_uids of scenes of the open file that were searched for
@@ -121,36 +122,19 @@ def _entry(result: SceneResult, scene: bpy.types.Scene) -> CachedOctree:
     state, chosen = result.state, None  # names of the objects that have voxels, None for all
     if state is not None and state.chosen is not None:
         chosen = [item.name_full for item in scene.objects if item.session_uid in state.chosen]
-    notes = {
+    notes = {name: getattr(results.without_view(result), name) for name in _NOTES} | {
         "fingerprint": _fingerprint(scene),
-        "scope": result.scope,
         "chosen": chosen,
-        "light": result.light,
-        "seconds": result.seconds,
-        "encoder": result.encoder,
-        "made_with": result.made_with,
-        "made_by": result.made_by,
-        "notes": results.without_view(result).notes,
         "gloss_from": "" if state is None else state.gloss_from,
     }
     return CachedOctree(result.octree, result.coded, result.layout, notes)
 
 
 def _result(found: CachedOctree, state: SceneState) -> SceneResult:
-    notes = found.notes
-    return SceneResult(
-        octree=found.octree,
-        scope=notes["scope"],
-        layout=found.layout,
-        light=notes["light"],
-        coded=found.coded,
-        seconds=notes["seconds"],
-        encoder=notes["encoder"],
-        made_with=notes["made_with"],
-        made_by=notes.get("made_by", {}),
-        notes={step: tuple(texts) for step, texts in notes.get("notes", {}).items()},
-        state=replace(state, gloss_from=notes.get("gloss_from", "")),
-    )
+    kept = {name: found.notes[name] for name in _NOTES}
+    kept["notes"] = {step: tuple(texts) for step, texts in kept["notes"].items()}
+    state = replace(state, gloss_from=found.notes["gloss_from"])
+    return SceneResult(found.octree, layout=found.layout, coded=found.coded, state=state, **kept)
 
 
 @persistent

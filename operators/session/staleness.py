@@ -13,9 +13,8 @@ from dataclasses import replace
 import bpy
 from bpy.app.handlers import persistent
 
-from ..scene_access.images import is_shown
-from ..scene_access.own import is_quiet
-from ..state.block_hashes import GLOSS_MOVED
+from ..scene_access.own import is_own, is_quiet
+from ..state.block_hashes import GLOSS_MOVED, place_of_gloss
 from ..state.scene_state import LIGHT, SURFACE, SceneState, scene_state
 from ..state.watch import note_update
 from . import results
@@ -72,7 +71,7 @@ def look_again(result: SceneResult, scene: bpy.types.Scene) -> None:
         result.unmark(step)
     for change in changes:
         result.see(change)
-    if before.gloss_has_moved(scene):
+    if before.gloss_from and place_of_gloss(scene) != before.gloss_from:
         result.mark(LIGHT, GLOSS_MOVED)
     if other := _other_layer(before, scene):
         result.mark(SURFACE, f"view layer '{other}' shows other objects")
@@ -117,7 +116,7 @@ def _on_undo_post(scene: bpy.types.Scene, _depsgraph: object = None) -> None:
     _may_have_changed(scene)
     result = results.result_of(scene)
     if result is not None:
-        result.pictures = result.pictures and is_shown()
+        result.pictures = result.pictures and any(map(is_own, bpy.data.images))
     look_soon()
 
 

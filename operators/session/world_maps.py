@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 import bpy
@@ -39,19 +39,16 @@ _BUSY = "Blender's window was busy for too long: render again"
 
 
 @dataclass(eq=False)
-class _Awaited:
-    """Map that a render waits for, of the world in its graph. seen_at: time of the window's last work on it."""
+class _Wanted:
+    """Map to make, of a scene or of the graph of a render that waits. seen_at: time of the window's last work on it."""
 
-    depsgraph: bpy.types.Depsgraph
-    seen: SeenWorld
-    key: str
-    seen_at: float
-    ended: bool = False
+    scene: str
+    steps: Steps[None]
+    depsgraph: bpy.types.Depsgraph | None = None
+    seen_at: float = 0.0
 
 
-_waiting: list[str] = []  # names of scenes that wait for their maps
-_awaited: _Awaited | None = None  # for a render
-_making: tuple[str | _Awaited, Steps[None]] | None = None  # current map
+_wanted: list[_Wanted] = []  # the last one is made first: those of renders
 
 
 def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked: bool) -> Steps[Background]:
@@ -59,7 +56,6 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
 
     Black with a warning if it cannot.
     """
-    global _awaited
     if depsgraph.scene.render.film_transparent:
         return Background(None)
     seen = seen_world(depsgraph, baked=baked)
@@ -67,14 +63,16 @@ def awaited_background(depsgraph: bpy.types.Depsgraph, camera: Camera, *, baked:
         return Background(seen.color)
     session, key = session_of(depsgraph.scene.original), world_hash(seen.world)
     if session.world is None or session.world.key != key:
-        asked = _awaited = _Awaited(depsgraph, seen, key, time.monotonic())
+        scene = depsgraph.scene.original
+        asked = _Wanted(scene.name, _kept(scene, seen, key), depsgraph, time.monotonic())
+        _wanted.append(asked)
         _start()
         try:
-            while not asked.ended and time.monotonic() - asked.seen_at < _PATIENCE_S:
+            while asked in _wanted and time.monotonic() - asked.seen_at < _PATIENCE_S:
                 yield Progress(0, 1, f"{camera.name}: World", waiting=True)
                 time.sleep(_POLL_S)
         finally:
-            _awaited = None
+            _drop(asked)
     kept = session.world
     if kept is None or kept.map is None or kept.key != key:
         why = kept.problem if kept is not None and kept.key == key else _BUSY
@@ -86,8 +84,8 @@ def ask_for_map(scene: bpy.types.Scene) -> None:
     """Request the map of a scene's world, in a window."""
     if bpy.app.background:
         return
-    if scene.name not in _waiting:
-        _waiting.append(scene.name)
+    if sum(each.scene == scene.name for each in _wanted) < 2:  # one may be in the making, of the former world
+        _wanted.insert(0, _Wanted(scene.name, keep_map(scene.name)))
     _start()
 
 
@@ -96,58 +94,39 @@ def _start() -> None:
         bpy.app.timers.register(_make_maps, first_interval=0.0)
 
 
+def _drop(wanted: _Wanted) -> None:
+    with suppress(ValueError):  # it has ended
+        _wanted.remove(wanted)
+
+
 def _make_maps() -> float | None:
     """Make one part of a map; the map of a waiting render goes first."""
-    global _making
-    awaited = _awaited if _awaited is not None and not _awaited.ended else None
-    if job_is_running(BAKE) or (awaited is None and job_is_running()):
+    if not _wanted:
+        return None
+    wanted = _wanted[-1]
+    if job_is_running(BAKE) or (wanted.depsgraph is None and job_is_running()):
         return _AGAIN_S
-    if _making is not None and awaited is not None and _making[0] is not awaited:
-        if isinstance(_making[0], str):
-            _waiting.append(_making[0])
-        _end_map()
-    if _making is None:
-        if awaited is None and not _waiting:
-            return None
-        wanted = awaited or _waiting.pop()
-        _making = wanted, _map_of(wanted)
-    if awaited is not None:
-        awaited.seen_at = time.monotonic()
+    wanted.seen_at = time.monotonic()
     try:
         with ExitStack() as stack:
             stack.enter_context(in_window(True))
-            if awaited is not None:
+            if wanted.depsgraph is not None:
                 stack.enter_context(quiet())
-                stack.enter_context(values_of_graph(awaited.depsgraph))
-            next(_making[1])
+                stack.enter_context(values_of_graph(wanted.depsgraph))
+            next(wanted.steps)
     except (StopIteration, ReferenceError):  # another file may have been opened meanwhile
-        _end_map()
+        _drop(wanted)
     except BaseException:
-        _end_map()
+        _drop(wanted)
         raise
-    return _BETWEEN_S if awaited is None else 0.0
+    return _BETWEEN_S if wanted.depsgraph is None else 0.0
 
 
-def _end_map() -> None:
-    """Drop the current map."""
-    global _making
-    if _making is not None:
-        wanted, steps = _making
-        steps.close()
-        _making = None
-        if isinstance(wanted, _Awaited):
-            wanted.ended = True
-
-
-def _map_of(wanted: str | _Awaited) -> Steps[None]:
-    if isinstance(wanted, _Awaited):
-        yield from _kept(wanted.depsgraph.scene.original, wanted.seen, wanted.key)
-    elif wanted in bpy.data.scenes:
-        yield from keep_map(bpy.data.scenes[wanted])
-
-
-def keep_map(scene: bpy.types.Scene) -> Steps[None]:
+def keep_map(name: str) -> Steps[None]:
     """Make the map of a scene's world unless the session has it, and redraw the viewports."""
+    scene = bpy.data.scenes.get(name)
+    if scene is None:
+        return
     layer = next((window.view_layer for window in bpy.context.window_manager.windows if window.scene == scene), None)
     depsgraph = (layer or scene.view_layers[0]).depsgraph
     if depsgraph is None:  # the scene is not evaluated yet
@@ -181,10 +160,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End the current map."""
+    """Make no more maps."""
     listeners.remove(_after_step)
-    _waiting.clear()
-    _end_map()
+    _wanted.clear()
 
 
 TIMERS = (_make_maps,)

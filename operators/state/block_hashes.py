@@ -28,10 +28,11 @@ _OF_OBJECTS_LIT = (
 )  # fmt: skip
 _REFERRED = ("parent", "instance_collection", "data")
 # Modifiers whose result can differ between frames without keyframes.
-MOVES_BY_ITSELF = frozenset(
+_MOVES_BY_ITSELF = frozenset(
     {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
      "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
 )  # fmt: skip
+FILMS = frozenset({"SEQUENCE", "MOVIE"})  # sources of images
 _POSITION = "position"
 _KEYFRAME_VALUES = ("co", "handle_left", "handle_right")
 GLOSS_MOVED = "the camera that gloss is seen from moved"
@@ -40,8 +41,8 @@ GLOSS_MOVED = "the camera that gloss is seen from moved"
 class Part(NamedTuple):
     """Hash of a part of a data-block's contents, and session_uids of the data-blocks that it refers to."""
 
-    text: str = ""
-    references: tuple[int, ...] = ()
+    text: str
+    references: tuple[int, ...]
 
 
 class OwnDigest(Digest):
@@ -60,14 +61,17 @@ class OwnDigest(Digest):
 
     def part(self) -> Part:
         """Hash and references so far."""
-        text = "" if self.is_empty else self.hexdigest()
-        return Part(text, tuple(block.session_uid for block in self.references))
+        return Part(self.hexdigest(), tuple(block.session_uid for block in self.references))
 
 
 class BlockReader:
-    """Reader that hashes data-blocks; `animated` is whether the last one changes by itself from frame to frame."""
+    """Reader that hashes data-blocks; `animated` is whether the last one changes by itself from frame to frame.
 
-    def __init__(self) -> None:
+    keys: with keyframes and drivers, and not their present values alone.
+    """
+
+    def __init__(self, *, keys: bool = True) -> None:
+        self._keys = keys
         self.animated = False
 
     def parts(self, block: bpy.types.ID) -> tuple[Part, Part, tuple[list[bpy.types.ID], list[bpy.types.ID]]]:
@@ -80,7 +84,9 @@ class BlockReader:
             _mesh(block, main, look)
         else:
             _other(block, main)
-        self._animation(block, main)
+            self.animated = getattr(block, "source", "") in FILMS
+        if self._keys:
+            self._animation(block, main)
         return main.part(), look.part(), (main.references, look.references)
 
     def _object(self, item: bpy.types.Object, surface: OwnDigest, light: OwnDigest) -> None:
@@ -92,13 +98,17 @@ class BlockReader:
             (light if name == "data" and item.type in LAMPS else surface).block(getattr(item, name))
         for modifier in item.modifiers:
             surface.modifier(modifier, depth=2)
-            self.animated |= modifier.type in MOVES_BY_ITSELF
+            self.animated |= modifier.type in _MOVES_BY_ITSELF
         for constraint in item.constraints:
             surface.struct(constraint, depth=2)
-            self.animated |= constraint.type in MOVES_BY_ITSELF
         for system in item.particle_systems:
             surface.particles(system)
             self.animated = True
+        self.animated |= item.rigid_body is not None
+        for bone in item.pose.bones if item.pose else ():
+            surface.text(bone.name, _rows(bone.matrix_basis))
+            for constraint in bone.constraints:
+                surface.struct(constraint, depth=2)
         light.text(*(getattr(item, name) for name in _OF_OBJECTS_LIT))
         light.block(item.light_linking.receiver_collection)
         light.block(item.light_linking.blocker_collection)
@@ -130,6 +140,8 @@ def _other(block: bpy.types.ID, digest: OwnDigest) -> None:
         digest.contents(tree)
     if hasattr(block, "attributes"):
         digest.geometry(block)
+    if isinstance(block, bpy.types.Volume | bpy.types.CacheFile):
+        digest.file(bpy.path.abspath(block.filepath, library=block.library))
 
 
 def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:

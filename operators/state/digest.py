@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from functools import cache
 from typing import Any
 
 import bpy
@@ -56,7 +57,6 @@ _OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
 _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
 _CORNERS = ".corner_vert"
 _DEPTH = 6
-_MAX_TEXTS = 4096
 # Modifiers whose UV coordinates and colours at corners differ in their last bits at each evaluation: Blender sums the
 # values at a vertex in an order that depends on memory addresses.
 _UNSTEADY = frozenset({"BEVEL"})
@@ -66,26 +66,16 @@ class Digest:
     """Incremental hash; a data-block adds its contents once, and only its name after that."""
 
     def __init__(self) -> None:
-        self.is_empty = True
         self._hash = hashlib.blake2b(digest_size=16)
-        self._texts: list[str] = []  # not hashed yet; hashing them together takes a third less time
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
 
     def hexdigest(self) -> str:
         """32 hex digits."""
-        self._hash_texts()
         return self._hash.hexdigest()
 
     def text(self, *values: Any) -> None:
         """Plain values, by their repr."""
-        self.is_empty = False
-        self._texts.append(repr(values))
-        if len(self._texts) >= _MAX_TEXTS:
-            self._hash_texts()
-
-    def _hash_texts(self) -> None:
-        self._hash.update("".join(f"{text};" for text in self._texts).encode("utf-8", "surrogatepass"))
-        self._texts.clear()
+        self._hash.update(f"{values!r};".encode("utf-8", "surrogatepass"))
 
     def array(self, name: str, values: np.ndarray | None) -> None:
         """Hash an array with its type and shape."""
@@ -93,7 +83,6 @@ class Digest:
             self.text(name, None)
             return
         self.text(name, values.dtype.str, values.shape)
-        self._hash_texts()
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
     def block(self, block: bpy.types.ID | None) -> None:
@@ -133,7 +122,7 @@ class Digest:
     def struct(self, owner: bpy.types.bpy_struct, skipped: frozenset[str] = frozenset(), depth: int = _DEPTH) -> None:
         """Hash all properties, those of nested settings too."""
         self.text(owner.bl_rna.identifier)
-        for key, kind, is_array in _properties_of(owner):
+        for key, kind, is_array in _properties_of(type(owner)):  # type: ignore[arg-type]
             if key in skipped:
                 continue
             try:
@@ -201,12 +190,8 @@ class Digest:
             self.struct(node, _SKIPPED_OF_NODES)
             self.block(getattr(node, "node_tree", None))
             for socket in (*node.inputs, *node.outputs):
-                value: Any = getattr(socket, "default_value", None)
-                if isinstance(value, bpy.types.ID):
-                    self.block(value)
-                else:
-                    plain = value is None or isinstance(value, bool | int | float | str)
-                    self.text(socket.identifier, value if plain else tuple(value))
+                self.text(socket.identifier)
+                self._input(getattr(socket, "default_value", None))
         for link in tree.links:
             ends = link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier
             self.text(*ends, link.is_muted)
@@ -246,18 +231,12 @@ class Digest:
             return
         self.text(path, state.st_size, state.st_mtime_ns)
 
-    def geometry(self, data: Any, without: str = "", *, corners: bool = True) -> None:
-        """Hash the attributes of a mesh, hair or points, `without` one, and faces, but no selection of Edit Mode.
-
-        corners: with the values of attributes at the corners of faces; otherwise with their names alone.
-        """
+    def geometry(self, data: Any, without: str = "") -> None:
+        """Hash the attributes of a mesh, hair or points, `without` one, and faces, but no selection of Edit Mode."""
         for attribute in data.attributes:
             if attribute.name.startswith(".") or attribute.name == without or attribute.data_type not in _ATTRIBUTES:
                 continue
-            if corners or attribute.domain != "CORNER":
-                self.attribute(attribute)
-            else:
-                self.text(attribute.name, attribute.data_type)
+            self.attribute(attribute)
         self.faces(data)
         for material in data.materials:
             self.block(material)
@@ -280,6 +259,13 @@ class Digest:
         self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
 
 
+def composed(*parts: object) -> str:
+    """Key (32 hex digits) of hashes and other values."""
+    digest = Digest()
+    digest.text(*parts)
+    return digest.hexdigest()
+
+
 def origin_of_corners(item: bpy.types.Object) -> str:
     """32 hex digits over the user's own mesh and the modifiers of an evaluated object; "" where values are steady.
 
@@ -295,29 +281,13 @@ def origin_of_corners(item: bpy.types.Object) -> str:
     return digest.hexdigest()
 
 
-# By type: listing properties takes longer than reading values.
-_properties: dict[type, list[tuple[str, str, bool]]] = {}
-
-
-def _properties_of(owner: bpy.types.bpy_struct) -> list[tuple[str, str, bool]]:
-    """Identifier and type of each hashed property, and whether it is an array."""
-    kind = type(owner)
-    if kind not in _properties:
-        _properties[kind] = [
-            (prop.identifier, prop.type, getattr(prop, "is_array", False))
-            for prop in owner.bl_rna.properties
-            if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
-        ]
-    return _properties[kind]
-
-
-def render_keys(owner: bpy.types.bpy_struct) -> list[str]:
-    """Names of properties that only renders use, and of the resolution of ocean waves."""
+@cache  # listing properties takes longer than reading values
+def _properties_of(kind: type[bpy.types.bpy_struct]) -> list[tuple[str, str, bool]]:
+    """Identifier and type of each hashed property of a type, and whether it is an array."""
     return [
-        key
-        for key, kind, _ in _properties_of(owner)
-        if kind in ("BOOLEAN", "INT", "FLOAT", "ENUM")
-        and ("render" in key or (key == "resolution" and isinstance(owner, bpy.types.OceanModifier)))
+        (prop.identifier, prop.type, getattr(prop, "is_array", False))
+        for prop in kind.bl_rna.properties
+        if prop.identifier not in _SKIPPED and not prop.identifier.startswith("bl_")
     ]
 
 

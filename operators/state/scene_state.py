@@ -8,16 +8,14 @@ evaluated data, so that it is the same in each process that opens the same file.
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import bpy
 
-from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over, place_of_gloss
-from .digest import Digest, render_keys
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over
+from .digest import composed
 
 SURFACE, LIGHT = "surface", "light"
 Named = tuple[str, str]  # word for a kind of data-block, and its name
@@ -87,14 +85,12 @@ class SceneState:
 
     def identity(self, *more: object) -> str:
         """32 hex digits over all of it and `more`; the same in each process."""
-        marks = {uid: _short(entry.main.text, entry.look.text) for uid, entry in self.entries.items()}
+        marks = {uid: composed(entry.main.text, entry.look.text) for uid, entry in self.entries.items()}
         near = {uid: (uid, *entry.main.references, *entry.look.references) for uid, entry in self.entries.items()}
         for _ in range(_NEIGHBOURS):
-            marks = {uid: _short(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
-        digest = Digest()
-        digest.text(sorted(marks.values()), sorted((marks[uid], repr(how)) for uid, how in self.shown.items()))
-        digest.text(self.layer, self.frame, *more)
-        return digest.hexdigest()
+            marks = {uid: composed(*(marks.get(each, "") for each in uids)) for uid, uids in near.items()}
+        shown = sorted((marks[uid], repr(how)) for uid, how in self.shown.items())
+        return composed(sorted(marks.values()), shown, self.layer, self.frame, *more)
 
     def differences(self, now: SceneState, scene: bpy.types.Scene) -> list[Change]:
         """List later changes; none if all values are equal, even in other data-blocks."""
@@ -105,10 +101,6 @@ class SceneState:
                 named = after.named or now.entries.get(after.owner, before).named or _SETTINGS
                 found.append(Change(steps, _text(named, "changed")))
         return found if found and self.identity() != now.identity() else []
-
-    def gloss_has_moved(self, scene: bpy.types.Scene) -> bool:
-        """Return whether gloss was baked for a camera's place, and the active camera is elsewhere now."""
-        return bool(self.gloss_from) and place_of_gloss(scene) != self.gloss_from
 
     def fits_layer(self, scene: bpy.types.Scene, layer: str) -> bool:
         """Return whether a view layer shows the same objects as the layer of this state."""
@@ -141,25 +133,33 @@ class SceneState:
 
 
 def scene_state(
-    scene: bpy.types.Scene, layer: str = "", chosen: frozenset[int] | None = None, *, selected: bool = False
+    scene: bpy.types.Scene,
+    layer: str = "",
+    chosen: frozenset[int] | None = None,
+    *,
+    selected: bool = False,
+    keys: bool = True,
 ) -> SceneState:
     """Read the state of a scene and of all data-blocks that it refers to, without objects that show results.
 
     layer: name of the view layer, by default that of the context. chosen: session_uids of the objects that have voxels,
-    None for all; selected: those that are selected now.
+    None for all; selected: those that are selected now. keys: with keyframes, and not their present values alone.
     """
     begun = time.perf_counter()
-    view_layer = _layer(scene, layer or _present_layer(scene))
+    present = bpy.context.view_layer if bpy.context.scene == scene else None
+    view_layer = _layer(scene, layer or (present.name if present is not None else ""))
     found = _shown(scene, view_layer)
     if selected:
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
-    reader = BlockReader()
+    reader = BlockReader(keys=keys)
     entries = {_SCENE: _settings(scene, view_layer)}
     waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {SURFACE: [], LIGHT: []}
     for item, _ in found.values():
         waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
     if scene.world is not None:
         waiting[LIGHT].append((scene.world, 0))
+    behind = scene.background_set.objects if scene.background_set is not None else ()
+    waiting[LIGHT] += [(item, item.session_uid) for item in behind if _counts(item)]
     animated = False
     for step in (SURFACE, LIGHT):
         while waiting[step]:
@@ -191,15 +191,6 @@ def _text(named: Named, verb: str) -> str:
     return f"{word} '{name}' {verb}".lstrip() if name else f"{word} {verb}"
 
 
-def _short(*texts: str) -> str:
-    return hashlib.blake2b("|".join(texts).encode(), digest_size=16).hexdigest()
-
-
-def _present_layer(scene: bpy.types.Scene) -> str:
-    layer = bpy.context.view_layer
-    return str(layer.name) if layer is not None and bpy.context.scene == scene else ""
-
-
 def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
     return scene.view_layers.get(name) or scene.view_layers[0]
 
@@ -207,10 +198,7 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 def _shown(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[int, tuple[bpy.types.Object, tuple[object, ...]]]:
-    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility.
-
-    With values that only renders use, whose changes Blender does not report.
-    """
+    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility."""
     found: dict[int, tuple[bpy.types.Object, set[tuple[bool, ...]]]] = {}
     stack = [(layer.layer_collection, (False,) * 3)]
     while stack:
@@ -223,18 +211,7 @@ def _shown(
             if _counts(each):
                 found.setdefault(each.session_uid, (each, set()))[1].add(flags)
         stack.extend((child, flags) for child in item.children)
-    return {
-        uid: (item, (sorted(flags), item.hide_get(view_layer=layer), *_unreported(item)))
-        for uid, (item, flags) in found.items()
-    }
-
-
-def _unreported(item: bpy.types.Object) -> Iterator[object]:
-    """Values of an object that only renders use."""
-    systems = (system.settings for system in item.particle_systems)
-    for owner in (*item.modifiers, item.data, *systems):
-        for key in render_keys(owner) if owner is not None else ():
-            yield getattr(owner, key)
+    return {uid: (item, (sorted(flags), item.hide_get(view_layer=layer))) for uid, (item, flags) in found.items()}
 
 
 def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:

@@ -8,9 +8,6 @@ longer fits the scene, and light that is baked later belongs to another scene.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
 
 import bpy
@@ -32,37 +29,25 @@ class SceneChangeMonitor:
     edited: bool = False
 
 
-_current: ContextVar[SceneChangeMonitor | None] = ContextVar("_current", default=None)
-_monitors: list[SceneChangeMonitor] = []  # of running jobs, for handlers, which run outside of them
+_monitor: SceneChangeMonitor | None = None  # of the job in a window
 
 
-@contextmanager
-def watching(monitor: SceneChangeMonitor) -> Iterator[None]:
-    """Steps that are pulled within the block belong to the monitored job."""
-    token = _current.set(monitor)
-    try:
-        yield
-    finally:
-        _current.reset(token)
+def begin(scene: bpy.types.Scene) -> None:
+    """Monitor a scene for the job in a window, until `end`."""
+    global _monitor
+    _monitor = SceneChangeMonitor(scene.session_uid)
 
 
-def begin(scene: bpy.types.Scene) -> SceneChangeMonitor:
-    """Monitor a scene for a job in a window, until `end`."""
-    monitor = SceneChangeMonitor(scene.session_uid)
-    _monitors.append(monitor)
-    return monitor
-
-
-def end(monitor: SceneChangeMonitor) -> None:
+def end() -> None:
     """End the monitor with its job."""
-    if monitor in _monitors:
-        _monitors.remove(monitor)
+    global _monitor
+    _monitor = None
 
 
 def note_update(scene: bpy.types.Scene) -> None:
     """Note that Blender reported an update of a scene, to compare it later."""
-    for monitor in _monitors:
-        monitor.edited |= monitor.scene == scene.session_uid
+    if _monitor is not None and _monitor.scene == scene.session_uid:
+        _monitor.edited = True
 
 
 def read_state(
@@ -77,29 +62,28 @@ def read_state(
 
     selected: selected objects alone have voxels, or those `chosen` by session_uid.
     """
-    if threading.current_thread() is threading.main_thread():
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main:
         for item in scene.objects:
             if item.mode == "EDIT":  # evaluated objects show edits that the mesh data lack until Edit Mode ends
                 item.update_from_editmode()
     state = scene_state(scene, layer, chosen if selected else None, selected=selected and chosen is None)
     if gloss_from_camera:
         state = replace(state, gloss_from=place_of_gloss(scene))
-    monitor = _current.get()
-    if monitor is not None:
-        monitor.state, monitor.edited = state, False
+    if _monitor is not None and is_main:
+        _monitor.state, _monitor.edited = state, False
     return state
 
 
 def changes_meanwhile() -> list[Change]:
     """List changes of the scene since the current job read it; none in Edit Mode, in which mesh data are empty."""
-    monitor = _current.get()
-    if monitor is None or monitor.state is None or not monitor.edited:
+    if _monitor is None or _monitor.state is None or not _monitor.edited:
         return []
-    scene = next(each for each in bpy.data.scenes if each.session_uid == monitor.scene)
+    scene = next(each for each in bpy.data.scenes if each.session_uid == _monitor.scene)
     if any(item.mode == "EDIT" for item in scene.objects):
         return []
-    now = scene_state(scene, monitor.state.layer, monitor.state.chosen)
-    return monitor.state.differences(now, scene)
+    now = scene_state(scene, _monitor.state.layer, _monitor.state.chosen)
+    return _monitor.state.differences(now, scene)
 
 
 def check_unchanged() -> None:

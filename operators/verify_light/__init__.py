@@ -1,6 +1,239 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light verification: an octree against a Cycles render from the same cameras (docs/lab/light.md)."""
+"""Steps of `patchnet verify-light`: bake, build, render octree and Cycles, compare (docs/lab/light.md)."""
 
-from .check import CameraCheck, CheckSettings, LightCheck, verify_light
+from __future__ import annotations
 
-__all__ = ["CameraCheck", "CheckSettings", "LightCheck", "verify_light"]
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...patchnet_addon.image.comparison import Guides, compare, difference_picture, picture_psnr, side_by_side
+from ...patchnet_addon.image.contact_sheet import contact_sheet
+from ...patchnet_addon.image.heatmap import magnify
+from ...patchnet_addon.image.tone import gray
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
+from ...patchnet_addon.runtime.progress import Steps, labelled
+from ...patchnet_addon.runtime.stage_clock import StageClock
+from ...patchnet_addon.tracing.camera import Camera
+from ..cycles.camera_render import Reference, render_halves
+from ..pipeline.lit_octree import build_lit_octree
+from ..pipeline.reports import REPORT_NAME, machine, versions, write_report
+from ..scene.cameras import camera_size_px, looking_cameras
+from ..scene_access.images import save_png
+from ..schema.table import GLOSS_OFF
+from ..settings.job_settings import JobSettings
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Settings of a light check.
+
+    job: settings of the octree (depth, light, samples, texels), size and cameras; its `out` takes the results.
+    viewpoints: number of cameras placed in the free space of the scene; 0 takes the job's cameras. render_samples:
+    paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of the octree's
+    picture. difference: luminance at the ends of the pictures' legend. whole_voxels: also compare the octree without
+    the boxes in its finest voxels.
+    """
+
+    job: JobSettings
+    viewpoints: int = 0
+    render_samples: int = 256
+    rays: int = 32
+    difference: float = 0.2
+    whole_voxels: bool = False
+
+
+_COVERAGE_RAYS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCheck:
+    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures.
+
+    whole: the octree without boxes in its finest voxels, or None.
+    """
+
+    camera: Camera
+    cycles: np.ndarray
+    octree: np.ndarray
+    report: dict[str, Any]
+    whole: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LightCheck:
+    """Result of a check: the octree, the pictures of each camera, and the report."""
+
+    octree: Octree
+    cameras: tuple[CameraCheck, ...]
+    report: dict[str, Any]
+
+
+def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
+    """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
+
+    A restarted check reuses the pages of light that a stopped one has baked.
+    """
+    from ...patchnet_addon.lightmap.page_cache import BakePageCache
+    from ...patchnet_addon.tracing.empty_view import why_unseen
+    from ...patchnet_addon.tracing.render import first_hits
+
+    clock, checks, warnings = StageClock(), [], []
+    with BakePageCache() as kept:
+        made = yield from build_lit_octree(context, settings.job, clock, kept)
+        octree = made.octree
+        for camera in (yield from _cameras(context, octree, settings, made.source.bounds_world)):
+            with clock.stage("cameras"):
+                steps = check_camera(context, octree, camera, settings)
+                checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
+            brightest = float(checks[-1].octree.max())
+            if unseen := why_unseen(octree, camera, first_hits(octree, camera), brightest):
+                warnings.append(unseen)
+    report = _report(octree, checks, settings, clock.seconds, [*made.warnings, *warnings])
+    return LightCheck(octree, tuple(checks), report)
+
+
+def _cameras(
+    context: bpy.types.Context, octree: Octree, settings: CheckSettings, bounds_world: np.ndarray
+) -> Steps[list[Camera]]:
+    wanted = settings.job.view
+    if settings.viewpoints:
+        from ...patchnet_addon.tracing.viewpoints import viewpoints
+
+        size = camera_size_px(context.scene, wanted.size)
+        return (yield from viewpoints(octree, settings.viewpoints, size))
+    depsgraph = context.evaluated_depsgraph_get()
+    return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, octree))
+
+
+def check_camera(
+    context: bpy.types.Context, octree: Octree, camera: Camera, settings: CheckSettings
+) -> Steps[CameraCheck]:
+    """Render octree and Cycles through one camera, and compare."""
+    mine = yield from _look(octree, camera, settings.rays)
+    whole = None
+    if settings.whole_voxels:
+        steps = _look(replace(octree, leaf_box=None), camera, settings.rays)
+        whole = yield from labelled(steps, "{}, whole voxels")
+    halves = yield from render_halves(context, camera, settings.render_samples)
+    if settings.job.light.is_baked and settings.job.light.gloss != GLOSS_OFF:  # else diffuse light and emission
+        halves = [replace(half, luminance=half.combined) for half in halves]
+    exposure = octree.exposure
+    report = _figures(mine, halves, exposure) | _noise_and_place(halves, exposure, camera)
+    if whole is not None:
+        report["whole_voxels"] = _figures(whole, halves, exposure)
+    mean = np.mean([half.luminance for half in halves], axis=0)
+    cycles = np.clip(exposure * mean, 0.0, 1.0).astype(np.float32)
+    return CameraCheck(camera, cycles, mine[0], report, None if whole is None else whole[0])
+
+
+def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
+    """Picture of an octree (H, W), and its coverage of each pixel (H, W)."""
+    from ...patchnet_addon.tracing.supersample import supersample
+
+    shape = camera.height_px, camera.width_px
+    luminance = (yield from supersample(octree, camera, rays)).reshape(shape)
+    white = replace(octree.without_sides(), luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
+    return luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape)
+
+
+def _figures(look: tuple[np.ndarray, np.ndarray], halves: Sequence[Reference], exposure: float) -> dict[str, Any]:
+    cycles = np.mean([half.luminance * np.float32(exposure) for half in halves], axis=0)
+    guides = Guides(halves[0].coverage, look[1], halves[0].depth_world, halves[0].albedo, halves[0].normal)
+    return compare(look[0], cycles, guides)
+
+
+def _noise_and_place(halves: Sequence[Reference], exposure: float, camera: Camera) -> dict[str, Any]:
+    """Noise of the mean of two independent halves, which is half their difference, and the camera's position."""
+    first, second = (np.clip(half.luminance * np.float32(exposure), 0, 1) / 2 for half in halves)
+    return {
+        "reference_noise_db": picture_psnr(first + 0.5, second + 0.5),
+        "camera": camera.name,
+        "size": [camera.width_px, camera.height_px],
+        "position_world": [round(float(value), 6) for value in camera.position_world],
+        "forward": [round(float(value), 6) for value in camera.forward],
+        "fov_degrees": float(np.degrees(2.0 * np.arctan(camera.half_y))),
+    }
+
+
+def _report(
+    octree: Octree,
+    checks: list[CameraCheck],
+    settings: CheckSettings,
+    timings_s: dict[str, float],
+    warnings: list[str],
+) -> dict[str, Any]:
+    means = {"mean": _mean_figures([(item.octree, item.cycles, item.report) for item in checks])}
+    if settings.whole_voxels:
+        whole = [(item.whole, item.cycles, item.report["whole_voxels"]) for item in checks if item.whole is not None]
+        means["mean_whole_voxels"] = _mean_figures(whole)
+    return {
+        **means,
+        "cameras": [check.report for check in checks],
+        "octree": {
+            "depth": octree.depth,
+            "leaves": octree.leaf_count,
+            "voxel_world": octree.grid.voxel_size_world,
+            "exposure": octree.exposure,
+        },
+        "settings": {
+            "render_samples": settings.render_samples,
+            "rays": settings.rays,
+            "whole_voxels": settings.whole_voxels,
+        },
+        "light": octree.provenance,
+        "timings_s": timings_s,
+        "warnings": warnings,
+        "versions": versions(),
+        "machine": machine(),
+    }
+
+
+def _mean_figures(views: Sequence[tuple[np.ndarray, np.ndarray, dict[str, Any]]]) -> dict[str, Any]:
+    """Mean figures of all views, each given as picture, picture by Cycles, and figures."""
+    mine = sum(float(view[0].sum(dtype=np.float64)) for view in views)
+    cycles = sum(float(view[1].sum(dtype=np.float64)) for view in views)
+    mse = [10.0 ** (-figures["psnr_db"] / 10.0) for _, _, figures in views]
+    return {"psnr_db": -10.0 * float(np.log10(np.mean(mse))), "mean_ratio": mine / cycles if cycles else None}
+
+
+_PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
+_WHOLE_VOXELS = "whole_voxels.png"
+
+
+def check_files(folders: Iterable[str], whole_voxels: bool = False) -> dict[str, FileKind]:
+    """Kind of each file of a light check by its path in the output folder; `folders` are those of the cameras."""
+    names = (*_PICTURES, _WHOLE_VOXELS) if whole_voxels else _PICTURES
+    return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in names}
+
+
+def save_check(check: LightCheck, folder: Path, maximum: float, folders: Mapping[str, str]) -> None:
+    """Write report.json, and pictures into the folder of each camera; folders: by the cameras' names."""
+    for item in check.cameras:
+        item.report["folder"] = folders[item.camera.name]
+        target = folder / folders[item.camera.name]
+        target.mkdir()
+        _save_camera(item, target, maximum)
+    write_report(folder, "light check", check.report)
+
+
+def _save_camera(item: CameraCheck, folder: Path, maximum: float) -> None:
+    ratio = item.report["mean_ratio"]
+    figures = f"{item.report['psnr_db']:.1f} dB, mean ratio {'-' if ratio is None else format(ratio, '.3f')}"
+    cycles, octree, difference, beside = (folder / name for name in _PICTURES)
+    save_png(cycles, magnify(gray(item.cycles)))
+    save_png(octree, magnify(gray(item.octree)))
+    title, quantity = f"{item.camera.name}: {figures}", "luminance, octree less Cycles"
+    save_png(difference, difference_picture(item.octree - item.cycles, maximum, title, quantity))
+    titles = "Cycles", "octree", figures
+    save_png(beside, side_by_side(item.cycles, item.octree, maximum, titles))
+    if item.whole is not None:
+        figures = f"{item.report['whole_voxels']['psnr_db']:.1f} dB, {item.report['psnr_db']:.1f} dB"
+        row = [gray(picture) for picture in (item.cycles, item.whole, item.octree)]
+        name = f"{item.camera.name}: {figures}"
+        save_png(folder / _WHOLE_VOXELS, contact_sheet([row], [name], ["Cycles", "whole voxels", "boxes"]))

@@ -8,7 +8,6 @@ from mathutils import Euler, Vector
 
 from patchnet.operators.cycles.bake import bake, bake_luminance, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.cycles.bake.page_mesh import geometric_normals
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
@@ -16,6 +15,7 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners, triangle_means
+from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.light_scene import at_points
@@ -81,7 +81,7 @@ def test_closed_box_under_the_sun_is_lambertian() -> None:
     source, atlas = baked()
     towards = np.array(light.matrix_world.to_3x3() @ Vector((0, 0, 1)))
     (batch,) = source.batches()
-    expected = np.maximum(geometric_normals(batch.corners_world) @ towards, 0.0) * 3.0 * 0.5 / np.pi
+    expected = np.maximum(triangle_areas_and_normals(batch.corners_world)[1] @ towards, 0.0) * 3.0 * 0.5 / np.pi
     values = shaded(source, atlas)["Cube"]
     np.testing.assert_allclose(values, np.broadcast_to(expected[:, None], values.shape), atol=1e-3)
 

@@ -16,8 +16,8 @@ from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_thr
 from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
 from patchnet.operators.demo_scene import build_glossy_room
 from patchnet.operators.pipeline.lit_octree import build_lit_octree
-from patchnet.operators.scene.gloss import read_gloss
 from patchnet.operators.scene.images import ImageReader
+from patchnet.operators.scene.materials import read_material
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
@@ -89,22 +89,24 @@ def plates() -> None:
 
 def test_kinds_of_gloss() -> None:
     images = ImageReader()
-    gold = read_gloss(principled("Gold", Metallic=1.0, Roughness=0.5), images)
+    gold = read_material(principled("Gold", Metallic=1.0, Roughness=0.5), images).gloss
     assert gold.is_glossy and not gold.is_clear and not gold.is_sharp
-    assert read_gloss(principled("Chrome", Metallic=1.0, Roughness=0.05), images).is_sharp
-    assert not read_gloss(principled("Clay", Roughness=0.5), images).is_glossy
+    assert read_material(principled("Chrome", Metallic=1.0, Roughness=0.05), images).gloss.is_sharp
+    assert not read_material(principled("Clay", Roughness=0.5), images).gloss.is_glossy
     lamp = {"Metallic": 1.0, "Emission_Color": (1, 1, 1, 1), "Emission_Strength": 3.0}
-    assert not read_gloss(principled("Lamp", **lamp), images).is_glossy
-    glass = read_gloss(principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1)), images)
+    assert not read_material(principled("Lamp", **lamp), images).gloss.is_glossy
+    glass = read_material(
+        principled("Glass", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(1, 1, 1, 1)), images
+    ).gloss
     assert glass.is_clear and glass.is_glossy
     tinted = principled("Tinted", Transmission_Weight=1.0, Roughness=0.0, Base_Color=(0.2, 0.2, 0.2, 1))
     frosted = principled("Frosted", Transmission_Weight=1.0, Roughness=0.6, Base_Color=(1, 1, 1, 1))
     for kind in (tinted, frosted):
-        assert read_gloss(kind, images).is_glossy and not read_gloss(kind, images).is_clear
-    assert read_gloss(mixed("Mostly metal", 0.2), images).is_glossy
-    assert not read_gloss(mixed("Mostly clay", 0.8), images).is_glossy
+        assert read_material(kind, images).gloss.is_glossy and not read_material(kind, images).gloss.is_clear
+    assert read_material(mixed("Mostly metal", 0.2), images).gloss.is_glossy
+    assert not read_material(mixed("Mostly clay", 0.8), images).gloss.is_glossy
     piano = principled("Piano", Base_Color=(0.005, 0.005, 0.005, 1.0), Specular_IOR_Level=0.5)
-    assert read_gloss(piano, images).is_glossy, "what is black shows gloss alone"
+    assert read_material(piano, images).gloss.is_glossy, "what is black shows gloss alone"
 
 
 def test_metals_show_the_sky_and_what_is_not_shown_is_named() -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from patchnet.operators.cycles.bake import KeptPages, bake_luminance
 from patchnet.operators.cycles.bake.bake import bake_key
-from patchnet.operators.scene.fingerprint import SceneFingerprint
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.state.scene_state import scene_state
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
@@ -33,7 +33,7 @@ def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
 def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
     """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    pages = None if kept is None else KeptPages.of(kept, depsgraph)
+    pages = None if kept is None else KeptPages(kept, scene_state(bpy.context.scene).identity())
     steps = bake_luminance(bpy.context, read_scene(depsgraph), 0.1, LightSettings(samples=4), kept=pages)
     reports: list[Progress] = []
     try:
@@ -112,7 +112,7 @@ def key(scope: str = "VISIBLE", samples: int = 4) -> str:
     bpy.context.view_layer.update()
     source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
     charts = drain(layout_charts(source, 0.1))
-    return bake_key(SceneFingerprint(bpy.context.evaluated_depsgraph_get()).scene(), source, charts, samples, 0)
+    return bake_key(scene_state(bpy.context.scene).identity(), source, charts, samples, 0)
 
 
 def group_node(name: str) -> bpy.types.Node:

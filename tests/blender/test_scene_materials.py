@@ -48,7 +48,7 @@ def texture(material: bpy.types.Material, picture: bpy.types.Image) -> bpy.types
 
 def read(material: bpy.types.Material) -> tuple[Material, str | None]:
     """The material and all that was simplified."""
-    result, *notes = read_material(material, ImageReader())
+    result, *notes, _gloss = read_material(material, ImageReader())
     return result, " ".join(note for note in notes if note) or None
 
 
@@ -202,7 +202,7 @@ def test_what_is_not_understood_is_said_once() -> None:
     link(material, noise.outputs["Fac" if "Fac" in noise.outputs else "Factor"], node.inputs["Alpha"])
     node.inputs["Emission Strength"].default_value = 1.0
     link(material, add(material, "ShaderNodeVertexColor").outputs["Color"], node.inputs["Emission Color"])
-    result, note, color_note = read_material(material, ImageReader())
+    result, note, color_note, _ = read_material(material, ImageReader())
     assert (result.base_color, result.alpha) == ((0.8, 0.8, 0.8), 1.0)
     assert note is not None and color_note is not None
     assert "opacity" in note and "base color" in color_note and "vertex colors" in color_note
@@ -214,7 +214,7 @@ def test_opacity_by_many_pictures_is_said(kind: str, said: str) -> None:
     picture = image("Leaf", PIXELS)
     picture.source = kind
     link(material, texture(material, picture).outputs["Alpha"], node.inputs["Alpha"])
-    result, note, _ = read_material(material, ImageReader())
+    result, note, *_ = read_material(material, ImageReader())
     assert result.alpha == 1.0 and f"its opacity depends on image 'Leaf', {said}" in str(note)
 
 
@@ -312,19 +312,3 @@ def test_displacement_that_moves_the_surface_is_told(method: str, told: bool) ->
     tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Displacement"])
     warning = read(material)[1]
     assert (warning is not None and "'Cobbles'" in warning and "Displace modifier" in warning) == told
-
-
-@pytest.mark.parametrize(("wraps", "told"), [((10497, 33071), True), ((10497, 10497), False)])
-def test_an_image_that_repeats_along_one_axis_alone_is_named(
-    tmp_path: Path, wraps: tuple[int, int], told: bool
-) -> None:
-    path = tmp_path / "scene.gltf"
-    materials = [{"name": "Band", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
-    write_gltf(path, materials, np.full((2, 2, 4), 128))
-    document = json.loads(path.read_text())
-    document["samplers"] = [{"wrapS": wraps[0], "wrapT": wraps[1]}]
-    document["textures"][0]["sampler"] = 0
-    path.write_text(json.dumps(document))
-    open_scene(path)
-    said = read_scene(bpy.context.evaluated_depsgraph_get()).color_warnings
-    assert ["'Band'" in text and "an image that repeats along one axis alone" in text for text in said] == [True] * told

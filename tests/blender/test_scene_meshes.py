@@ -8,7 +8,7 @@ from mathutils import Euler, Matrix
 
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
-from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError, SettingError
+from patchnet.patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
 from patchnet.tests.blender.objects import CUBE_FACES, collection_instance, link, mesh, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -169,8 +169,6 @@ def test_bad_input() -> None:
     item = cube("Broken")
     with pytest.raises(EmptySelectionError, match="No selected object has a surface"):
         read("SELECTED")
-    with pytest.raises(SettingError, match="scope"):
-        read("EVERYTHING")
     for value in (np.nan, np.inf):
         item.data.vertices.foreach_set("co", [value] * 24)  # one by one they are clamped
         with pytest.raises(GeometryError, match="Object 'Broken' has vertices that are not finite numbers"):

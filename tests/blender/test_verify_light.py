@@ -14,8 +14,7 @@ from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.demo_scene import build_room
 from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
-from patchnet.operators.verify_light import CheckSettings, LightCheck, verify_light
-from patchnet.operators.verify_light.check import check_camera
+from patchnet.operators.verify_light import CheckSettings, LightCheck, check_camera, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot

@@ -148,12 +148,12 @@ def test_a_viewport_shows_colours_at_once_and_a_sky_as_soon_as_there_is_a_map(
     gradient(scene)
     first = behind()
     assert not first.world.any() and behind(changed=False).identity == first.identity and asked == [scene.name]
-    drain(keep_map(scene))
+    drain(keep_map(scene.name))
     assert isinstance(behind(changed=False).world, CubeMap) and behind().identity != first.identity
     known = behind().identity
     scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.5
     assert behind().identity == known and asked == [scene.name] * 2, "as it was until there is another map"
-    drain(keep_map(scene))
+    drain(keep_map(scene.name))
     assert behind().identity != known
     scene.render.film_transparent = True
     assert behind(changed=False).world is None

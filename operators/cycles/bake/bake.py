@@ -28,16 +28,15 @@ from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import run_in_worker
 from ....patchnet_addon.tracing.camera import Camera
 from ....patchnet_addon.tracing.empty_view import BLACK_VIEWS
-from ...scene.fingerprint import SceneFingerprint, composed, surface_hash
+from ...scene.fingerprint import surface_hash
 from ...scene.scene_mesh import SceneMesh
 from ...scene_access.blender_version import BAKE_SPREAD
 from ...scene_access.devices import bakes_on_gpu
 from ...schema.table import AUTO
 from ...settings.groups import LightSettings
-from ...state.digest import Digest
+from ...state.digest import Digest, composed
 from ...state.watch import check_unchanged
 from .baker import Baker, lift_world
-from .gloss_passes import place_of_view
 from .side_probe import black_views
 from .two_sided_surfaces import plan_sides
 
@@ -57,15 +56,10 @@ _code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # with it
 
 
 class KeptPages(NamedTuple):
-    """Cache of the finished pages of a bake, and the key of their scene."""
+    """Cache of the finished pages of a bake, and the identity of the scene's state."""
 
     pages: BakePageCache
-    scene: str
-
-    @classmethod
-    def of(cls, pages: BakePageCache, depsgraph: bpy.types.Depsgraph) -> KeptPages:
-        """Cache with the key of the scene of a graph."""
-        return cls(pages, SceneFingerprint(depsgraph).scene())
+    state: str
 
 
 def bake_luminance(
@@ -99,9 +93,11 @@ def bake_luminance(
     lift = lift_world(source, charts)
     plan = yield from plan_sides(context, source, cameras, light, lift)
     switches: tuple[object, ...] = (light.color, light.denoise, bakes_on_gpu(context, device), bool(light.daylight))
-    switches += light.gloss, place_of_view(context.scene, light), plan.facing.tobytes(), plan.is_behind.tobytes()
+    switches += light.gloss, plan.facing.tobytes(), plan.is_behind.tobytes()
+    if light.from_camera and context.scene.camera is not None:
+        switches += tuple(map(tuple, context.scene.camera.matrix_world))
     baker = Baker(context, source, charts, light, plan, seed=seed, device=device)
-    key = "" if kept is None else bake_key(kept.scene, source, charts, light.samples, seed, switches)
+    key = "" if kept is None else bake_key(kept.state, source, charts, light.samples, seed, switches)
     sides = yield from _pages(baker, charts, None if kept is None else kept.pages, key)
     front, back = (_atlas(charts, texels, light) for texels in sides)
     atlas = replace(front, warnings=(*baker.warnings, *_coarse(charts)))
@@ -123,18 +119,18 @@ def _atlas(charts: Charts, texels: np.ndarray, light: LightSettings) -> Atlas:
 
 
 def bake_key(
-    scene: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[object, ...] = ()
+    state: str, source: SceneMesh, charts: Charts, samples: int, seed: int, switches: tuple[object, ...] = ()
 ) -> str:
     """32 hex digits over everything that determines the pages of a bake, so that equal keys mean equal bits.
 
-    scene: part of the scene's fingerprint. switches: all other settings of the bake.
+    state: identity of the scene's state. switches: all other settings of the bake.
     """
     layout = Digest()
     layout.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         layout.array(name, getattr(charts, name))
     blender = bpy.app.version_string, bpy.app.build_hash, _devices()
-    parts = scene, surface_hash(source), layout.hexdigest()
+    parts = state, surface_hash(source), layout.hexdigest()
     return composed(_code_hash(), *blender, *parts, samples, seed, switches)
 
 

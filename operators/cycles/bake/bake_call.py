@@ -16,7 +16,7 @@ import bpy
 from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
-from ...scene_access.window_job import BAKE, JobEnd, as_job, editors_keep_images, start_bake
+from ...scene_access.window_job import BAKE, CANCEL, COMPLETE, INTERRUPTED, as_job, editors_keep_images
 from .page_mesh import CHART_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start the bake again to resume it"
@@ -64,13 +64,17 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
             give_back()
             return at
 
-        end = JobEnd(False, False, True, 0.0)
-        while end.interrupted:
-            end = yield from as_job(BAKE, target.scene, lambda: _called(context, target, start_bake), look)
-    if end.cancelled:
+        ended = {INTERRUPTED: 0.0}
+        while INTERRUPTED in ended and COMPLETE not in ended:
+            ended = yield from as_job(BAKE, target.scene, lambda: _called(context, target, _start), look)
+    if CANCEL in ended:
         raise StoppedError(_STOPPED)
-    if not end.completed or not target.image.is_dirty:
+    if COMPLETE not in ended or not target.image.is_dirty:
         raise SceneError("Cycles cannot bake the light of the scene: Blender's terminal says why")
+
+
+def _start(how: dict[str, Any]) -> set[str]:
+    return bpy.ops.patchnet.bake_beside_window("INVOKE_DEFAULT", OBJECT_OT_bake=how)
 
 
 def _called(context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict[str, Any]], set[str]]) -> set[str]:

@@ -27,7 +27,7 @@ from ..daylight import emits
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import bake_scene, lit_as, most_paths, page_image, page_object, set_cycles
-from .gloss_passes import baked_with_gloss, gloss_warnings, set_view
+from .gloss_passes import baked_with_gloss, gloss_warnings
 from .object_data import lost_inputs, needs_coordinates
 from .one_sided import materials_that, one_sided_materials, shows, translucent_materials
 from .page_mesh import PageTriangles, fill_mesh, joined, page_triangles
@@ -123,13 +123,12 @@ class Baker:
         A lamp may be inside, or normals may be flipped.
         """
         from ....patchnet_addon.lightmap.chart_lookup import group_means
+        from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
 
         means = group_means(self._charts, front, part.triangles, page)[:, 0]
         brightest = float(means.max(initial=0.0))
         number = np.unique(part.pieces, return_inverse=True)[1].reshape(-1)
-        area = np.linalg.norm(
-            np.cross(*(part.corners_world[:, [1, 2]] - part.corners_world[:, :1]).transpose(1, 0, 2)), axis=1
-        )
+        area, _ = triangle_areas_and_normals(part.corners_world)
         light, whole = np.bincount(number, area * means), np.bincount(number, area)
         return np.asarray(part.closed & (light <= _DARK_PIECE * brightest * whole)[number])
 
@@ -222,7 +221,8 @@ class Baker:
         with ExitStack() as stack:
             scene, layer = stack.enter_context(bake_scene(self._context, with_daylight=bool(self._light.daylight)))
             set_cycles(scene, samples, self._seed, self._on_gpu, skips_centers=halves > 1)
-            set_view(scene, self._light)
+            from_camera = self._light.from_camera and scene.camera is not None
+            scene.render.bake.view_from = "ACTIVE_CAMERA" if from_camera else "ABOVE_SURFACE"
             sides = (len(fronts) > 0) + (len(backs) > 0)
             image = stack.enter_context(page_image(size, sides * halves))  # one: Cycles reads the scene for each
             materials, parts = [], []

@@ -58,19 +58,6 @@ def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequenc
     return replace(light, from_camera=light.gloss == GLOSS_CAMERA or (light.gloss == GLOSS_AUTO and alone))
 
 
-def set_view(scene: bpy.types.Scene, light: LightSettings) -> None:
-    """Set the view of a bake in a scene of ours: above the surface, or the scene's camera."""
-    from_camera = light.from_camera and scene.camera is not None
-    scene.render.bake.view_from = "ACTIVE_CAMERA" if from_camera else "ABOVE_SURFACE"
-
-
-def place_of_view(scene: bpy.types.Scene, light: LightSettings) -> tuple[float, ...]:
-    """Matrix of the camera of the bake, for its key; empty if it is seen from above."""
-    if not light.from_camera or scene.camera is None:
-        return ()
-    return tuple(float(value) for row in scene.camera.matrix_world for value in row)
-
-
 def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
     """Sentences about materials that voxels show differently from a render."""
     if not any(gloss.is_glossy or gloss.clear > _TINTED for gloss in source.gloss):

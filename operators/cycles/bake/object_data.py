@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import bpy
-import numpy as np
 
 from ...scene.instance_values import asked_by
 from ...scene.layer_names import (
@@ -20,7 +19,6 @@ from ...scene.layer_names import (
     asks_default_color,
     needs_generated,
 )
-from ...scene.scene_mesh import Run
 from ...scene_access.blender_version import tree_in_use
 
 OBJECT = "patchnet_object"
@@ -84,21 +82,6 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
             of_object = "OBJECT" in spaces and (turned or node.vector_type == "POINT")
             return len(spaces) == 2 and ("CAMERA" in spaces or of_object)
     return False
-
-
-def object_coordinates(run: Run) -> np.ndarray:
-    """Object coordinates (N, 3, 3) float32 at the corners of the triangles of a run."""
-    mesh = run.instances.mesh
-    return run.per_corner(mesh.vertices[mesh.triangles])
-
-
-def placed_values(run: Run) -> dict[str, np.ndarray]:
-    """Values (N, 3, C) float32 of the placed objects of a run, by layer."""
-    count = run.last - run.first
-    return {
-        layer: np.repeat(np.repeat(values[run.lo : run.hi], count, axis=0)[:, None], 3, axis=1)
-        for layer, values in run.instances.values.items()
-    }
 
 
 def needs_redirect(material: bpy.types.Material) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from ....patchnet_addon.lightmap.charts import Charts
 from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
-from .object_data import OBJECT, object_coordinates, placed_values
+from .object_data import OBJECT
 
 CHART_LAYER = "PatchNet Charts"
 SURFACE_LAYER = "PatchNet Surface"
@@ -123,18 +123,23 @@ def page_triangles(
 def _part(
     run: Run, mask: np.ndarray, first: int, charts: Charts, pieces: np.ndarray, coordinates: bool
 ) -> PageTriangles:
+    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
+
     corners, mesh = run.corners_world(), run.instances.mesh
-    flat = geometric_normals(corners)
-    mask = mask & flat.any(axis=1)
+    areas, flat = triangle_areas_and_normals(corners)
+    mask = mask & (areas > 0.0)
     normals = run.normals_world()
     if normals is None:
         normals = np.repeat(flat[:, None], 3, axis=1).astype(np.float32)
     uvs = np.zeros((len(run), 3, 2), np.float32) if mesh.uvs is None else run.per_corner(mesh.uvs)
     triangles = first + np.flatnonzero(mask)
     size = charts.page_size[charts.page[triangles]][:, None]
-    layers = {name: run.per_corner(values) for name, values in mesh.layers.items()} | placed_values(run)
+    layers = {name: run.per_corner(values) for name, values in mesh.layers.items()}
+    for name, values in run.instances.values.items():
+        of_triangle = np.repeat(values[run.lo : run.hi], run.last - run.first, axis=0)
+        layers[name] = np.repeat(of_triangle[:, None], 3, axis=1)
     if coordinates:
-        layers[OBJECT] = object_coordinates(run)
+        layers[OBJECT] = run.per_corner(mesh.vertices[mesh.triangles])
     return PageTriangles(
         triangles=triangles,
         corners_world=corners[mask],
@@ -148,18 +153,13 @@ def _part(
     )
 
 
-def geometric_normals(corners_world: np.ndarray) -> np.ndarray:
-    """Unit normals (N, 3) float64 of triangles (N, 3, 3); zero where there is no area."""
-    normals = np.cross(corners_world[:, 1] - corners_world[:, 0], corners_world[:, 2] - corners_world[:, 0])
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), 0.0)
-
-
 def fill_mesh(
     mesh: bpy.types.Mesh, part: PageTriangles, materials: Sequence[bpy.types.Material], offset_world: float
 ) -> None:
     """Fill an empty mesh with these triangles, moved by `offset_world` along their normals."""
-    corners = part.corners_world + geometric_normals(part.corners_world)[:, None] * offset_world
+    from ....patchnet_addon.octree.voxelize import triangle_areas_and_normals
+
+    corners = part.corners_world + triangle_areas_and_normals(part.corners_world)[1][:, None] * offset_world
     add_polygons(mesh, corners)
     for material in materials:
         mesh.materials.append(material)

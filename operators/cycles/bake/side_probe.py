@@ -150,7 +150,10 @@ def light_of_sides(
         image = stack.enter_context(page_image(size, 1))
         mesh = stack.enter_context(temporary(bpy.data.meshes.new(_NAME)))
         _fill(mesh, points_world, normals, lift_world)
-        mesh.materials.append(stack.enter_context(temporary(_white(image))))
+        white = stack.enter_context(temporary(bpy.data.materials.new(_NAME)))
+        white.diffuse_color = (1.0, 1.0, 1.0, 1.0)
+        aim(white, image, plain=True)
+        mesh.materials.append(white)
         item = stack.enter_context(page_object(scene, mesh))
         target = BakeTarget(scene, scene.view_layers[layer], item, image)
         if window_is_alive():
@@ -158,13 +161,6 @@ def light_of_sides(
         else:
             bake_now(context, target)
         return _means(image, count).reshape(-1, 2)
-
-
-def _white(image: bpy.types.Image) -> bpy.types.Material:
-    material = bpy.data.materials.new(_NAME)
-    material.diffuse_color = (1.0, 1.0, 1.0, 1.0)
-    aim(material, image, plain=True)
-    return material
 
 
 def _fill(mesh: bpy.types.Mesh, points: np.ndarray, normals: np.ndarray, lift: float) -> None:
