@@ -104,7 +104,7 @@ def _mean_of_rays(octree: Octree, light: _Light, camera: CameraUnit, pixels: np.
     Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
     """
     order, starts = blocks(pixels, camera.width_px, side)
-    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, octree.depth)
+    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE)
     means = np.empty((len(pixels), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
     run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, camera, search, chosen, means)
