@@ -55,7 +55,7 @@ def trace_view(
     from ..codes.predict import predict
     from ..tracing.chosen import fine_rays
     from ..tracing.render import seen_color
-    from ..tracing.supersample import supersample_all
+    from ..tracing.supersample import supersample
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -69,7 +69,7 @@ def trace_view(
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled = (yield from supersample_all(octree, camera)) if reference or REFERENCE in needs else None
+    sampled = (yield from supersample(octree, camera)) if reference or REFERENCE in needs else None
     return PixelBuffers(
         hits,
         behind=patch.behind,
