@@ -14,12 +14,10 @@ from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..surface.chroma import BLUE, GREEN, RED
-from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..surface.mesh import MeshSource, TriangleBatch
 from ..surface.texels import MipChain, on_texture
 from ..surface.texture_lookup import (
-    color_of_fragments,
     level_of_size,
-    surface_of_fragments,
     trilinear_color,
     trilinear_luminance,
     uv_at,
@@ -111,7 +109,7 @@ def base_colors(
     found = np.empty((len(own), 3 if colored else 1), np.float32)
     materials = batch.materials[own.triangles]
     textured = table.materials.chain[materials] >= 0
-    found[~textured] = _plain(table, batch, colored)[materials[~textured]]
+    found[~textured] = _plain(table, colored)[materials[~textured]]
     left = np.flatnonzero(textured)
     share = area[left] * (spread / _PLACES) ** 2
     texels = own.texels[left], own.triangles[left], own.corners, own.page_side, share, float(spread)
@@ -121,26 +119,16 @@ def base_colors(
     return found
 
 
-def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:
-    """Base colours (M, 1 or 3) of all materials of a table, exact for those without texture."""
-    used, first = np.unique(batch.materials, return_index=True)
-    points = Fragments(
-        np.zeros(len(used), np.uint64), first.astype(np.int32), np.zeros((len(used), 2), np.float32), np.ones(len(used))
-    )
-    found = np.zeros((len(table.materials.luminance), 3 if colored else 1), np.float32)
-    found[used], _ = _colors(table, batch, points, colored)
-    return found
-
-
-def _colors(
-    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
-    luminance, opacity = surface_of_fragments(table, batch, pieces)
+def _plain(table: TextureTable, colored: bool) -> np.ndarray:
+    """Base colours (M, 1 or 3) of all materials of a table without their textures."""
+    luminance = table.materials.luminance
     if not colored:
-        return luminance[:, None], opacity
-    color = color_of_fragments(table, batch, pieces, luminance)
-    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
+        return luminance[:, None]
+    red, green, blue = table.materials.base_color.astype(np.float64).T
+    own = RED * red + GREEN * green + BLUE * blue
+    scale = luminance / np.where(own > 0.0, own, 1.0)
+    red, blue = (np.where(own > 0.0, channel * scale, luminance) for channel in (red, blue))
+    return np.stack([luminance, red, blue], axis=1).astype(np.float32)
 
 
 @device

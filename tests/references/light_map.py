@@ -19,9 +19,21 @@ from patchnet.patchnet_addon.lightmap.denoised_atlas import (
     Cells,
     Texels,
 )
-from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels, _colors, texel_places
+from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels, texel_places
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+from patchnet.patchnet_addon.surface.texture_lookup import color_of_fragments, surface_of_fragments
 from patchnet.patchnet_addon.surface.textures import TextureTable
+
+
+def _colors(
+    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
+    luminance, opacity = surface_of_fragments(table, batch, pieces)
+    if not colored:
+        return luminance[:, None], opacity
+    color = color_of_fragments(table, batch, pieces, luminance)
+    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
 
 
 def base_colors_reference(
