@@ -109,27 +109,22 @@ def layout_charts(
     triangle needs it (at most 4096), or smaller. Raises SettingError for texel sizes that are not positive.
     """
     wanted, origin, along, sides, growth = yield from _rectangles(source, texel_world, max_texels)
-    shares, crowding = np.zeros(source.triangle_count, np.uint8), None
+    shares, neighbours = np.zeros(source.triangle_count, np.uint8), None
     if samples > 1:
-        crowding = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
-        shares = _shares(crowding.excess, sides, samples)
-    neighbours = crowding.group if crowding is not None and shares.any() else None
-    packing = packed(sides, shares, neighbours, page_side)
+        excess, group = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
+        shares = _shares(excess, sides, samples)
+        neighbours = group if shares.any() else None
+    places, page_shares = packed(sides, shares, neighbours, page_side)
     return Charts(
         texel_world=float(wanted.min(initial=np.inf)) * growth,
         growth=growth,
-        page_side=packing.page_side,
-        page=packing.page,
-        x=packing.x,
-        y=packing.y,
         log_width=sides[:, 0],
         log_height=sides[:, 1],
-        kind=packing.kind,
         origin=origin,
         along=along,
-        page_samples=np.maximum(samples >> packing.share, 1).astype(np.int32),
-        page_size=packing.size,
+        page_samples=np.maximum(samples >> page_shares, 1).astype(np.int32),
         group=neighbours,
+        **places,
     )
 
 
