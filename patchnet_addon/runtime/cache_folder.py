@@ -43,7 +43,7 @@ def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
     If `root` is a fallback or the extension's own folder, kernels are copied from PATCHNET_CACHE and from the
-    platform's cache folder, where commands keep theirs. A new version deletes versions that were not used for 90 days.
+    platform's cache folder. A new version deletes versions that were not used for 90 days.
     """
     folder = root / KERNELS / version
     for other in {_wanted(), _platforms()} - {root}:
