@@ -54,7 +54,6 @@ from .tile import (
     YS,
     aim_tile,
     find_entries,
-    spread_picture,
     want_pixels,
 )
 
@@ -90,7 +89,6 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: 
         tile.numbers[XS, k] = 2.0 * (first[1] + k + 0.5 + offset[0]) / camera.width_px - 1.0
         tile.numbers[YS, k] = 2.0 * (first[0] + k + 0.5 + offset[1]) / camera.height_px - 1.0
     want_pixels(tile, count[0], count[1])
-    spread_picture(tile)
     aim_tile(camera, tile)
     visits = trace_tile(nodes, search, tile, levels)
     find_entries(tile)
