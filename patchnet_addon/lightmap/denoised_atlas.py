@@ -14,7 +14,7 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..surface.mesh import MeshSource, TriangleBatch
 from .atlas import Atlas
-from .texel_bases import TexelBases, texel_bases, texel_places
+from .texel_bases import TexelBases, texel_bases, texel_centres
 
 _LEAST_ALBEDO = 0.02  # least base colour; darker texels mix with each other only
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
@@ -316,7 +316,7 @@ def _place(atlas: Atlas, part: TexelBases, frame: tuple[np.ndarray, float], out:
     origin, facing = frame
     assert noise is not None
     normals = facing * triangle_areas_and_normals(batch.corners_world)[1]
-    centres = texel_places(own)[:, 0]
+    centres = texel_centres(own)
     columns = [0, 2, 3] if part.color.shape[1] > 1 else [0]
 
     def place(first: int, last: int) -> None:

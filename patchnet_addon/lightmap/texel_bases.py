@@ -49,14 +49,10 @@ class BatchTexels:
         return len(self.texels)
 
 
-def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
-    """Weights (n, side * side, 2) float32 of corners 1 and 2 of the triangle at places in each texel.
-
-    Places are the centres of side x side equal parts of a square of width `spread` around the texel's centre, column by
-    column; those outside the triangle are moved into it.
-    """
-    out = np.empty((len(own), side * side, 2), np.float32)
-    run_parts(_places, len(own), (own.texels, own.triangles, own.corners), own.page_side, (side, spread), out)
+def texel_centres(own: BatchTexels) -> np.ndarray:
+    """Weights (n, 2) float32 of corners 1 and 2 at each texel's centre, moved into the triangle."""
+    out = np.empty((len(own), 2), np.float32)
+    run_parts(_centres, len(own), (own.texels, own.triangles, own.corners), own.page_side, out)
     return out
 
 
@@ -74,7 +70,11 @@ def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
 
 @device
 def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
-    """Weights of corners 1 and 2 at the place (i, j) of side x side."""
+    """Weights of corners 1 and 2 at the place (i, j) of side x side in a texel.
+
+    Places are the centres of equal parts of a square of width `spread` around the texel's centre, column by column;
+    those outside the triangle are moved into it.
+    """
     left, low, one_x, one_y, two_x, two_y, area = frame
     x = left + 0.5 + ((i + 0.5) / side - 0.5) * spread
     y = low + 0.5 + ((j + 0.5) / side - 0.5) * spread
@@ -85,17 +85,11 @@ def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _places(first, last, own, page_side, square, out):  # type: ignore[no-untyped-def]
-    """Write the weights of some texels. square: parts along its side, and its width."""
+def _centres(first, last, own, page_side, out):  # type: ignore[no-untyped-def]
     texels, triangles, corners = own
-    side, spread = square
     for index in range(first, last):
         frame = texel_frame(texels[index], corners[triangles[index]], page_side)
-        for i in range(side):
-            for j in range(side):
-                one, two = place_in_texel(frame, i, j, side, spread)
-                out[index, i * side + j, 0] = one
-                out[index, i * side + j, 1] = two
+        out[index, 0], out[index, 1] = place_in_texel(frame, 0, 0, 1, 1.0)
 
 
 def base_colors(
