@@ -110,9 +110,6 @@ def _usable(wanted: Path) -> Path:
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         check_writable(wanted)
-        for folder in (wanted / KERNELS, wanted / BAKES, *(wanted / KERNELS).glob("*/")):
-            if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
-                raise PermissionError(13, "no permission to write", str(folder))
     except (OSError, OutputError) as cause:
         fallback = Path(tempfile.mkdtemp(prefix="patchnet-"))
         goes_with_process(fallback)

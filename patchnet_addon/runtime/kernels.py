@@ -85,7 +85,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             return super().load_overload(sig, target_context)
         except (OSError, EOFError, pickle.UnpicklingError) as cause:
-            _say_uncached(cause)
+            _say_uncached(type(cause), getattr(cause, "strerror", None))
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -93,20 +93,16 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as cause:
-            _say_uncached(cause)
+            _say_uncached(type(cause), cause.strerror)
 
 
 @functools.cache
-def _say_once(reason: str) -> None:
+def _say_uncached(cause: type[Exception], reason: str | None = None) -> None:
     logging.getLogger("patchnet").warning(
         "Compiled kernels cannot be kept in %s (%s): they are compiled again at the next start; make room, or name "
         "another folder in the preferences or in PATCHNET_CACHE",
-        numba.config.CACHE_DIR, reason,
+        numba.config.CACHE_DIR, reason or cause.__name__,
     )  # fmt: skip
-
-
-def _say_uncached(cause: Exception) -> None:
-    _say_once(str((isinstance(cause, OSError) and cause.strerror) or type(cause).__name__))
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
