@@ -185,7 +185,7 @@ def staged_scores(
 
     Pixels of the last stage have their expected error. All others keep the score of an earlier stage, above or below
     the cut: only the order about the cut affects the error. buffers: hits, the first finer ray, importance, and the
-    inputs of `KnownPixels`. looks: None if these suffice. Raises SettingError for a budget outside 0 to 1.
+    inputs of `KnownPixels`. looks: None if these suffice.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
@@ -273,7 +273,7 @@ class StagedStrategy(Strategy):
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
 
         buffers: as of `first_look`; buffers that hold all pixels are not computed again. looks: None if they hold all
-        needs of the strategy. Raises SettingError for a budget outside 0 to 1.
+        needs of the strategy.
         """
         from .plus.weights import shipped_estimators
 
