@@ -14,7 +14,7 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
-from .predicted import PREDICTED, PREVIEW, check_unrefined
+from .predicted import PREDICTED, PREVIEW
 from .strategy import (
     BEHIND,
     CHILD_MASK,
@@ -59,7 +59,7 @@ def trace_view(
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
-    if check_unrefined(unrefined) == PREDICTED:
+    if unrefined == PREDICTED:
         needs |= {PREDICTION, BEHIND, FINE}
     lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
