@@ -12,7 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
-from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..surface.mesh import MeshSource
 
@@ -27,11 +26,9 @@ def crowding_of(
     Excess (T,) float32, at least 1: texels in the triangle's cell over those that its surface needs. Groups (T,) int32
     are equal for triangles that share a cell.
 
-    texel_world: (T,) float32, requested texel side of each. texels: (T,) its number of texels. Raises SettingError for
-    more than 2^31 triangles.
+    texel_world: (T,) float32, requested texel side of each. texels: (T,) its number of texels.
     """
     count = source.triangle_count
-    check_count(count, INT32_COUNT, "triangles", "voxelize fewer objects")
     keys, wanted = np.empty(count, np.uint64), np.empty(count, np.float32)
     origin, least = source.bounds_world[0], float(texel_world.min(initial=np.inf))
     for batch in source.batches():
