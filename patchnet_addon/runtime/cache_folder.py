@@ -13,7 +13,6 @@ import os
 import re
 import secrets
 import shutil
-import stat
 import sys
 import tempfile
 import time
@@ -75,14 +74,10 @@ def _remove_old_versions(kernels: Path) -> None:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Total size of the files directly in a folder, in bytes; files that disappear meanwhile count 0."""
-    total = 0
+    """Total size of the files directly in a folder, in bytes; 0 if one of them disappears meanwhile."""
     with suppress(OSError):
-        for path in folder.iterdir():
-            with suppress(OSError):
-                found = path.stat()
-                total += found.st_size if stat.S_ISREG(found.st_mode) else 0
-    return total
+        return sum(path.stat().st_size for path in folder.iterdir())
+    return 0
 
 
 def _wanted() -> Path:
