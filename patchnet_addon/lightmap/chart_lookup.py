@@ -49,7 +49,7 @@ class _Half(NamedTuple):
 def _half(rectangles, t):  # type: ignore[no-untyped-def]
     """Half that belongs to the triangle t."""
     width, height = np.int64(rectangles.log_width[t]), np.int64(rectangles.log_height[t])
-    leg_x, leg_y = np.float64(rectangles.legs[t, 0]), np.float64(rectangles.legs[t, 1])
+    leg_x, leg_y = float(rectangles.legs[t, 0]), float(rectangles.legs[t, 1])
     return _Half(
         rectangles.x[t], rectangles.y[t], width, height, rectangles.kind[t], leg_x, leg_y, rectangles.page_side
     )

@@ -85,7 +85,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             return super().load_overload(sig, target_context)
         except (OSError, EOFError, pickle.UnpicklingError) as cause:
-            _say_uncached(type(cause), getattr(cause, "strerror", None))
+            _say_uncached(getattr(cause, "strerror", None) or type(cause).__name__)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -93,15 +93,15 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as cause:
-            _say_uncached(type(cause), cause.strerror)
+            _say_uncached(cause.strerror or type(cause).__name__)
 
 
 @functools.cache
-def _say_uncached(cause: type[Exception], reason: str | None = None) -> None:
+def _say_uncached(reason: str) -> None:
     logging.getLogger("patchnet").warning(
         "Compiled kernels cannot be kept in %s (%s): they are compiled again at the next start; make room, or name "
         "another folder in the preferences or in PATCHNET_CACHE",
-        numba.config.CACHE_DIR, reason or cause.__name__,
+        numba.config.CACHE_DIR, reason,
     )  # fmt: skip
 
 
