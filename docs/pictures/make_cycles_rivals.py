@@ -120,7 +120,7 @@ def _measured(coded: CodedOctree, camera: Camera) -> tuple[Measured, Reference]:
     truth = render_reference(bpy.context, camera, TRUTH, 1)
     cycles = _shown(coded, render_reference(bpy.context, camera, SAMPLES, 0).luminance)
     known = _shown(coded, truth.luminance)
-    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT))
+    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT)).luminance
     errors = ((picture.astype(np.float64) - known) ** 2 for picture in (buffers.preview, own, cycles))
     return Measured(*errors, buffers), truth
 
@@ -171,7 +171,7 @@ def _curve(coded: CodedOctree, camera: Camera, measured: Measured, truth: Refere
             picture = _whole(camera, samples, denoised)
             rows[name].append((f"{samples}", time.process_time() - begun, error(picture)))
     begun = time.process_time()
-    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT)) / coded.octree.exposure
+    own = drain(supersample(coded.octree, camera, OWN_SIDE, finer=EVEN_FOOTPRINT)).luminance / coded.octree.exposure
     own_s = time.process_time() - begun
     depth = wanted_pixels(wanted_surface(bpy.context.evaluated_depsgraph_get()), camera).depth_world
     for share in SHARES:

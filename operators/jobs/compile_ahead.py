@@ -27,7 +27,7 @@ from ...patchnet_addon.runtime.worker import computed
 from ..properties.preferences import ROOT_PACKAGE
 
 SCRIPT = Path(__file__).with_name("small_jobs.py")  # that the other Blender runs
-ABOUT = 293  # kernels that the small jobs call, for the progress
+ABOUT = 284  # kernels that the small jobs call, for the progress
 _AT = Progress(0, ABOUT, "Compiling kernels", note=NOTE, waiting=True)
 _LOOK_S = 0.5  # between two counts of compiled kernels
 _LOG_BYTES = 2000  # of the end of its output, for the log

@@ -14,7 +14,7 @@ import numpy as np
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.network.devices import CUDA, read_device
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.sampling.predicted import check_unrefined
+from ...patchnet_addon.sampling.predicted import UNREFINED
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.strategy import REFERENCE
 from ...patchnet_addon.surface.mesh import MeshSource
@@ -155,10 +155,10 @@ class ViewSettings:
 
     def __post_init__(self) -> None:
         strategy(self.strategy)
-        check_unrefined(self.unrefined)
         _check_numbers(self)
         _check_choice("background", self.background, [value for value, _, _ in TABLE["background"].choices])
         _check_choice("color map", self.colormap, COLORMAPS)
+        _check_choice("picture of unrefined pixels", self.unrefined, UNREFINED)
 
     @property
     def has_reference(self) -> bool:

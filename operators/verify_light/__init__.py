@@ -15,7 +15,7 @@ from ...patchnet_addon.image.comparison import Guides, compare, difference_pictu
 from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, Octree
+from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.file_kinds import PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -137,9 +137,8 @@ def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, 
     from ...patchnet_addon.tracing.supersample import supersample
 
     shape = camera.height_px, camera.width_px
-    luminance = (yield from supersample(octree, camera, rays)).reshape(shape)
-    white = replace(octree.without_sides(), luminance=np.full_like(octree.luminance, round(LUMINANCE_SCALE)))
-    return luminance, (yield from supersample(white, camera, min(_COVERAGE_RAYS, rays))).reshape(shape)
+    luminance = (yield from supersample(octree, camera, rays)).luminance.reshape(shape)
+    return luminance, (yield from supersample(octree, camera, min(_COVERAGE_RAYS, rays))).coverage.reshape(shape)
 
 
 def _figures(look: tuple[np.ndarray, np.ndarray], halves: Sequence[Reference], exposure: float) -> dict[str, Any]:

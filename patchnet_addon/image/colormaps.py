@@ -3,8 +3,6 @@
 
 import numpy as np
 
-from ..runtime.errors import SettingError
-
 # Every fifth of 256 entries, sRGB bytes in hexadecimal; linear between them is within 1/255 of the full tables.
 # viridis is by Stefan van der Walt and Nathaniel Smith (CC0), turbo by Anton Mikhailov (Apache-2.0).
 _KNOTS = {
@@ -23,12 +21,7 @@ COLORMAPS: tuple[str, ...] = tuple(_KNOTS)
 
 
 def colormap(values: np.ndarray, name: str = "viridis") -> np.ndarray:
-    """sRGB colours (..., 3) float32 in [0, 1] of `values` (...); clamped to [0, 1], NaN counts as 0.
-
-    Raises SettingError for an unknown map.
-    """
-    if name not in _KNOTS:
-        raise SettingError(f"There is no color map {name!r}: choose one of {', '.join(COLORMAPS)}")
+    """sRGB colours (..., 3) float32 in [0, 1] of `values` (...); clamped to [0, 1], NaN counts as 0."""
     knots = np.array([list(bytes.fromhex(entry)) for entry in _KNOTS[name].split()], np.float32) / 255  # (52, 3)
     position = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)
     positions = np.linspace(0.0, 1.0, len(knots))

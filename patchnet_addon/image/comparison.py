@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.errors import SettingError
 from ..sampling.errors import psnr
 from .colormaps import diverging
 from .heatmap import magnify, with_legend
@@ -178,8 +177,6 @@ def side_by_side(
 
 
 def _signed(difference: np.ndarray, maximum: float) -> np.ndarray:
-    if not (np.isfinite(maximum) and maximum > 0):
-        raise SettingError(f"The difference's maximum {maximum} must be a positive number")
     return magnify(diverging(difference / np.float32(maximum)))
 
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..runtime.errors import SettingError
 from ..runtime.quantities import error_text
 from .colormaps import colormap, red_ramp
 from .pixel_font import GLYPH_HEIGHT, draw_text, text_width
@@ -40,8 +39,6 @@ def heatmap(
 
     `maximum` is configured, not the picture's own, so that pictures can be compared; larger values are clamped to it.
     """
-    if not (np.isfinite(maximum) and maximum > 0):
-        raise SettingError(f"The heatmap's maximum {maximum} must be a positive number")
     view = magnify(colormap(priority / np.float32(maximum), map_name))
     ticks = [f"{maximum * share:.3g}" for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     return with_legend([view], [title or "priority"], lambda position: colormap(position, map_name), ticks, quantity)

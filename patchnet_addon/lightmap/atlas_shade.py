@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -25,9 +26,6 @@ _LEAST_HUE = 1.0 / 16.0  # of a channel: limits noise without loss of brightness
 _MIN_ALBEDO = 1e-3
 _LEAST_LIGHT = np.float32(1e-30)
 _SOLID = 0.999  # opacity; texels with gaps are not comparable
-_MANTISSA_BITS = 24  # of float32
-_LOWEST_EXPONENT = -149
-_EXPONENTS = 128 - _LOWEST_EXPONENT + 1
 
 
 def atlas_shade(atlas: Atlas, source: MeshSource) -> ShadingFn:
@@ -151,28 +149,6 @@ def hue_detail(base: np.ndarray, held: np.ndarray) -> np.ndarray:
     return np.clip(np.maximum(base, _MIN_ALBEDO) / np.maximum(held, _MIN_ALBEDO), _LEAST_HUE, _MAX)
 
 
-class ExactSums:
-    """Sums of float32 values per group, exact, and so independent of order."""
-
-    def __init__(self, groups: int) -> None:
-        self._parts = np.zeros((groups, _EXPONENTS), np.int64)  # mantissas by exponent; 2^39 values fit
-
-    def add(self, groups: np.ndarray, values: np.ndarray) -> None:
-        """Add values (n,), at least 0 and finite, to their groups (n,)."""
-        mantissa, exponent = np.frexp(values.astype(np.float32))
-        whole = (mantissa.astype(np.float64) * 2.0**_MANTISSA_BITS).astype(np.int64)
-        np.add.at(self._parts, (groups, exponent.astype(np.int64) - _LOWEST_EXPONENT), whole)
-
-    def ratio(self, other: ExactSums) -> np.ndarray:
-        """Ratio of this sum to the other's (groups,) float64, rounded once; 0 where the other is 0."""
-        pairs = zip(self._integers(), other._integers(), strict=True)
-        return np.array([mine / its if its else 0.0 for mine, its in pairs])
-
-    def _integers(self) -> list[int]:
-        """Sums in units of the least exponent."""
-        return [sum(int(parts[place]) << int(place) for place in np.flatnonzero(parts)) for parts in self._parts]
-
-
 def irradiance_of_materials(
     charts: Charts, texels: np.ndarray, table: TextureTable, source: MeshSource, min_opacity: float
 ) -> np.ndarray:
@@ -181,16 +157,26 @@ def irradiance_of_materials(
     texels: (N, 2) float32, luminance weighed by opacity, and opacity. Triangles count by area, except those with at
     most `min_opacity`.
     """
-    light, color = ExactSums(len(source.materials)), ExactSums(len(source.materials))
+    groups, lights, colors = [], [], []
     for batch in source.batches():
         means = triangle_means(charts, texels, np.arange(len(batch)) + batch.first_triangle)  # (T, 2)
         areas, _ = triangle_areas_and_normals(batch.corners_world)
         albedo, opacity = surface_of_fragments(table, batch, _whole(batch, areas))
         seen = (means[:, 1] > min_opacity) & (opacity > 0.0)  # without opacity there is no colour to compare
-        groups = batch.materials[seen]
-        light.add(groups, areas[seen] * np.maximum(means[seen, 0], 0.0))
-        color.add(groups, areas[seen] * means[seen, 1] * albedo[seen])
-    return light.ratio(color)
+        groups.append(batch.materials[seen])
+        lights.append(areas[seen] * np.maximum(means[seen, 0], 0.0))
+        colors.append(areas[seen] * means[seen, 1] * albedo[seen])
+    sums = [
+        _exact_sums(np.concatenate(groups), np.concatenate(parts), len(source.materials)) for parts in (lights, colors)
+    ]
+    return np.divide(sums[0], sums[1], out=np.zeros_like(sums[0]), where=sums[1] > 0.0)
+
+
+def _exact_sums(groups: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Sums (count,) float64 of values (n,) by their groups (n,), independent of order."""
+    order = np.argsort(groups, kind="stable")
+    parts = np.split(values[order], np.searchsorted(groups[order], np.arange(1, count)))
+    return np.array([math.fsum(part) for part in parts])
 
 
 def _whole(batch: TriangleBatch, areas: np.ndarray) -> Fragments:

@@ -11,7 +11,7 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .charts import Charts
-from .packing import FIRST, SECOND, SINGLE
+from .packing import SECOND, SINGLE
 
 
 class _Rectangles(NamedTuple):
@@ -24,6 +24,7 @@ class _Rectangles(NamedTuple):
     kind: np.ndarray
     origin: np.ndarray
     along: np.ndarray
+    legs: np.ndarray
     page_side: int
 
     @classmethod
@@ -45,28 +46,13 @@ class _Half(NamedTuple):
 
 
 @device
-def _leg(log_side, square, kind):  # type: ignore[no-untyped-def]
-    """Leg in texels; the diagonal texels of a square belong to the first of its two triangles.
-
-    Two for a single texel, so that its triangle owns it.
-    """
-    if kind == SINGLE:
-        return 2.0
-    side = float(1 << log_side)
-    if square:
-        return side + 0.5 if kind == FIRST else side - 0.5
-    return side
-
-
-@device
 def _half(rectangles, t):  # type: ignore[no-untyped-def]
     """Half that belongs to the triangle t."""
-    kind = rectangles.kind[t]
-    width = np.int64(rectangles.log_width[t])
-    height = np.int64(rectangles.log_height[t])
-    leg_x = _leg(width, width == height, kind)
-    leg_y = _leg(height, width == height, kind)
-    return _Half(rectangles.x[t], rectangles.y[t], width, height, kind, leg_x, leg_y, rectangles.page_side)
+    width, height = np.int64(rectangles.log_width[t]), np.int64(rectangles.log_height[t])
+    leg_x, leg_y = float(rectangles.legs[t, 0]), float(rectangles.legs[t, 1])
+    return _Half(
+        rectangles.x[t], rectangles.y[t], width, height, rectangles.kind[t], leg_x, leg_y, rectangles.page_side
+    )
 
 
 @device

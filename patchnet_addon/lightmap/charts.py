@@ -12,6 +12,7 @@ texel centres, so that rounding cannot change the owner of a texel.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,15 +69,18 @@ class Charts:
         """Texels on all pages, used or not."""
         return self.page_count * self.page_side**2
 
-    def legs(self, triangles: np.ndarray) -> np.ndarray:
-        """Lengths (n, 2) float64, in texels, of the legs of triangles (n,) that are not SINGLE.
+    @cached_property
+    def legs(self) -> np.ndarray:
+        """Lengths (T, 2) float32, in texels, of the legs of all triangles.
 
-        The diagonal texels of a square belong to the first of its two triangles.
+        The diagonal texels of a square belong to the first of its two triangles. Two for a single texel, so that its
+        triangle owns it.
         """
-        sides = np.stack([self.log_width[triangles], self.log_height[triangles]], axis=-1)
-        square = sides[:, 0] == sides[:, 1]
-        shift = np.where(square, np.where(self.kind[triangles] == FIRST, 0.5, -0.5), 0.0)
-        return np.exp2(sides.astype(np.float64)) + shift[:, None]
+        sides = np.stack([self.log_width, self.log_height], axis=-1)
+        shift = np.where(sides[:, 0] == sides[:, 1], np.where(self.kind == FIRST, 0.5, -0.5), 0.0)
+        legs = np.exp2(sides.astype(np.float32)) + shift[:, None].astype(np.float32)
+        legs[self.kind == SINGLE] = 2.0
+        return legs
 
     def corner_texels(self, triangles: np.ndarray) -> np.ndarray:
         """Positions (n, 3, 2) float64, in texels on their page, of the corners of triangles (n,)."""
@@ -85,7 +89,7 @@ class Charts:
         low = np.stack([self.x[triangles], self.y[triangles]], axis=-1).astype(np.float64)
         size = np.exp2(np.stack([self.log_width[triangles], self.log_height[triangles]], axis=-1).astype(np.float64))
         start = np.where((kind == SECOND)[:, None], low + size, low)
-        legs = self.legs(triangles) * np.where(kind == SECOND, -1.0, 1.0)[:, None]
+        legs = self.legs[triangles].astype(np.float64) * np.where(kind == SECOND, -1.0, 1.0)[:, None]
         corners = np.repeat(start[:, None], 3, axis=1)  # (n, 3, 2)
         corners[n, along, 0] += legs[:, 0]
         corners[n, 3 - origin - along, 1] += legs[:, 1]
@@ -109,27 +113,22 @@ def layout_charts(
     triangle needs it (at most 4096), or smaller. Raises SettingError for texel sizes that are not positive.
     """
     wanted, origin, along, sides, growth = yield from _rectangles(source, texel_world, max_texels)
-    shares, crowding = np.zeros(source.triangle_count, np.uint8), None
+    shares, neighbours = np.zeros(source.triangle_count, np.uint8), None
     if samples > 1:
-        crowding = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
-        shares = _shares(crowding.excess, sides, samples)
-    neighbours = crowding.group if crowding is not None and shares.any() else None
-    packing = packed(sides, shares, neighbours, page_side)
+        excess, group = yield from crowding_of(source, wanted * np.float32(growth), _own_texels(sides))
+        shares = _shares(excess, sides, samples)
+        neighbours = group if shares.any() else None
+    places, page_shares = packed(sides, shares, neighbours, page_side)
     return Charts(
         texel_world=float(wanted.min(initial=np.inf)) * growth,
         growth=growth,
-        page_side=packing.page_side,
-        page=packing.page,
-        x=packing.x,
-        y=packing.y,
         log_width=sides[:, 0],
         log_height=sides[:, 1],
-        kind=packing.kind,
         origin=origin,
         along=along,
-        page_samples=np.maximum(samples >> packing.share, 1).astype(np.int32),
-        page_size=packing.size,
+        page_samples=np.maximum(samples >> page_shares, 1).astype(np.int32),
         group=neighbours,
+        **places,
     )
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..surface.mesh import MeshSource, TriangleBatch
 from .atlas import Atlas
-from .texel_bases import TexelBases, texel_bases, texel_places
+from .texel_bases import texel_bases, texel_centres
 
 _LEAST_ALBEDO = 0.02  # least base colour; darker texels mix with each other only
 _AXIS_BITS, _AXIS_CELLS = 19, 1 << 19
@@ -29,6 +30,7 @@ _WIDE = 0.75  # half width of an occluder, in texels
 _MOST_BETWEEN = 64
 _SIGMAS = 1.5  # largest difference of averaged texels, in its standard deviations
 _CELLS = 27
+_PART = 1 << 16  # texels that are placed at once
 
 
 class Texels(NamedTuple):
@@ -235,23 +237,6 @@ def _add(texels, q, weight, guide, sums):  # type: ignore[no-untyped-def]
         sums[3 + channel] += weight * float(texels.light[q, channel])
 
 
-class Placed(NamedTuple):
-    """Texels to denoise, and their places in the atlas.
-
-    base: (n, C) float32, base colours, see `divisor`. area: (n,) float32, surface of each texel.
-    """
-
-    place: np.ndarray
-    base: np.ndarray
-    area: np.ndarray
-    texels: Texels
-
-    def between(self, first: int, last: int) -> Placed:
-        """View of a range of texels."""
-        texels = Texels(*(column[first:last] for column in self.texels))
-        return Placed(self.place[first:last], self.base[first:last], self.area[first:last], texels)
-
-
 def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
     """Atlas whose texels are averaged with nearby texels of the same light; an atlas without `noise` is unchanged.
 
@@ -265,9 +250,10 @@ def denoised_atlas(atlas: Atlas, source: MeshSource) -> Atlas:
 
 def _denoised(atlas: Atlas, source: MeshSource, facing: float) -> Atlas:
     """Denoise one side; facing: 1 for fronts, -1 for backs."""
-    index, base, _, texels = placed_texels(atlas, source, facing)
-    if not len(index):
+    placed = placed_texels(atlas, source, facing)
+    if placed is None:
         return replace(atlas, noise=None)
+    index, base, texels = placed
     bases = np.zeros((len(atlas.texels), base.shape[1]), np.float32)
     bases[index] = base
     order, cells = cells_of(texels.points, texels.size, atlas.charts.texel_world, np.zeros(3))
@@ -284,56 +270,47 @@ def divisor(base: np.ndarray) -> np.ndarray:
     return np.maximum(base, np.float32(_LEAST_ALBEDO))
 
 
-def placed_texels(atlas: Atlas, source: MeshSource, facing: float = 1.0) -> Placed:
-    """Texels to denoise of an atlas with `noise`: all with surface that do not emit, in any order.
+def placed_texels(
+    atlas: Atlas, source: MeshSource, facing: float = 1.0
+) -> tuple[np.ndarray, np.ndarray, Texels] | None:
+    """Texels to denoise of an atlas with `noise`: all with surface that do not emit, in any order; None for none.
 
-    facing: 1, or -1 for an atlas of backs.
+    Also, before them, their places in the atlas (n,) and base colours (n, C). facing: 1, or -1 for an atlas of backs.
     """
-    parts = list(texel_bases(atlas, source))
-    ends = np.cumsum([len(part.own) for part in parts]).tolist()
-    found = _blank(ends[-1] if ends else 0, parts[0].color.shape[1] if parts else 1)
-    for part, last in zip(parts, ends, strict=True):
-        _place(atlas, part, (source.bounds_world[0], facing), found.between(last - len(part.own), last))
-    return found
+    parts = list(_placed(atlas, source, facing))
+    if not parts:
+        return None
+    place, base, *texels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return place, base, Texels(*texels)
 
 
-def _blank(count: int, channels: int) -> Placed:
-    def column(*shape: int, kind: type = np.float32) -> np.ndarray:
-        return np.empty((count, *shape), kind)
+def _placed(atlas: Atlas, source: MeshSource, facing: float) -> Iterator[tuple[np.ndarray, ...]]:
+    """Places, base colours and columns of `Texels` of an atlas with `noise`, part by part.
 
-    texels = Texels(
-        column(3), column(3), column(), column(kind=np.int32), column(channels), column(), column()
-    )  # fmt: skip
-    return Placed(column(kind=np.int64), column(channels), column(), texels)
-
-
-def _place(atlas: Atlas, part: TexelBases, frame: tuple[np.ndarray, float], out: Placed) -> None:
-    """Write the texels of one batch of an atlas with `noise`; frame: the surface's lower corner (3,), sign of normals.
-
-    Relative to that corner, single precision separates texels far from the world's origin, too.
+    Points are relative to the surface's lower corner: single precision separates texels far from the world's origin.
     """
-    batch, own, charts, noise = part.batch, part.own, atlas.charts, atlas.noise
-    origin, facing = frame
-    assert noise is not None
-    normals = facing * triangle_areas_and_normals(batch.corners_world)[1]
-    centres = texel_places(own)[:, 0]
-    columns = [0, 2, 3] if part.color.shape[1] > 1 else [0]
-
-    def place(first: int, last: int) -> None:
-        mine, local, here = own.texels[first:last], own.triangles[first:last], out.between(first, last)
-        values, base, area, texels = atlas.texels[mine], part.color[first:last], part.area[first:last], here.texels
-        albedo, opacity = divisor(base), values[:, 1]
-        here.place[:], here.base[:], here.area[:] = mine, base, area
-        texels.points[:] = _points(batch, local, centres[first:last]) - origin
-        texels.normals[:] = normals[local]
-        texels.size[:] = np.maximum(np.sqrt(area), charts.texel_world)
-        # Noise of black texels is not noise of light.
-        texels.material[:] = 2 * batch.materials[local].astype(np.int64) + (albedo[:, 0] <= _LEAST_ALBEDO)
-        texels.light[:] = values[:, columns] / (albedo * opacity[:, None])
-        texels.variance[:] = (noise[mine] / (albedo[:, 0] * opacity)) ** 2
-        texels.weight[:] = charts.page_samples[charts.page[local + batch.first_triangle]] * opacity
-
-    run_parts(place, len(own))
+    charts, origin = atlas.charts, source.bounds_world[0]
+    assert atlas.noise is not None
+    for part in texel_bases(atlas, source):
+        batch, centres = part.batch, texel_centres(part.own)
+        columns = [0, 2, 3] if part.color.shape[1] > 1 else [0]
+        for first in range(0, len(centres), _PART):
+            here = slice(first, first + _PART)
+            mine, local, base = part.own.texels[here], part.own.triangles[here], part.color[here]
+            values, albedo = atlas.texels[mine], divisor(base)
+            opacity = values[:, 1]
+            yield (
+                mine,
+                base,
+                (_points(batch, local, centres[here]) - origin).astype(np.float32),
+                (facing * triangle_areas_and_normals(batch.corners_world[local])[1]).astype(np.float32),
+                np.maximum(np.sqrt(part.area[here]), charts.texel_world).astype(np.float32),
+                # Noise of black texels is not noise of light.
+                (2 * batch.materials[local] + (albedo[:, 0] <= _LEAST_ALBEDO)).astype(np.int32),
+                values[:, columns] / (albedo * opacity[:, None]),
+                (atlas.noise[mine] / (albedo[:, 0] * opacity)) ** 2,
+                (charts.page_samples[charts.page[local + batch.first_triangle]] * opacity).astype(np.float32),
+            )
 
 
 def _points(batch: TriangleBatch, triangles: np.ndarray, barycentric: np.ndarray) -> np.ndarray:

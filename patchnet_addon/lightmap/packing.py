@@ -8,7 +8,7 @@ before it. A page holds triangles of one number of paths only; its unused halves
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,26 +17,12 @@ from ..cells.morton import morton_decode_square
 FIRST, SECOND, SINGLE = range(3)
 
 
-@dataclass(frozen=True, eq=False)
-class Packing:
-    """Places of T charts on P pages of `page_side` texels.
+def packed(
+    sides: np.ndarray, shares: np.ndarray, neighbours: np.ndarray | None, page_side: int
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Place the charts of T triangles on P pages: page_side, page, x, y, kind and page_size of `Charts`.
 
-    page, x, y: (T,) int32, lower left texel of the rectangle. kind: (T,) int8, which half of it. share: (P,) int32,
-    class of the triangles on each page. size: (P, 2) int32, its width and height in texels.
-    """
-
-    page_side: int
-    page: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    kind: np.ndarray
-    share: np.ndarray
-    size: np.ndarray
-
-
-def packed(sides: np.ndarray, shares: np.ndarray, neighbours: np.ndarray | None, page_side: int) -> Packing:
-    """Place the charts of T triangles.
-
+    Also the class (P,) int32 of the triangles on each page.
     sides: (T, 2) int8, log2 of rectangles' width and height. shares: (T,) uint8 classes, each with separate pages.
     neighbours: (T,) int32, order of single texels of a class; None for the order of triangles. page_side: a power of
     two; pages are larger if a square needs it, and smaller if all texels fit.
@@ -63,15 +49,15 @@ def packed(sides: np.ndarray, shares: np.ndarray, neighbours: np.ndarray | None,
         used += [1 << (2 * log_side)] * (number - 1) + [total - ((number - 1) << (2 * log_side))]
     page, rest = place >> (2 * log_side), place & ((1 << (2 * log_side)) - 1)
     x, y = morton_decode_square(rest)
-    return Packing(
-        page_side=1 << log_side,
-        page=page.astype(np.int32),
-        x=x,
-        y=y + stacked,
-        kind=kind,
-        share=np.array(pages or [0], np.int32),
-        size=np.array([_reached(texels, log_side) for texels in used or [1]], np.int32),
-    )
+    places = {
+        "page_side": 1 << log_side,
+        "page": page.astype(np.int32),
+        "x": x,
+        "y": y + stacked,
+        "kind": kind,
+        "page_size": np.array([_reached(texels, log_side) for texels in used or [1]], np.int32),
+    }
+    return places, np.array(pages or [0], np.int32)
 
 
 def texel_count(sides: np.ndarray) -> int:

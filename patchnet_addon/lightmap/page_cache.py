@@ -70,7 +70,7 @@ class BakePageCache:
         names = (path.stem.removeprefix("page-") for path in self._folders[-1].glob("page-*.safetensors"))
         return {int(name) for name in names if name.isdigit()}
 
-    def load(self, page: int, texels_shape: tuple[int, ...], triangles: int) -> tuple[np.ndarray, ...] | None:
+    def load(self, page: int) -> tuple[np.ndarray, ...] | None:
         """Texels, sides with light and shares of a finished page, as saved; None if it is missing or damaged."""
         path = self._path(page)
         if not path.exists():
@@ -81,10 +81,6 @@ class BakePageCache:
             _LOG.warning("A page is baked again: %s", error)
             with contextlib.suppress(OSError):
                 path.unlink()
-            return None
-        of_triangles = {"lit": (np.int8, (triangles,)), "back_share": (np.float32, (triangles,))}
-        wanted = {"texels": (np.float32, texels_shape)} | of_triangles
-        if {name: (array.dtype, array.shape) for name, array in arrays.items()} != wanted:
             return None
         self.found += 1
         return arrays["texels"], arrays["lit"], arrays["back_share"]

@@ -9,38 +9,26 @@ keeps its own texel, so that the mean over them is unbiased.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..octree.voxelize import triangle_areas_and_normals
-from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..surface.mesh import MeshSource
 
 _LARGE = 2.0  # texels along the longest edge: larger triangles span many cells and do not share
 
 
-@dataclass(frozen=True, eq=False)
-class Crowding:
-    """Triangles that share paths.
+def crowding_of(
+    source: MeshSource, texel_world: np.ndarray, texels: np.ndarray
+) -> Steps[tuple[np.ndarray, np.ndarray]]:
+    """Excess of paths of all T triangles of a surface, and groups of those that share paths.
 
-    excess: (T,) float32, at least 1: texels in the triangle's cell over those that its surface needs. group: (T,)
-    int32, equal for triangles that share a cell.
-    """
+    Excess (T,) float32, at least 1: texels in the triangle's cell over those that its surface needs. Groups (T,) int32
+    are equal for triangles that share a cell.
 
-    excess: np.ndarray
-    group: np.ndarray
-
-
-def crowding_of(source: MeshSource, texel_world: np.ndarray, texels: np.ndarray) -> Steps[Crowding]:
-    """Crowding of all T triangles of a surface.
-
-    texel_world: (T,) float32, requested texel side of each. texels: (T,) its number of texels. Raises SettingError for
-    more than 2^31 triangles.
+    texel_world: (T,) float32, requested texel side of each. texels: (T,) its number of texels.
     """
     count = source.triangle_count
-    check_count(count, INT32_COUNT, "triangles", "voxelize fewer objects")
     keys, wanted = np.empty(count, np.uint64), np.empty(count, np.float32)
     origin, least = source.bounds_world[0], float(texel_world.min(initial=np.inf))
     for batch in source.batches():
@@ -56,7 +44,7 @@ def crowding_of(source: MeshSource, texel_world: np.ndarray, texels: np.ndarray)
     present = np.bincount(group, texels)
     asked = np.maximum(np.bincount(group, wanted), 1.0)
     excess = np.maximum(present / asked, 1.0).astype(np.float32)
-    return Crowding(excess[group], group.astype(np.int32))
+    return excess[group], group.astype(np.int32)
 
 
 _ALONE = np.uint64(1 << 63)

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.kernels import kernel
-
 _ENCLOSED = 0.02  # of the other side's light, and of the median: that side is not meant to be seen
 _DARK = 1e-3  # of the brightest side: both sides are black
 _BLACK = 1e-6  # of it: no light at all
@@ -20,33 +18,16 @@ _POINTS, _FEWEST, _MOST = 2048, 4, 32  # of all sheets, of one at least and at m
 _STEPS = 0.7548776662466927, 0.5698402909980532  # of points in a triangle: powers of 1 / the plastic number
 
 
-@kernel
-def connected(rows, count):  # type: ignore[no-untyped-def]
-    """Smallest member of the connected component of each of `count` items; items in a row (N, K) are connected.
-
-    Union by index, paths halved.
-    """
-    parent = np.arange(count)
-    for index in range(len(rows)):
-        for other in range(1, rows.shape[1]):
-            a = rows[index, 0]
-            b = rows[index, other]
-            while parent[a] != a:
-                parent[a] = parent[parent[a]]
-                a = parent[a]
-            while parent[b] != b:
-                parent[b] = parent[parent[b]]
-                b = parent[b]
-            if a < b:
-                parent[b] = a
-            else:
-                parent[a] = b
-    for member in range(count):
-        root = member
-        while parent[root] != root:
-            root = parent[root]
-        parent[member] = root
-    return parent
+def connected(pairs: np.ndarray, count: int) -> np.ndarray:
+    """Smallest member of the connected component of each of `count` items; those of a pair (N, 2) are connected."""
+    root = np.arange(count)
+    while len(pairs):
+        pairs = root[pairs]
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        np.minimum.at(root, pairs.max(axis=1), pairs.min(axis=1))
+        while (root[root] != root).any():
+            root = root[root]
+    return root
 
 
 def sheets_of(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

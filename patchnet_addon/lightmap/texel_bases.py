@@ -14,12 +14,10 @@ from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..surface.chroma import BLUE, GREEN, RED
-from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from ..surface.mesh import MeshSource, TriangleBatch
 from ..surface.texels import MipChain, on_texture
 from ..surface.texture_lookup import (
-    color_of_fragments,
     level_of_size,
-    surface_of_fragments,
     trilinear_color,
     trilinear_luminance,
     uv_at,
@@ -51,14 +49,10 @@ class BatchTexels:
         return len(self.texels)
 
 
-def texel_places(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
-    """Weights (n, side * side, 2) float32 of corners 1 and 2 of the triangle at places in each texel.
-
-    Places are the centres of side x side equal parts of a square of width `spread` around the texel's centre, column by
-    column; those outside the triangle are moved into it.
-    """
-    out = np.empty((len(own), side * side, 2), np.float32)
-    run_parts(_places, len(own), (own.texels, own.triangles, own.corners), own.page_side, (side, spread), out)
+def texel_centres(own: BatchTexels) -> np.ndarray:
+    """Weights (n, 2) float32 of corners 1 and 2 at each texel's centre, moved into the triangle."""
+    out = np.empty((len(own), 2), np.float32)
+    run_parts(_centres, len(own), (own.texels, own.triangles, own.corners), own.page_side, out)
     return out
 
 
@@ -76,7 +70,11 @@ def texel_frame(texel, corners, page_side):  # type: ignore[no-untyped-def]
 
 @device
 def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
-    """Weights of corners 1 and 2 at the place (i, j) of side x side."""
+    """Weights of corners 1 and 2 at the place (i, j) of side x side in a texel.
+
+    Places are the centres of equal parts of a square of width `spread` around the texel's centre, column by column;
+    those outside the triangle are moved into it.
+    """
     left, low, one_x, one_y, two_x, two_y, area = frame
     x = left + 0.5 + ((i + 0.5) / side - 0.5) * spread
     y = low + 0.5 + ((j + 0.5) / side - 0.5) * spread
@@ -87,17 +85,11 @@ def place_in_texel(frame, i, j, side, spread):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _places(first, last, own, page_side, square, out):  # type: ignore[no-untyped-def]
-    """Write the weights of some texels. square: parts along its side, and its width."""
+def _centres(first, last, own, page_side, out):  # type: ignore[no-untyped-def]
     texels, triangles, corners = own
-    side, spread = square
     for index in range(first, last):
         frame = texel_frame(texels[index], corners[triangles[index]], page_side)
-        for i in range(side):
-            for j in range(side):
-                one, two = place_in_texel(frame, i, j, side, spread)
-                out[index, i * side + j, 0] = one
-                out[index, i * side + j, 1] = two
+        out[index, 0], out[index, 1] = place_in_texel(frame, 0, 0, 1, 1.0)
 
 
 def base_colors(
@@ -111,7 +103,7 @@ def base_colors(
     found = np.empty((len(own), 3 if colored else 1), np.float32)
     materials = batch.materials[own.triangles]
     textured = table.materials.chain[materials] >= 0
-    found[~textured] = _plain(table, batch, colored)[materials[~textured]]
+    found[~textured] = _plain(table, colored)[materials[~textured]]
     left = np.flatnonzero(textured)
     share = area[left] * (spread / _PLACES) ** 2
     texels = own.texels[left], own.triangles[left], own.corners, own.page_side, share, float(spread)
@@ -121,26 +113,16 @@ def base_colors(
     return found
 
 
-def _plain(table: TextureTable, batch: TriangleBatch, colored: bool) -> np.ndarray:
-    """Base colours (M, 1 or 3) of all materials of a table, exact for those without texture."""
-    used, first = np.unique(batch.materials, return_index=True)
-    points = Fragments(
-        np.zeros(len(used), np.uint64), first.astype(np.int32), np.zeros((len(used), 2), np.float32), np.ones(len(used))
-    )
-    found = np.zeros((len(table.materials.luminance), 3 if colored else 1), np.float32)
-    found[used], _ = _colors(table, batch, points, colored)
-    return found
-
-
-def _colors(
-    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
-    luminance, opacity = surface_of_fragments(table, batch, pieces)
+def _plain(table: TextureTable, colored: bool) -> np.ndarray:
+    """Base colours (M, 1 or 3) of all materials of a table without their textures."""
+    luminance = table.materials.luminance
     if not colored:
-        return luminance[:, None], opacity
-    color = color_of_fragments(table, batch, pieces, luminance)
-    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
+        return luminance[:, None]
+    red, green, blue = table.materials.base_color.astype(np.float64).T
+    own = RED * red + GREEN * green + BLUE * blue
+    scale = luminance / np.where(own > 0.0, own, 1.0)
+    red, blue = (np.where(own > 0.0, channel * scale, luminance) for channel in (red, blue))
+    return np.stack([luminance, red, blue], axis=1).astype(np.float32)
 
 
 @device

@@ -13,7 +13,6 @@ import os
 import re
 import secrets
 import shutil
-import stat
 import sys
 import tempfile
 import time
@@ -43,7 +42,7 @@ def kernel_folder(root: Path, version: str) -> Path:
     """Folder in the cache folder `root` for compiled kernels of a version of their sources.
 
     If `root` is a fallback or the extension's own folder, kernels are copied from PATCHNET_CACHE and from the
-    platform's cache folder, where commands keep theirs. A new version deletes versions that were not used for 90 days.
+    platform's cache folder. A new version deletes versions that were not used for 90 days.
     """
     folder = root / KERNELS / version
     for other in {_wanted(), _platforms()} - {root}:
@@ -75,14 +74,10 @@ def _remove_old_versions(kernels: Path) -> None:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Total size of the files directly in a folder, in bytes; files that disappear meanwhile count 0."""
-    total = 0
+    """Total size of the files directly in a folder, in bytes; 0 if one of them disappears meanwhile."""
     with suppress(OSError):
-        for path in folder.iterdir():
-            with suppress(OSError):
-                found = path.stat()
-                total += found.st_size if stat.S_ISREG(found.st_mode) else 0
-    return total
+        return sum(path.stat().st_size for path in folder.iterdir())
+    return 0
 
 
 def _wanted() -> Path:
@@ -110,9 +105,6 @@ def _usable(wanted: Path) -> Path:
     try:
         wanted.mkdir(parents=True, exist_ok=True)
         check_writable(wanted)
-        for folder in (wanted / KERNELS, wanted / BAKES, *(wanted / KERNELS).glob("*/")):
-            if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
-                raise PermissionError(13, "no permission to write", str(folder))
     except (OSError, OutputError) as cause:
         fallback = Path(tempfile.mkdtemp(prefix="patchnet-"))
         goes_with_process(fallback)

@@ -24,17 +24,8 @@ def compiling_seconds() -> float:
         return _spent_s + (time.monotonic() - _since if _count > 0 else 0.0)
 
 
-def compilation_begins() -> None:
-    """Count a compilation that begins; called by `kernels.py`."""
-    _change(1)
-
-
-def compilation_ends() -> None:
-    """Count a compilation that ends; called by `kernels.py`."""
-    _change(-1)
-
-
-def _change(by: int) -> None:
+def count_compilations(by: int) -> None:
+    """Count a compilation that begins (1) or ends (-1); called by `kernels.py`."""
     global _count, _spent_s, _since
     with _lock:
         now = time.monotonic()

@@ -70,11 +70,11 @@ def write_arrays(path: str | Path, arrays: Mapping[str, np.ndarray], metadata: d
 
 
 def read_arrays(
-    path: str | Path, kind: str, error: type[FileFormatError] = FileFormatError, *, verify: bool = True
+    path: str | Path, kind: str, error: type[FileFormatError] = FileFormatError
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays and metadata of a PatchNet file, the arrays mapped into memory copy-on-write.
 
-    verify: compare every array with its checksum, which reads the whole file. Raises `error` if the file is missing,
+    Every array is compared with its checksum, which reads the whole file. Raises `error` if the file is missing,
     truncated, damaged, of another kind, program or newer version.
     """
     path = Path(path)
@@ -90,17 +90,11 @@ def read_arrays(
     for name, (dtype, shape) in header.arrays.items():
         start = header.data_start + header._offsets[name]
         raw[name] = mapped[start : start + math.prod(shape) * dtype.itemsize]
-    for name, checksum in _checksums(raw).items() if verify else ():
+    for name, checksum in _checksums(raw).items():
         if checksum != header._checksums[name]:
             raise error(f"{path} is damaged: the data of '{name}' differs from its checksum; create the file anew")
-    return {name: _typed(raw[name], *kind_of) for name, kind_of in header.arrays.items()}, header.metadata
-
-
-def _typed(raw: np.ndarray, dtype: np.dtype, shape: tuple[int, ...]) -> np.ndarray:
-    """View bytes (n,) as an array; copies them only where the file does not align them."""
-    if raw.ctypes.data % dtype.itemsize:
-        raw = raw.copy()
-    return raw.view(dtype).reshape(shape)
+    arrays = {name: raw[name].view(dtype).reshape(shape) for name, (dtype, shape) in header.arrays.items()}
+    return arrays, header.metadata
 
 
 def _checksums(raw: Mapping[str, np.ndarray]) -> dict[str, int]:

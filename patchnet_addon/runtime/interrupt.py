@@ -19,7 +19,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 from typing import Any
@@ -76,11 +76,11 @@ def interrupts_wait() -> Iterator[None]:
 
 
 @contextmanager
-def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
+def prompt_interrupt() -> Iterator[None]:
     """Raise `Interrupted` within the block at Ctrl-C and SIGTERM.
 
-    If the block has not ended DEADLINE_S later, `end` is called; by default the process ends. Signals that are ignored
-    or have another Python handler stay unchanged; outside the main thread nothing happens.
+    If the block has not ended DEADLINE_S later, the process ends. Signals that are ignored or have another Python
+    handler stay unchanged; outside the main thread nothing happens.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -89,7 +89,7 @@ def prompt_interrupt(end: Callable[[], None] | None = None) -> Iterator[None]:
         heard = {number for number in _DEFAULTS if stack.enter_context(_listening(number))}
         if heard:
             _Waiting.heard = 0
-            stack.enter_context(_watched(heard, end))
+            stack.enter_context(_watched(heard))
         yield
 
 
@@ -129,12 +129,12 @@ def _listening(number: signal.Signals) -> Iterator[bool]:
 
 
 @contextmanager
-def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> Iterator[None]:
+def _watched(numbers: set[signal.Signals]) -> Iterator[None]:
     """Watch for the signals in a thread within the block."""
     listener, speaker = socket.socketpair()
     speaker.setblocking(False)
     ended = threading.Event()
-    thread = threading.Thread(target=_watch, args=(listener, numbers, ended, end), daemon=True)
+    thread = threading.Thread(target=_watch, args=(listener, numbers, ended), daemon=True)
     before = signal.set_wakeup_fd(speaker.fileno(), warn_on_full_buffer=False)
     thread.start()
     try:
@@ -145,19 +145,13 @@ def _watched(numbers: set[signal.Signals], end: Callable[[], None] | None) -> It
         speaker.close()
 
 
-def _watch(
-    listener: socket.socket, numbers: set[signal.Signals], ended: threading.Event, end: Callable[[], None] | None
-) -> None:
+def _watch(listener: socket.socket, numbers: set[signal.Signals], ended: threading.Event) -> None:
     """Wait for a signal, then up to DEADLINE_S for the end of the block."""
     with listener:
         while heard := listener.recv(1):
             if heard[0] in numbers:
-                if ended.wait(DEADLINE_S):
-                    return
-                if end is None:
+                if not ended.wait(DEADLINE_S):
                     end_process(128 + heard[0], STOPPED)
-                else:
-                    end()
                 return
 
 

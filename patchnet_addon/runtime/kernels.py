@@ -2,8 +2,8 @@
 """Compilation of numba kernels, and their cache folder.
 
 numba's cache does not notice changes of callees in other files, so the folder's name contains a hash of all sources of
-kernels and their imports. All copies of these sources share it, whatever the package is called: Blender imports it
-under another name than Python.
+kernels and their imports, and of the package's name, which compiled code contains: Blender imports it under another
+name than Python. Copies of these sources under one name share it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
-import importlib
 import inspect
-import io
 import logging
 import pickle
 import sys
@@ -26,35 +24,25 @@ import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher, cpu_target
-from numba.core.serialize import NumbaPickler
 from numba.core.types.misc import unliteral
 
 from .cache_folder import kernel_folder, user_cache_folder
-from .compiling import compilation_begins, compilation_ends
+from .compiling import count_compilations
 from .source_hash import ROOT, source_hash
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-_PACKAGE = __package__.removesuffix(".patchnet_addon.runtime")
-_ENGINE, _TRAINING = ("patchnet_addon",), ("patchnet_addon", "training")  # the extension does not contain training
-
-
-def _with_kernels(folders: tuple[str, ...] = _TRAINING) -> list[str]:
-    """Modules that define kernels or extend numba."""
-    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+def _with_kernels() -> list[str]:
+    """Modules that define kernels or extend numba; the extension does not contain training."""
+    paths = [path for folder in ("patchnet_addon", "training") for path in (ROOT / folder).rglob("*.py")]
     texts = {path: path.read_bytes() for path in paths}
     found = [path for path, text in texts.items() if b"kernels import" in text or b"numba.extending import" in text]
     return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in found]
 
 
-@functools.cache
-def _folder(folders: tuple[str, ...]) -> Path:
-    """Cache folder for compiled kernels of these sources."""
-    return kernel_folder(user_cache_folder(), source_hash(*_with_kernels(folders)))
-
-
-numba.config.CACHE_DIR = str(_folder(_ENGINE))
+_VERSION = hashlib.sha256(f"{__package__} {source_hash(*_with_kernels())}".encode()).hexdigest()[:16]
+numba.config.CACHE_DIR = str(kernel_folder(user_cache_folder(), _VERSION))
 
 
 def compiled_mark(kernels: str, *of: object) -> Path:
@@ -68,25 +56,6 @@ def compiled_mark(kernels: str, *of: object) -> Path:
     return folder / f"{kernels}-{hashlib.sha256(repr(versions).encode()).hexdigest()[:16]}"
 
 
-class _Pickler(NumbaPickler):  # type: ignore[misc]
-    """Pickler of classes and modules of this package, independent of the package's name."""
-
-    def persistent_id(self, item: Any) -> Any:
-        """Name of a class or module within the package; None for others."""
-        if isinstance(item, str) and item.startswith(f"{_PACKAGE}."):
-            return "", item.removeprefix(_PACKAGE)
-        if isinstance(item, type) and item.__module__.startswith(f"{_PACKAGE}."):
-            return item.__qualname__, item.__module__.removeprefix(_PACKAGE)
-        return None
-
-
-class _Unpickler(pickle.Unpickler):
-    def persistent_load(self, found: Any) -> Any:
-        """Return the class, or the module's name, in this package."""
-        name, module = found
-        return getattr(importlib.import_module(_PACKAGE + module), name) if name else _PACKAGE + module
-
-
 class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
     """Files of a function's compiled code, with names that no other process uses.
 
@@ -97,25 +66,6 @@ class CacheFile(IndexDataCacheFile):  # type: ignore[misc]
     def _data_name(self, _number: int) -> str:
         return f"{Path(self._index_name).stem}.{uuid.uuid4().hex[:12]}.nbc"
 
-    def _dump(self, item: Any) -> bytes:
-        with io.BytesIO() as buffer:
-            _Pickler(buffer, protocol=4).dump(item)
-            return buffer.getvalue()
-
-    def _load_index(self) -> Any:
-        try:
-            with open(self._index_path, "rb") as file:
-                if pickle.load(file) != self._version:
-                    return {}
-                stamp, overloads = _Unpickler(file).load()
-        except FileNotFoundError:
-            return {}
-        return overloads if stamp == self._source_stamp else {}
-
-    def _load_data(self, name: str) -> Any:
-        with open(self._data_path(name), "rb") as file:
-            return _Unpickler(file).load()
-
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     """numba's cache of a function's compiled code; unreadable or unwritable files only cost time."""
@@ -125,8 +75,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         locator = self._impl.locator
         stamp, source = locator.get_source_stamp(), Path(inspect.getfile(function))
         if source.is_relative_to(ROOT):  # versions are distinguished by the hash of all sources
-            folder, *_ = parts = source.relative_to(ROOT).parent.parts
-            path = _folder(_ENGINE if folder in _ENGINE else _TRAINING) / ".".join(parts)
+            path = Path(numba.config.CACHE_DIR) / ".".join(source.relative_to(ROOT).parent.parts)
             stamp, locator.get_cache_path = "", lambda: str(path)
         self._cache_path = locator.get_cache_path()
         self._cache_file = CacheFile(self._cache_path, self._impl.filename_base, stamp)
@@ -136,7 +85,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             return super().load_overload(sig, target_context)
         except (OSError, EOFError, pickle.UnpicklingError) as cause:
-            _say_uncached(cause)
+            _say_uncached(getattr(cause, "strerror", None) or type(cause).__name__)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -144,11 +93,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as cause:
-            _say_uncached(cause)
+            _say_uncached(cause.strerror or type(cause).__name__)
 
 
 @functools.cache
-def _say_once(reason: str) -> None:
+def _say_uncached(reason: str) -> None:
     logging.getLogger("patchnet").warning(
         "Compiled kernels cannot be kept in %s (%s): they are compiled again at the next start; make room, or name "
         "another folder in the preferences or in PATCHNET_CACHE",
@@ -156,18 +105,14 @@ def _say_once(reason: str) -> None:
     )  # fmt: skip
 
 
-def _say_uncached(cause: Exception) -> None:
-    _say_once(str((isinstance(cause, OSError) and cause.strerror) or type(cause).__name__))
-
-
 class _Compilations(event.Listener):  # type: ignore[misc]
     """Listener to compilations of functions that are not in the cache."""
 
     def on_start(self, _event: event.Event) -> None:
-        compilation_begins()
+        count_compilations(1)
 
     def on_end(self, _event: event.Event) -> None:
-        compilation_ends()
+        count_compilations(-1)
 
 
 event.register("numba:compile", _Compilations())

@@ -10,15 +10,14 @@ crash the process when two of them start at the same time.
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from functools import cache
 from typing import Any
 
 _PARTS = 8  # per thread: threads then end at nearly the same time
 _limit: int | None = None
+_pool = ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")  # its threads start when they are needed
 
 
 def usable_cores() -> int:
@@ -60,7 +59,7 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
         for first in left:
             kernel(first, min(first + size, count), *arguments)
 
-    helpers = [_pool().submit(work) for _ in range(threads - 1)]
+    helpers = [_pool.submit(work) for _ in range(threads - 1)]
     try:
         work()
     finally:
@@ -70,17 +69,3 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
         wait(running)
         for helper in running:
             helper.result()
-
-
-_making = threading.Lock()
-
-
-def _pool() -> ThreadPoolExecutor:
-    with _making:
-        return _shared_pool()
-
-
-@cache
-def _shared_pool() -> ThreadPoolExecutor:
-    """Pool of threads beside the calling one, shared by all callers."""
-    return ThreadPoolExecutor(max((os.cpu_count() or 1) - 1, 1), "PatchNet loop")

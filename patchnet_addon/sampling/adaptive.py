@@ -119,8 +119,8 @@ class AdaptivePicture:
 
         refined: mean samples of these pixels, spread over them by priority. spp: mean samples per active pixel instead
         of the budget (methods 7.25b). No pixel gets more than side x side rays; pixels that already have theirs are
-        skipped. Pixels of importance 0 keep their one ray within any budget. Raises SettingError for a budget or a mean
-        outside its bounds.
+        skipped. Pixels of importance 0 keep their one ray within any budget. Raises SettingError for a mean outside its
+        bounds.
         """
         assert self.ranking is not None
         samples = self.ranking.refined_samples(refined, budget) if spp is None else self.ranking.samples(spp)

@@ -19,7 +19,6 @@ from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PR
 
 if TYPE_CHECKING:
     from ..network.weights import Weights
-    from .plus.weights import Estimators
 
 _NETWORK_FROM = 0.25  # budget: below it, rays behind and decoding cost more than the samples they save
 _AROUND_FROM = 0.07  # budget: below it, the largest differences of the finer ray come first in any order
@@ -30,20 +29,6 @@ _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
 _TRACED = {0: frozenset[str](), 1: frozenset({FINE, BEHIND}), 4: frozenset({FINE_RAYS, BEHIND})}
 _EXTRA_RAYS = {0: 0, 1: 1, 4: 5}  # the finer ray in the pixel's centre also continues behind the patch
-
-
-def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error (P,) float32 of the picture `form.shown` in each active pixel of a view; 0 elsewhere.
-
-    The view must have the inputs of the form's planes.
-    """
-    from .plus.compiled import estimate  # compiled code, which registration must not load
-    from .plus_planes import view_planes
-
-    def planes_of(first: int, last: int) -> np.ndarray:
-        return view_planes(buffers, form.planes, first, last)
-
-    return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
 def estimators_fit(weights: Weights) -> bool:
@@ -78,6 +63,7 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
 
     def score(buffers: PixelBuffers) -> np.ndarray:
         from .plus.weights import shipped_estimators
+        from .plus_planes import estimated_error  # compiled code, which registration must not load
 
         chosen = predicted if predicted is not None and buffers.shows_predicted else form
         return estimated_error(buffers, buffers.estimators or shipped_estimators(), chosen)

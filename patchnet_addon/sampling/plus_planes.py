@@ -9,29 +9,23 @@ import numpy as np
 
 from ..octree.octree import POPCOUNT
 from .pixel_buffers import PixelBuffers
-from .plus.forms import CENTRE, FAR, SLOPE, Form, Plane
-
-Pixels = slice | np.ndarray
-
-
-def window_pixels(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Pixels (9, N) int64 of the windows of pixels (N,), the lowest row first, clamped to the picture's edge."""
-    row, column = np.divmod(pixels, width)
-    rows = np.clip(row + np.array([-1, 0, 1])[:, None], 0, height - 1) * width  # (3, N)
-    columns = np.clip(column + np.array([-1, 0, 1])[:, None], 0, width - 1)
-    return (rows[:, None] + columns).reshape(9, -1)
+from .plus.compiled import estimate
+from .plus.forms import FAR, SLOPE, Form, Plane
+from .plus.weights import Estimators
 
 
-def chosen_windows(buffers: PixelBuffers, form: Form, around: np.ndarray) -> np.ndarray:
-    """Windows (C, 9, N) float32 of a form's planes about some pixels, whose neighbours are `around` (9, N).
+def estimated_error(
+    buffers: PixelBuffers, estimators: Estimators, form: Form, chosen: np.ndarray | None = None
+) -> np.ndarray:
+    """Expected error (P,) float32 of the picture `form.shown` in the pixels `chosen` (P,) bool of a view; 0 elsewhere.
 
-    Planes read only at the pixels themselves are filled only there.
+    None: in all active pixels. The view must have the inputs of the form's planes.
     """
-    found = np.empty((len(form.planes), *around.shape), np.float32)
-    for values, plane in zip(found, form.planes, strict=True):
-        places = CENTRE if plane in form.of_pixels else slice(None)
-        values[places] = _PLANES[plane](buffers, around[places])
-    return found
+
+    def planes_of(first: int, last: int) -> np.ndarray:
+        return view_planes(buffers, form.planes, first, last)
+
+    return estimate(planes_of, buffers.picture(buffers.active if chosen is None else chosen), estimators, form).ravel()
 
 
 def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, last: int | None = None) -> np.ndarray:
@@ -56,52 +50,47 @@ def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, 
     return found
 
 
-def _at(values: np.ndarray, pixels: Pixels) -> np.ndarray:
-    """Values of pixels; indices are in range and not checked again."""
-    return values[pixels] if isinstance(pixels, slice) else values.take(pixels, axis=0, mode="clip")
-
-
-def _depth(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+def _depth(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     assert buffers.cube_side_world is not None
     hits = buffers.hits
-    return np.where(_at(hits.node, pixels) >= 0, _at(hits.z_world, pixels) / buffers.cube_side_world, FAR)
+    return np.where(hits.node[pixels] >= 0, hits.z_world[pixels] / buffers.cube_side_world, FAR)
 
 
-def _per_pixel(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+def _per_pixel(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     """1 / SLOPE pixel sides, per cube side, from the voxel's side, which is the cube's / 2^level."""
     hits = buffers.hits
-    return np.ldexp(np.float32(1.0 / SLOPE), _at(hits.level, pixels)) / _at(hits.ratio, pixels)
+    return np.ldexp(np.float32(1.0 / SLOPE), hits.level[pixels]) / hits.ratio[pixels]
 
 
-def _cosine(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+def _cosine(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     assert buffers.normal is not None
     return np.abs(np.einsum("...c,...c->...", buffers.normal[pixels], buffers.hits.direction[pixels]))
 
 
-def _children(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+def _children(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     assert buffers.child_mask is not None
     return POPCOUNT[buffers.child_mask[pixels]] * np.float32(0.125)
 
 
-def _open(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+def _open(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
     assert buffers.prediction is not None and buffers.scene_luminance is not None
     coverage = buffers.prediction.coverage[pixels]
     return coverage * buffers.prediction.luminance[pixels] + (1.0 - coverage) * np.float32(buffers.scene_luminance)
 
 
-def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, Pixels], np.ndarray]:
+def _part(name: str, *path: str | int) -> Callable[[PixelBuffers, slice], np.ndarray]:
     """Plane stored in a part of the view."""
 
-    def plane(buffers: PixelBuffers, pixels: Pixels) -> np.ndarray:
+    def plane(buffers: PixelBuffers, pixels: slice) -> np.ndarray:
         values = getattr(buffers, name)
         for step in path:
             values = values[:, step] if isinstance(step, int) else getattr(values, step)
-        return _at(values, pixels)
+        return values[pixels]
 
     return plane
 
 
-_PLANES: dict[Plane, Callable[[PixelBuffers, Pixels], np.ndarray]] = {
+_PLANES: dict[Plane, Callable[[PixelBuffers, slice], np.ndarray]] = {
     Plane.LUMINANCE: _part("preview"),
     Plane.HIT: _part("hit"),
     Plane.DEPTH: _depth,

@@ -7,20 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..runtime.errors import SettingError
-
 if TYPE_CHECKING:
     from ..codes.predict import Prediction
 
 PREVIEW, PREDICTED = "preview", "predicted"  # picture shown in unrefined pixels
 UNREFINED = (PREVIEW, PREDICTED)
-
-
-def check_unrefined(name: str) -> str:
-    """Return the checked name of the picture in unrefined pixels; raises SettingError for an unknown one."""
-    if name not in UNREFINED:
-        raise SettingError(f"Unrefined pixels cannot show {name!r}: choose one of {', '.join(UNREFINED)}")
-    return name
 
 
 def expected_luminance(patch: Prediction, behind: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime.errors import SettingError
 from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refinable, refined_count, refined_mask, refinement_order
@@ -57,8 +56,7 @@ class Ranking:
     def refined_samples(self, mean: float, budget: float | None = None) -> np.ndarray:
         """(P,) int32: samples of each pixel; those of `mask` have `mean` on average, by priority (methods 7.25b).
 
-        All others have one. budget: overrides the ranking's. Raises SettingError for a budget outside 0 to 1, or a mean
-        outside 16 to 1024.
+        All others have one. budget: overrides the ranking's. Raises SettingError for a mean outside 16 to 1024.
         """
         refined = self.order[: refined_count(self.buffers, self.budget if budget is None else budget, len(self.order))]
         urgent = np.maximum(self.priority[refined].astype(np.float64), LITTLE)
@@ -70,10 +68,8 @@ class Ranking:
         """(P,) bool: pixels that an expensive renderer samples, a budget's share of all P, rounded down.
 
         first: (P,) bool, pixels chosen before all others. Both groups go by falling priority; inactive pixels come
-        last; pixels of importance 0 are chosen only if in `first`. Raises SettingError for a budget outside 0 to 1.
+        last; pixels of importance 0 are chosen only if in `first`.
         """
-        if not 0.0 <= budget <= 1.0:
-            raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of pixels to render")
         before = np.flatnonzero(first)
         before = before[np.argsort(-self.priority[before], kind="stable")]
         buffers = self.buffers
@@ -94,7 +90,7 @@ def rank(strategy: Strategy, buffers: PixelBuffers, budget: float | None, looks:
     """Score and sort the pixels of a view.
 
     budget: None refines no share, without stages. looks: computes missing inputs of chosen pixels for a strategy in
-    stages. Raises SettingError for a budget outside 0 to 1, or a view without the strategy's inputs.
+    stages. Raises SettingError for a view without the strategy's inputs.
     """
     # Stages estimate errors of the preview.
     if budget is not None and isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:

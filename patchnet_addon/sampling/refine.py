@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.errors import SettingError
 from .pixel_buffers import PixelBuffers
 
 
@@ -59,12 +58,7 @@ def refinable(buffers: PixelBuffers) -> int:
 
 
 def refined_count(buffers: PixelBuffers, budget: float, active: int) -> int:
-    """Count the `active` pixels that a budget X refines: round(X |A|), without importance 0.
-
-    Raises SettingError for a budget outside 0 to 1.
-    """
-    if not 0.0 <= budget <= 1.0:
-        raise SettingError(f"Budget {budget} is outside 0 to 1: give the share of active pixels to refine")
+    """Count the `active` pixels that a budget X in [0, 1] refines: round(X |A|), without importance 0."""
     return min(round(budget * active), refinable(buffers))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..tracing.camera import Camera
-from .pixel_buffers import PixelBuffers
+from .pixel_buffers import PixelBuffers, active_pixels
 from .plus.forms import Form
 from .refine import priority, refined_count
 from .strategy import BEHIND, CHILD_MASK, FINE, FINE_RAYS, NORMAL, PREDICTION, Strategy
@@ -42,7 +42,6 @@ _FOUND = {
     FINE_RAYS: (FINE_RAYS,),
     PREDICTION: (PREDICTION,),
 }
-_MOST = 10  # up to 1/10 of the pixels are scored individually, more with the whole picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,29 +98,17 @@ class KnownPixels:
 
     def estimate(self, form: Form, pixels: np.ndarray, estimators: Estimators) -> np.ndarray:
         """Expected errors (N,) float32 of the preview in pixels (N,), after looking up the inputs of `form` there."""
-        from .plus.compiled import estimate, estimate_chosen  # compiled code, as above
-        from .plus_planes import chosen_windows, view_planes, window_pixels
+        from .plus_planes import estimated_error  # compiled code, as above
 
-        few = _MOST * len(pixels) < len(self._view.preview)
-        around = window_pixels(pixels, self._view.width, self._view.height) if few or form.surface else pixels[:0]
-        self._look_at(form, pixels, around)
-        view = self._view
-        if few:
-            return estimate_chosen(chosen_windows(view, form, around), estimators, form)
-        there = np.zeros((view.height, view.width), bool)
-        there.flat[pixels] = True
+        there = np.zeros(len(self._view.preview), bool)
+        there[pixels] = True
+        self._look_at(form, pixels, there)
+        return estimated_error(self._view, estimators, form, there)[pixels]
 
-        def planes_of(first: int, last: int) -> np.ndarray:
-            return view_planes(view, form.planes, first, last)
-
-        return estimate(planes_of, there, estimators, form).ravel()[pixels]
-
-    def _look_at(self, form: Form, pixels: np.ndarray, around: np.ndarray) -> None:
-        """Look at pixels (N,), and at the normals in their windows (9, N)."""
+    def _look_at(self, form: Form, pixels: np.ndarray, there: np.ndarray) -> None:
+        """Look at pixels (N,), and at the normals in their windows; there: (P,) bool, where the pixels are."""
         if form.surface:
-            there = np.zeros(len(self._view.preview), bool)
-            there[around.ravel()] = True
-            self._look_for(NORMAL, np.flatnonzero(there))
+            self._look_for(NORMAL, np.flatnonzero(active_pixels(self._view.picture(there))))
             self._look_for(CHILD_MASK, pixels)
         if form.behind:
             self._look_for(BEHIND, pixels)
@@ -198,7 +185,7 @@ def staged_scores(
 
     Pixels of the last stage have their expected error. All others keep the score of an earlier stage, above or below
     the cut: only the order about the cut affects the error. buffers: hits, the first finer ray, importance, and the
-    inputs of `KnownPixels`. looks: None if these suffice. Raises SettingError for a budget outside 0 to 1.
+    inputs of `KnownPixels`. looks: None if these suffice.
     """
     pool = np.flatnonzero(buffers.active)
     refined = refined_count(buffers, budget, len(pool))
@@ -286,7 +273,7 @@ class StagedStrategy(Strategy):
         """(P,) float32 scores of a view, of which a share `budget` of the active pixels is refined.
 
         buffers: as of `first_look`; buffers that hold all pixels are not computed again. looks: None if they hold all
-        needs of the strategy. Raises SettingError for a budget outside 0 to 1.
+        needs of the strategy.
         """
         from .plus.weights import shipped_estimators
 

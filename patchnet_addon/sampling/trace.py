@@ -14,7 +14,7 @@ from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
 from .pixel_buffers import PixelBuffers
-from .predicted import PREDICTED, PREVIEW, check_unrefined
+from .predicted import PREDICTED, PREVIEW
 from .strategy import (
     BEHIND,
     CHILD_MASK,
@@ -55,11 +55,11 @@ def trace_view(
     from ..codes.predict import predict
     from ..tracing.chosen import fine_rays
     from ..tracing.render import seen_color
-    from ..tracing.supersample import supersample_all
+    from ..tracing.supersample import supersample
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
-    if check_unrefined(unrefined) == PREDICTED:
+    if unrefined == PREDICTED:
         needs |= {PREDICTION, BEHIND, FINE}
     lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
@@ -69,7 +69,7 @@ def trace_view(
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled = (yield from supersample_all(octree, camera)) if reference or REFERENCE in needs else None
+    sampled = (yield from supersample(octree, camera)) if reference or REFERENCE in needs else None
     return PixelBuffers(
         hits,
         behind=patch.behind,
@@ -86,9 +86,7 @@ def trace_view(
         child_mask=seen_children(octree, hits.node) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
         scene_luminance=float(octree.luminance_float(slice(1))[0]),
-        behind_color=seen_color(octree, behind_node, hits.direction)
-        if colored and behind_node is not None
-        else None,
+        behind_color=seen_color(octree, behind_node, hits.direction) if colored and behind_node is not None else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,

@@ -21,7 +21,7 @@ def uniform_error(octree: Octree, camera: Camera, buffers: PixelBuffers, side: i
     from ..tracing.supersample import supersample
 
     assert buffers.reference is not None
-    picture = buffers.preview if side == 1 else (yield from supersample(octree, camera, side))
+    picture = buffers.preview if side == 1 else (yield from supersample(octree, camera, side)).luminance
     return float(((picture.astype(np.float64) - buffers.reference) ** 2)[buffers.active].sum())
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..cells.morton_kernels import cell_coordinate
 from ..runtime.kernels import device
-from .polygon import load_triangle, moments, split_x, split_y, split_z
+from .polygon import load_triangle, moments, polygon_bounds, split_x, split_y, split_z
 from .texels import bilinear, cut, mip_level, on_texture, opacity_range, wrapped
 from .textures import CUT_SAMPLES, MIRROR, REPEAT
 
@@ -45,23 +45,13 @@ class Squares(NamedTuple):
 
 
 @device
-def _bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
-    low = rows[polygon, axis]
-    high = low
-    for i in range(polygon + 1, polygon + count):
-        low = min(low, rows[i, axis])
-        high = max(high, rows[i, axis])
-    return low, high
-
-
-@device
 def _piece_in_cell(rows, key):  # type: ignore[no-untyped-def]
     """Cut the triangle at row 0 by its cell; returns the piece's first row and number of vertices."""
     piece = _TRIANGLE
     count = 3
     for axis in range(3):
         cell = float(cell_coordinate(key, axis))
-        low, high = _bounds(rows, piece, count, axis)
+        low, high = polygon_bounds(rows, piece, count, axis)
         for side in range(2):
             if not (low < cell if side == 0 else high > cell + 1.0):
                 continue
@@ -177,7 +167,7 @@ def _integrate(rows, count, texels, level, raster, squares, threshold):  # type:
         column, spare = slab, _BELOW
         y = squares.y_first
         if n_slab >= 3:
-            low, _ = _bounds(rows, slab, n_slab, 2)
+            low, _ = polygon_bounds(rows, slab, n_slab, 2)
             y = min(max(squares.y_first, math.floor(low)), squares.y_last)
         while y <= squares.y_last and n_slab >= 3:
             if y == squares.y_last:
@@ -207,8 +197,8 @@ def footprint_means(rows, count, u, v, texels, levels, chain, threshold):  # typ
     Opacity is -1 where the outline has no area on the texture. Luminance times opacity is -1 where opacity is even, so
     that any average of the texture's luminance will do.
     """
-    u_low, u_high = _bounds(rows, _PIECE, count, 3)
-    v_low, v_high = _bounds(rows, _PIECE, count, 4)
+    u_low, u_high = polygon_bounds(rows, _PIECE, count, 3)
+    v_low, v_high = polygon_bounds(rows, _PIECE, count, 4)
     step = 0
     level = mip_level(levels, chain, step)
     soft = math.isnan(threshold)

@@ -73,14 +73,20 @@ def load_triangle(corners_voxel, triangle, rows):  # type: ignore[no-untyped-def
 
 
 @device
-def cell_range(rows, polygon, count, axis, first, last):  # type: ignore[no-untyped-def]
-    """First and last cell that the polygon reaches along an axis, clamped to cells first..last."""
+def polygon_bounds(rows, polygon, count, axis):  # type: ignore[no-untyped-def]
+    """Lowest and highest coordinate of a polygon along an axis."""
     low = rows[polygon, axis]
     high = low
     for i in range(polygon + 1, polygon + count):
-        value = rows[i, axis]
-        low = min(low, value)
-        high = max(high, value)
+        low = min(low, rows[i, axis])
+        high = max(high, rows[i, axis])
+    return low, high
+
+
+@device
+def cell_range(rows, polygon, count, axis, first, last):  # type: ignore[no-untyped-def]
+    """First and last cell that the polygon reaches along an axis, clamped to cells first..last."""
+    low, high = polygon_bounds(rows, polygon, count, axis)
     return min(max(int(np.floor(low)), first), last), min(max(int(np.floor(high)), first), last)
 
 

@@ -15,7 +15,7 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
-from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .camera import Camera, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
 from .tile import COARSE, DIRECTION, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen
 from .tile_walk import trace_tile
@@ -47,68 +47,47 @@ class _Light(NamedTuple):
 
 def supersample(
     octree: Octree, camera: Camera, side: int = MAX_SIDE, *, finer: float | None = None
-) -> Steps[np.ndarray]:
-    """Luminance (P,) float32, the mean of side x side rays per pixel at regular sub-pixel centres (methods 7.5).
+) -> Steps[PixelMeans]:
+    """All pixels, by side x side rays each at regular sub-pixel centres (methods 7.5), without light above white.
 
-    Each ray has the footprint pixel / side, i.e. up to log2(side) levels deeper; with `finer`, pixel / finer.
+    Each ray has the footprint pixel / side, i.e. up to log2(side) levels deeper; with `finer`, pixel / finer. Colours
+    are gray without colour. Raises SettingError for sample counts outside 1 to 32.
     """
-    return (yield from _supersampled(octree, _NO_CHROMA, camera, side, side if finer is None else finer)).luminance
-
-
-def supersample_all(octree: Octree, camera: Camera, side: int = MAX_SIDE) -> Steps[PixelMeans]:
-    """All means of side x side rays per pixel, as in `supersample`; colours have no rows if the octree is gray."""
-    return (yield from _supersampled(octree, _chroma(octree), camera, side, side))
+    parts = []
+    for row in range(0, camera.height_px, _ROWS_PER_STEP):
+        last = min(row + _ROWS_PER_STEP, camera.height_px)
+        pixels = np.arange(row * camera.width_px, last * camera.width_px)
+        parts.append(_mean_of_rays(octree, NO_HIGHLIGHTS, camera, pixels, side, finer))  # errors use clamped luminance
+        yield Progress(last, camera.height_px, f"Sampling {side}x{side}")
+    return PixelMeans(*(np.concatenate(means) for means in zip(*parts, strict=True)))
 
 
 def supersample_pixels(
     octree: Octree, camera: Camera, pixels: np.ndarray, side: int = MAX_SIDE, *, finer: float | None = None
 ) -> PixelMeans:
-    """Pixels (N,) of `camera`, by their indices row * width + column, with side x side rays each.
+    """Pixels (N,) of `camera`, by their indices row * width + column, as in `supersample`.
 
-    Each ray has the footprint pixel / side; with `finer`, pixel / finer. Luminance is as in `supersample`; colours,
-    gray without colour, include light above white. Raises SettingError for sample counts outside 1 to 32.
+    Colours include light above white.
     """
-    RAYS.check(side)
-    unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
-    light = _Light(octree.light, _chroma(octree), octree.hdr_highlights)
-    means = _mean_of_rays(octree, light, unit, np.asarray(pixels, np.int64), side)
-    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
+    return _mean_of_rays(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, finer)
 
 
-def _chroma(octree: Octree) -> np.ndarray:
-    return _NO_CHROMA if octree.chroma is None else octree.chroma
-
-
-def _supersampled(octree: Octree, chroma: np.ndarray, camera: Camera, side: int, finer: float) -> Steps[PixelMeans]:
-    """Means of the rays of all pixels; colours unless `chroma` is empty."""
-    RAYS.check(side)
-    unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
-    light = _Light(octree.light, chroma, NO_HIGHLIGHTS)  # errors use clamped luminance
-    luminance, coverage = (np.empty(camera.pixel_count, np.float32) for _ in range(2))
-    colors = np.empty((camera.pixel_count if len(chroma) else 0, 3), np.float32)
-    for row in range(0, camera.height_px, _ROWS_PER_STEP):
-        last = min(row + _ROWS_PER_STEP, camera.height_px)
-        here = slice(row * camera.width_px, last * camera.width_px)
-        means = _mean_of_rays(octree, light, unit, np.arange(here.start, here.stop, dtype=np.int64), side)
-        luminance[here], coverage[here] = means[:, 0], means[:, 4]
-        if len(chroma):
-            colors[here] = means[:, 1:4]
-        yield Progress(last, camera.height_px, f"Sampling {side}x{side}")
-    return PixelMeans(luminance, colors, coverage)
-
-
-def _mean_of_rays(octree: Octree, light: _Light, camera: CameraUnit, pixels: np.ndarray, side: int) -> np.ndarray:
-    """Means (N, MEANS) float32 over side x side rays of each pixel (N,) int64: luminance, red, green, blue, and the
-    share of the rays that hit.
+def _mean_of_rays(
+    octree: Octree, above_white: HdrHighlights, camera: Camera, pixels: np.ndarray, side: int, finer: float | None
+) -> PixelMeans:
+    """Means over side x side rays of each pixel (N,) int64.
 
     Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
     """
-    order, starts = blocks(pixels, camera.width_px, side)
-    search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, octree.depth)
+    RAYS.check(side)
+    unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
+    light = _Light(octree.light, _NO_CHROMA if octree.chroma is None else octree.chroma, above_white)
+    order, starts = blocks(pixels, unit.width_px, side)
+    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE)
     means = np.empty((len(pixels), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, camera, search, chosen, means)
-    return means
+    run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, unit, search, chosen, means)
+    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
 
 
 @kernel

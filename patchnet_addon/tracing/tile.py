@@ -19,7 +19,6 @@ from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smalle
 TILE = 8  # pixels a side
 RAYS = TILE * TILE
 PACKETS = RAYS // LANES
-EVERY_LANE = (1 << LANES) - 1
 COARSE, FINE, BEHIND = 0, 1, 2  # targets of a ray: voxels that fit its pixel, then finer ones, then those behind
 PHASES = 3
 _PACKET = 4  # pixels a side
@@ -77,14 +76,13 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phases FINE and BEHIND, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
+    phases FINE and BEHIND, a power of two. last: the final phase of a ray.
     """
 
     at_0: float
     per_z: float
     finer: float
     last: int
-    depth: int
 
 
 @device
@@ -107,26 +105,17 @@ def ray_of(row, column):  # type: ignore[no-untyped-def]
 
 @lean_device
 def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
-    """Mark the pixels in the first `rows` and `columns` of a tile as lanes to be traced."""
+    """Give each ray the picture coordinates of its column and row, and mark those in the first `rows` and `columns` of
+    a tile as lanes to be traced.
+    """
     for packet in range(PACKETS):
-        if rows >= TILE and columns >= TILE:
-            tile.lanes[WANTED, packet] = EVERY_LANE
-            continue
-        tile.lanes[WANTED, packet] = 0
-        for lane in range(LANES):
-            row, column = _PACKET * (packet >> 1) + (lane >> 2), _PACKET * (packet & 1) + (lane & 3)
-            if row < rows and column < columns:
-                tile.lanes[WANTED, packet] |= np.int64(1) << lane
-
-
-@lean_device
-def spread_picture(tile):  # type: ignore[no-untyped-def]
-    """Give each ray the picture coordinates of its column and row."""
-    for packet in range(PACKETS):
+        lanes = np.int64(0)
         for lane in range(LANES):
             ray = packet * LANES + lane
-            tile.numbers[PICTURE, ray] = tile.numbers[XS, _PACKET * (packet & 1) + (lane & 3)]
-            tile.numbers[PICTURE + 1, ray] = tile.numbers[YS, _PACKET * (packet >> 1) + (lane >> 2)]
+            row, column = _PACKET * (packet >> 1) + (lane >> 2), _PACKET * (packet & 1) + (lane & 3)
+            tile.numbers[PICTURE, ray], tile.numbers[PICTURE + 1, ray] = tile.numbers[XS, column], tile.numbers[YS, row]
+            lanes |= np.int64(row < rows and column < columns) << lane
+        tile.lanes[WANTED, packet] = lanes
 
 
 @lean_device

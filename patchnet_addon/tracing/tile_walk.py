@@ -54,7 +54,6 @@ from .tile import (
     YS,
     aim_tile,
     find_entries,
-    spread_picture,
     want_pixels,
 )
 
@@ -90,7 +89,6 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: 
         tile.numbers[XS, k] = 2.0 * (first[1] + k + 0.5 + offset[0]) / camera.width_px - 1.0
         tile.numbers[YS, k] = 2.0 * (first[0] + k + 0.5 + offset[1]) / camera.height_px - 1.0
     want_pixels(tile, count[0], count[1])
-    spread_picture(tile)
     aim_tile(camera, tile)
     visits = trace_tile(nodes, search, tile, levels)
     find_entries(tile)
@@ -160,12 +158,14 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     levels.state[0, HERE] = 0
     for axis in range(3):
         levels.state[0, AT + axis] = 0
-    pixel = search.at_0 + search.per_z * _root_exit(bounds)
-    if nodes.child_mask[0] == 0 or _WIDE * pixel > 1.0:
+    _open(nodes, bounds, levels, level)
+    farthest = 0.0
+    for octant in range(OCTANTS):
+        farthest = max(farthest, levels.exits[0, octant])
+    if nodes.child_mask[0] == 0 or _WIDE * (search.at_0 + search.per_z * farthest) > 1.0:
         return 1 + _walk_packets(nodes, search, tile, bounds.mirror, levels, level)
     visits = 1
     size = 1.0
-    _open(nodes, bounds, levels, level)
     while level >= 0:
         pending = levels.state[level, PENDING]
         if pending == 0:
@@ -216,15 +216,6 @@ def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
     store(levels.exits, level * OCTANTS, leave)
     met = less(enter, leave + leave * splat_octants(_SAFE))
     levels.state[level, PENDING] = met & mirrored_children(nodes.child_mask[levels.state[level, HERE]], bounds.mirror)
-
-
-@lean_device
-def _root_exit(bounds):  # type: ignore[no-untyped-def]
-    """Largest axial distance at which a ray of the tile leaves the cube."""
-    x = _plane_bounds(bounds, 0, 0.5, 0)
-    y = _plane_bounds(bounds, 0, 0.5, 1)
-    z = _plane_bounds(bounds, 0, 0.5, 2)
-    return max(min(min(x[3], y[3]), z[3]), 0.0)
 
 
 @lean_device

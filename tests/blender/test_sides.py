@@ -12,7 +12,7 @@ from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
-from patchnet.patchnet_addon.tracing.supersample import supersample_all
+from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender import shaders
 from patchnet.tests.blender.light_scene import mean_ratios
 from patchnet.tests.blender.objects import CUBE_FACES, lamp, link, look_from, mesh
@@ -85,5 +85,5 @@ def test_two_lights_shine_on_both_sides_of_a_sheet() -> None:
     graph = bpy.context.evaluated_depsgraph_get()
     octree = drain(build_lit_octree(bpy.context, job, StageClock())).octree
     cameras = choose_cameras(graph, job.view.cameras, job.view.size, np.zeros((2, 3)))
-    front, back = (drain(supersample_all(octree, camera, 8)).luminance.mean() for camera in cameras)
+    front, back = (drain(supersample(octree, camera, 8)).luminance.mean() for camera in cameras)
     assert back == pytest.approx(front, rel=0.1)

@@ -37,7 +37,7 @@ def test_coverage_is_the_share_of_rays_that_hit() -> None:
     every = np.arange(eye.pixel_count)
     white = replace(octree, luminance=np.full_like(octree.luminance, 65535))
     coverage = supersample_pixels(octree, eye, every, 4).coverage
-    np.testing.assert_allclose(coverage, drain(supersample(white, eye, 4)), atol=1e-6)
+    np.testing.assert_allclose(coverage, drain(supersample(white, eye, 4)).luminance, atol=1e-6)
     assert ((coverage > 0.0) & (coverage < 1.0)).any()
 
 
@@ -85,9 +85,9 @@ def test_an_even_picture_has_as_many_fine_rays_in_every_pixel() -> None:
     assert picture.ranking is None and (picture.samples == 1).all()
     drain(picture.sample_evenly(4, Pace(batch_rays=500)))
     assert (picture.samples == 16).all()
-    plain = drain(supersample(octree, eye, 4, finer=EVEN_FOOTPRINT))
+    plain = drain(supersample(octree, eye, 4, finer=EVEN_FOOTPRINT)).luminance
     np.testing.assert_allclose(luminance(picture.colors), plain, atol=1e-3)
-    coarse = drain(supersample(octree, eye, 4))
+    coarse = drain(supersample(octree, eye, 4)).luminance
     assert np.abs(plain - coarse).max() > 0.01, "rays of a quarter of a pixel meet coarser voxels"
     reports = []
     drain(picture.sample_evenly(4), reports.append)

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Octrees with baked light have the same bits for any order of triangles and any blocks."""
 
-import math
-from fractions import Fraction
-
 import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.atlas_shade import ExactSums, atlas_shade, irradiance_of_materials
+from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade, irradiance_of_materials
 from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
 from patchnet.patchnet_addon.lightmap.charts import layout_charts
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -97,18 +94,3 @@ def test_lost_triangles_take_the_light_of_their_material() -> None:
         own = batch.materials == material
         light, color = (area[own] * seen[own, 0]).sum(), (area[own] * seen[own, 1]).sum() * albedo
         assert found[material] == pytest.approx(light / color, rel=1e-5)
-
-
-def test_exact_sums() -> None:
-    rng = np.random.default_rng(3)
-    values = (rng.random(5_000) * 10.0 ** rng.uniform(-44, 38, 5_000)).astype(np.float32)
-    groups = rng.integers(0, 3, 5_000)
-    top, bottom = ExactSums(4), ExactSums(4)
-    for part in np.array_split(rng.permutation(5_000), 9):
-        top.add(groups[part], values[part])
-        bottom.add(groups[part], np.ones(len(part)))
-    for group, ratio in enumerate(top.ratio(bottom)):
-        chosen = values[groups == group].astype(float)
-        expected = sum(map(Fraction, chosen.tolist()), Fraction(0)) / max(len(chosen), 1)
-        assert ratio == float(expected)
-        assert ratio == pytest.approx(math.fsum(chosen) / max(len(chosen), 1))

@@ -3,7 +3,6 @@
 
 import logging
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -84,49 +83,6 @@ def test_a_user_without_a_home(temporary: Path, monkeypatch: pytest.MonkeyPatch)
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(Path, "home", none)
     assert user_cache_folder().parent == temporary
-
-
-RENAMED = """
-import importlib, importlib.util, sys
-from pathlib import Path
-from types import ModuleType
-
-import numpy as np
-
-name, folder = sys.argv[1:]
-for place, character in enumerate(name):
-    if character == ".":
-        parent = sys.modules[name[:place]] = ModuleType(name[:place])
-        parent.__path__ = []
-spec = importlib.util.spec_from_file_location(name, Path(folder) / "__init__.py", submodule_search_locations=[folder])
-sys.modules[name] = importlib.util.module_from_spec(spec)
-part = lambda module: importlib.import_module(f"{name}.patchnet_addon.{module}")
-sides, number = part("octree.sides"), np.zeros(1, np.float32)
-light = sides.NodeLight(np.zeros(1, np.uint16), sides.NO_SIDES)  # of classes of the package
-part("octree.side_kernels").see_luminance(0, 1, light, np.zeros(1, np.int64), np.ones((1, 3), np.float32), number)
-kernels = part("runtime.kernels")
-found = {id(value): value for title, module in list(sys.modules.items()) if title.startswith(name)
-         for value in vars(module).values() if isinstance(value, kernels.CPUDispatcher)}
-compiled, loaded = (sum(sum(getattr(value.stats, key).values()) for value in found.values())
-                    for key in ("cache_misses", "cache_hits"))
-print(compiled, loaded, kernels.numba.config.CACHE_DIR)
-"""
-
-
-def test_copies_of_the_package_share_compiled_kernels(tmp_path: Path) -> None:
-    """Python's, and a copy of the same sources elsewhere under the extension's name, which has no training."""
-    root = Path(cache_folder.__file__).parents[2]
-    copy = tmp_path / "patchnet"
-    shutil.copytree(root / "patchnet_addon", copy / "patchnet_addon", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(root / "__init__.py", copy)
-    said = [
-        subprocess.run(
-            [sys.executable, "-c", RENAMED, name, str(folder)], capture_output=True, text=True, check=True
-        ).stdout.split()
-        for name, folder in (("patchnet", root), ("bl_ext.user_default.patchnet", copy))
-    ]
-    compiled, loaded, _ = said[1]
-    assert compiled == "0" and int(loaded) > 0 and said[0][2] == said[1][2]
 
 
 def test_kernels_that_are_there_are_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

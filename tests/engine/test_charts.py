@@ -98,7 +98,7 @@ def test_lookup_is_exact_for_a_linear_function() -> None:
     expected = position @ plane[:2] + plane[2]
     # Not within half a texel of the legs, nor in their tips, where the values of the nearest texels count.
     start = charts.corner_texels(triangle)[np.arange(len(triangle)), charts.origin[triangle]]
-    offset, legs = np.abs(position - start), charts.legs(triangle)
+    offset, legs = np.abs(position - start), charts.legs[triangle]
     cell = np.floor(offset - 0.5)
     owned = [((cell + np.array(step) + 0.5) / legs).sum(axis=1) < 1 for step in ((1, 0), (0, 1))]
     clear = (offset >= 0.5).all(axis=1) & owned[0] & owned[1] & (charts.kind[triangle] != SINGLE)

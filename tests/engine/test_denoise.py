@@ -183,8 +183,8 @@ def test_what_is_black_stays_black_beside_what_is_lit(colored: bool) -> None:
     atlas, index, truth = atlas_of(source, lambda points: halves[(points[:, 0] % 16.0).astype(int)] * 1.0, colored)
     found = denoised_atlas(atlas, source)
     before, after = (each.texels[index, 0] - truth for each in (atlas, found))
-    placed = placed_texels(atlas, source)
-    across = placed.texels.points[np.argsort(placed.place)][np.searchsorted(np.sort(placed.place), index), 0] % 8.0
+    place, _, texels = placed_texels(atlas, source)
+    across = texels.points[np.argsort(place)][np.searchsorted(np.sort(place), index), 0] % 8.0
     clear = (across > 1.0) & (across < 7.0)  # a lookup beside the halves' border mixes both
     black = (truth < 0.01) & clear
     assert black.sum() > 100 and np.abs(after[black]).max() < 0.005

@@ -9,7 +9,6 @@ from patchnet.patchnet_addon.image.colormaps import COLORMAPS, colormap
 from patchnet.patchnet_addon.image.cube_map import FACES, CubeMap, face_camera, pixel_directions
 from patchnet.patchnet_addon.image.heatmap import heatmap, magnify, overlay
 from patchnet.patchnet_addon.image.tone import srgb_encode, to_bytes
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.surface.textures import luminance
 
 LIGHT = np.array([[0.4, 0.2, 0.1], [0.2, 0.1, 0.05], [0.0, 0.0, 0.0]], np.float32)  # weighed by alpha
@@ -26,8 +25,6 @@ def test_colormap_against_matplotlib(name: str) -> None:
 
 def test_colormap_outside_its_range() -> None:
     np.testing.assert_array_equal(colormap(np.array([-1.0, np.nan, 7.0])), colormap(np.array([0.0, 0.0, 1.0])))
-    with pytest.raises(SettingError, match="viridis, turbo"):
-        colormap(np.zeros(3), "jet")
 
 
 def test_srgb_anchors() -> None:
@@ -48,8 +45,6 @@ def test_heatmap_uses_the_configured_maximum() -> None:
     np.testing.assert_allclose(view[-1, -1], colormap(np.array(0.4)), atol=1e-6)
     assert page.min() >= 0.0 and page.max() <= 1.0
     assert heatmap(priority[:, :4], 0.5, "expected luminance error").shape[1] == 16, "too narrow for a legend"
-    with pytest.raises(SettingError, match="positive"):
-        heatmap(priority, 0.0, "x")
 
 
 def test_overlay_leaves_other_pixels_gray() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from patchnet.patchnet_addon.runtime import interrupt
 from patchnet.patchnet_addon.runtime.interrupt import Interrupted, exit_code_of, interrupts_wait, prompt_interrupt
-from patchnet.patchnet_addon.runtime.replace import goes_with_process, remove_unfinished, unfinished
+from patchnet.patchnet_addon.runtime.replace import goes_with_process, remove_left_over, remove_unfinished, unfinished
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -49,10 +49,17 @@ with unfinished(path), interrupt.prompt_interrupt():
 """
 
 
+@pytest.fixture(autouse=True)
+def ended(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Set in place of the end of this process."""
+    event = threading.Event()
+    monkeypatch.setattr(interrupt, "end_process", lambda *_: event.set())
+    return event
+
+
 @both
-def test_a_deaf_main_thread_is_ended(number: signal.Signals) -> None:
-    ended = threading.Event()
-    with pytest.raises(KeyboardInterrupt) as caught, prompt_interrupt(ended.set):
+def test_a_deaf_main_thread_is_ended(number: signal.Signals, ended: threading.Event) -> None:
+    with pytest.raises(KeyboardInterrupt) as caught, prompt_interrupt():
         try:
             signal.raise_signal(number)
         finally:
@@ -77,7 +84,7 @@ def test_the_process_ends_with_a_sentence_and_the_signals_code(
 def test_a_call_into_blender_is_heard_out(number: signal.Signals) -> None:
     """Raised in what Blender calls, an interruption would be printed and lost."""
     went_on = []
-    with pytest.raises(Interrupted) as caught, prompt_interrupt(lambda: None):
+    with pytest.raises(Interrupted) as caught, prompt_interrupt():
         with interrupts_wait():
             with interrupts_wait():
                 signal.raise_signal(number)
@@ -85,14 +92,13 @@ def test_a_call_into_blender_is_heard_out(number: signal.Signals) -> None:
             went_on.append("the outer call")
         went_on.append("after it")
     assert went_on == ["the inner call", "the outer call"] and exit_code_of(caught.value) == 128 + number
-    with prompt_interrupt(lambda: None), interrupts_wait():
+    with prompt_interrupt(), interrupts_wait():
         pass  # nothing is left of it
 
 
-def test_a_main_thread_that_acts_is_left_alone() -> None:
-    ended = threading.Event()
+def test_a_main_thread_that_acts_is_left_alone(ended: threading.Event) -> None:
     before = signal.set_wakeup_fd(-1)
-    with pytest.raises(KeyboardInterrupt), prompt_interrupt(ended.set):
+    with pytest.raises(KeyboardInterrupt), prompt_interrupt():
         signal.raise_signal(signal.SIGINT)
     time.sleep(0.5)
     assert not ended.is_set()
@@ -110,7 +116,7 @@ def test_a_handler_that_is_not_pythons_is_put_back() -> None:
     pythons = c_signal(signal.SIGINT, address)
     try:
         for _ in range(2):
-            with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+            with pytest.raises(KeyboardInterrupt), prompt_interrupt():
                 signal.raise_signal(signal.SIGINT)
                 time.sleep(1.0)
         assert calls == []
@@ -124,7 +130,7 @@ def test_a_handler_that_is_not_pythons_is_put_back() -> None:
 def test_an_ignored_signal_stays_ignored() -> None:
     before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
-        with pytest.raises(KeyboardInterrupt), prompt_interrupt(lambda: None):
+        with pytest.raises(KeyboardInterrupt), prompt_interrupt():
             signal.raise_signal(signal.SIGTERM)
             signal.raise_signal(signal.SIGINT)  # the other one is heard
     finally:
@@ -143,3 +149,15 @@ def test_what_is_not_finished_goes(tmp_path: Path) -> None:
     with unfinished(file), unfinished(folder), unfinished(tmp_path / "never made"):
         remove_unfinished()
     assert [path.name for path in tmp_path.iterdir()] == ["done"]
+
+
+def test_folders_that_killed_processes_left_go_when_silent(tmp_path: Path) -> None:
+    names = [".out.0123abcd.tmp", ".out.89abcdef.tmp", ".out.notes.tmp", ".xout.22222222.tmp"]
+    for name in names:
+        (tmp_path / name / "files").mkdir(parents=True)
+        for path in (tmp_path / name, *(tmp_path / name).iterdir()):
+            os.utime(path, (0, 0))
+    (tmp_path / names[1] / "files" / "half").write_text("of a process at work")
+    (tmp_path / ".out.00000000.tmp").symlink_to(tmp_path / names[2])
+    remove_left_over(tmp_path, "out")
+    assert {path.name for path in tmp_path.iterdir()} == {*names[1:], ".out.00000000.tmp"}

@@ -11,7 +11,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_
 from patchnet.patchnet_addon.runtime.errors import SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.files import read_arrays, write_arrays
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error, estimators_warning
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimators_warning
 from patchnet.patchnet_addon.sampling.plus.features import features_of, windows_of
 from patchnet.patchnet_addon.sampling.plus.forms import CENTRE, FAR, FORMS, Kind, Plane
 from patchnet.patchnet_addon.sampling.plus.weights import (
@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.sampling.plus.weights import (
     shipped_estimators,
     with_estimators,
 )
-from patchnet.patchnet_addon.sampling.plus_planes import view_planes
+from patchnet.patchnet_addon.sampling.plus_planes import estimated_error, view_planes
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES

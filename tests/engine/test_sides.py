@@ -197,7 +197,7 @@ def test_pictures_are_means_of_what_nodes_show(octree):
     """Super-sampled pictures are those of single rays, in luminance and colour."""
     camera = Camera.look_at(np.array([2.0, 2.3, 1.7]), np.zeros(3), size_px=(40, 30))
     hits = first_hits(octree, camera)
-    np.testing.assert_allclose(drain(supersample(octree, camera, 1)), hits.luminance, atol=1e-6)
+    np.testing.assert_allclose(drain(supersample(octree, camera, 1)).luminance, hits.luminance, atol=1e-6)
     colors = seen_color(octree, hits.node, hits.direction) + seen_above_white(octree, hits)
     means = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 1)
     np.testing.assert_allclose(means.colors, colors, atol=2e-6)

@@ -10,10 +10,8 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
-from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS, estimated_error
-from patchnet.patchnet_addon.sampling.plus.compiled import estimate_chosen
+from patchnet.patchnet_addon.sampling.patchnet_plus import NEEDS
 from patchnet.patchnet_addon.sampling.plus.forms import FORMS
-from patchnet.patchnet_addon.sampling.plus_planes import chosen_windows, window_pixels
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -116,14 +114,6 @@ def test_only_some_pixels_are_looked_at_closely(first, looks, monkeypatch):
     assert not counts  # the finer ray is of all pixels
     rank(EVALUATED["patchnet-plus-1-staged"], first, 0.3, looks)
     assert counts.keys() == {"normal", "child_mask", "behind", "prediction"}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_chosen_pixels_score_as_the_whole_view_does(form, buffers, estimators):
-    pixels = np.flatnonzero(buffers.active)[::7]
-    around = window_pixels(pixels, buffers.width, buffers.height)
-    found = estimate_chosen(chosen_windows(buffers, FORMS[form], around), estimators, FORMS[form])
-    np.testing.assert_allclose(found, estimated_error(buffers, estimators, FORMS[form])[pixels], rtol=1e-6)
 
 
 @pytest.mark.parametrize("with_codes", [False, True])

@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, ray_up, seen_color
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_all
+from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.references.first_hits import hits_of_pixels, supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
 
@@ -85,7 +85,7 @@ def test_contract_holds_at_every_hit(octree):
 @pytest.mark.parametrize("side", [2, 4, 9])
 def test_supersampling_equals_mean_of_reference_rays(octree, side):
     camera = cameras()[0].with_size(6, 5)
-    picture = drain(supersample(octree, camera, side))
+    picture = drain(supersample(octree, camera, side)).luminance
     expected, _ = supersampled_reference(octree, camera, side)
     np.testing.assert_allclose(picture, expected, atol=1e-6)
 
@@ -94,14 +94,14 @@ def test_colour_of_pictures(octree):
     """Equal to the plain twin, with the luminance of the gray pictures to the bit."""
     chroma = np.random.default_rng(0).integers(0, 128, (octree.node_count, 2)).astype(np.uint8)
     colored, camera = replace(octree, chroma=chroma), cameras()[0].with_size(9, 7)
-    luminance, colors, _ = drain(supersample_all(colored, camera, 3))
-    np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3)))
+    luminance, colors, _ = drain(supersample(colored, camera, 3))
+    np.testing.assert_array_equal(luminance, drain(supersample(octree, camera, 3)).luminance)
     np.testing.assert_allclose(colors, supersampled_reference(colored, camera, 3)[1], atol=1e-5)
     np.testing.assert_allclose(colors @ (0.2126, 0.7152, 0.0722), luminance, atol=1e-6)
     hits = first_hits(colored, camera)
     seen = seen_color(colored, hits.node, hits.direction)
     np.testing.assert_allclose(seen @ (0.2126, 0.7152, 0.0722), hits.luminance, atol=1e-6)
-    np.testing.assert_allclose(seen, drain(supersample_all(colored, camera, 1)).colors, atol=1e-6)
+    np.testing.assert_allclose(seen, drain(supersample(colored, camera, 1)).colors, atol=1e-6)
     gray = seen_color(octree, hits.node, hits.direction)
     np.testing.assert_array_equal(gray, np.repeat(hits.luminance[:, None], 3, axis=1))
 

@@ -86,7 +86,7 @@ def first_hits_reference(
 
 
 def supersampled_reference(octree: Octree, camera: Camera, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Reference of `supersample_all`: mean luminance (P,) and colours (P, 3) of side x side rays."""
+    """Reference of `supersample`: mean luminance (P,) and colours (P, 3) of side x side rays."""
     row, column = np.divmod(np.arange(camera.pixel_count), camera.width_px)
     luminance, colors = np.zeros(camera.pixel_count), np.zeros((camera.pixel_count, 3))
     for j, i in itertools.product(range(side), repeat=2):

@@ -19,16 +19,28 @@ from patchnet.patchnet_addon.lightmap.denoised_atlas import (
     Cells,
     Texels,
 )
-from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels, _colors, texel_places
+from patchnet.patchnet_addon.lightmap.texel_bases import _EMPTY, _PLACES, BatchTexels
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+from patchnet.patchnet_addon.surface.texture_lookup import color_of_fragments, surface_of_fragments
 from patchnet.patchnet_addon.surface.textures import TextureTable
+
+
+def _colors(
+    table: TextureTable, batch: TriangleBatch, pieces: Fragments, colored: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Base colour, luminance (n, 1) or luminance, red, blue (n, 3), and opacity (n,)."""
+    luminance, opacity = surface_of_fragments(table, batch, pieces)
+    if not colored:
+        return luminance[:, None], opacity
+    color = color_of_fragments(table, batch, pieces, luminance)
+    return np.stack([luminance, color[:, 0], color[:, 2]], axis=1), opacity
 
 
 def base_colors_reference(
     table: TextureTable, batch: TriangleBatch, own: BatchTexels, area: np.ndarray, *, spread: float, colored: bool
 ) -> np.ndarray:
     """Reference of `base_colors` by one fragment lookup per place."""
-    places = texel_places(own, side=_PLACES, spread=spread)
+    places = texel_places_reference(own, side=_PLACES, spread=spread)
     count, each, _ = places.shape
     share = np.repeat(area * (spread / _PLACES) ** 2, each)
     triangles = np.repeat(own.triangles.astype(np.int32), each)
@@ -100,7 +112,7 @@ def _weights_reference(
 
 
 def texel_places_reference(own: BatchTexels, *, side: int = 1, spread: float = 1.0) -> np.ndarray:
-    """Reference of `texel_places` in NumPy."""
+    """Reference of `texel_centres`, and places of `base_colors`, in NumPy."""
     row, column = np.divmod(own.texels % own.page_side**2, own.page_side)
     corners = own.corners[own.triangles]
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -86,7 +86,7 @@ def _references(octree: Octree, cameras: Sequence[Camera], settings: TrackSettin
     found = []
     for number, camera in enumerate(cameras):
         yield Progress(number, len(cameras), "Rendering references")
-        found.append(drain(supersample(octree, camera, settings.side)))
+        found.append(drain(supersample(octree, camera, settings.side)).luminance)
     references = np.array(found, np.float32)
     folder.mkdir(parents=True, exist_ok=True)
     write_arrays(path, {"references": references}, {"key": key}, KIND)

@@ -154,7 +154,7 @@ def _pages(baker: Baker, charts: Charts, kept: BakePageCache | None, key: str) -
             yield Progress(there, charts.page_count, f"Resuming: {there} of {charts.page_count} pages are there")
     for page in range(charts.page_count):
         mine = charts.page == page
-        finished = kept.load(page, (2, count, channels), int(mine.sum())) if kept is not None else None
+        finished = kept.load(page) if kept is not None else None
         if finished is not None:
             texels, baker.lit[mine], baker.back_share[mine] = finished
         else:

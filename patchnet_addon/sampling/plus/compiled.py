@@ -70,16 +70,6 @@ def estimate(
     return scores
 
 
-def estimate_chosen(windows: np.ndarray, estimators: Estimators, form: Form) -> np.ndarray:
-    """Expected error (N,) float32 of N pixels as `estimate` has it; windows: (C, 9, N) float32 of the form's planes."""
-    count = windows.shape[2]
-    scores = np.empty(count, np.float32)
-    # A run that exceeds the last pixel reads the padding after the last window.
-    flat = np.concatenate([windows.ravel(), np.zeros(TILE, np.float32)])
-    run_parts(_estimate_chosen, -(-count // TILE), flat, 9 * count, _packed(estimators, form), scores)
-    return scores
-
-
 @cache
 def _packed(estimators: Estimators, form: Form) -> _Network:
     layers, skip = estimators.networks[form.name]
@@ -103,8 +93,9 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
 @kernel
 def _estimate(first, last, planes, shape, active, network, scores):  # type: ignore[no-untyped-def]
     """Write the scores of rows of a band."""
-    work = _empty_work(network)
-    _, scale, tile, _ = work
+    features, scale = empty_values(len(network.table)), np.empty(TILE, np.float32)
+    tile, others = empty_values(HIDDEN), empty_values(HIDDEN)
+    work = features, scale, tile, others  # features, squared scales, and values between layers of a run
     at = np.empty(9, np.int64)
     width = active.shape[1]
     for row in range(first, last):
@@ -119,27 +110,6 @@ def _estimate(first, last, planes, shape, active, network, scores):  # type: ign
             for place in range(count):
                 if active[row, column + place]:
                     scores[row, column + place] = math.sqrt(scale[place] * tile[place])
-
-
-@kernel
-def _estimate_chosen(first, last, windows, size, network, scores):  # type: ignore[no-untyped-def]
-    """Write the scores of runs of chosen pixels, whose windows (C, 9, N) are flat; size: 9 N."""
-    work = _empty_work(network)
-    _, scale, tile, _ = work
-    at = np.empty(9, np.int64)
-    for start in range(first * TILE, min(last * TILE, len(scores)), TILE):
-        for window in range(len(at)):
-            at[window] = window * len(scores) + start
-        _estimate_run(windows, size, at, network, work)
-        for place in range(min(TILE, len(scores) - start)):
-            scores[start + place] = math.sqrt(scale[place] * tile[place])
-
-
-@device
-def _empty_work(network):  # type: ignore[no-untyped-def]
-    """Features, squared scales, and values between layers of a run."""
-    features, scale = empty_values(len(network.table)), np.empty(TILE, np.float32)
-    return features, scale, empty_values(HIDDEN), empty_values(HIDDEN)
 
 
 @device

@@ -111,13 +111,6 @@ class Form:
         return tuple(sorted(found))
 
     @cached_property
-    def of_pixels(self) -> frozenset[Plane]:
-        """Planes read only at the pixels themselves, not elsewhere in their windows."""
-        around = {feature.plane for feature in self.features if feature.place != CENTRE}
-        around |= set(NORMALS) if any(feature.kind == Kind.ANGLE for feature in self.features) else set()
-        return frozenset(self.planes) - around
-
-    @cached_property
     def table(self) -> np.ndarray:
         """(F, 3) int64: kind, index among `planes`, and place of each feature."""
         index = {plane: number for number, plane in enumerate(self.planes)}

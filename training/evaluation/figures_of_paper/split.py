@@ -59,7 +59,7 @@ def hardest_end(
     ends = []
     for number in range(1, APPROACHES + 1):
         end = approaches.shot(number, APPROACHES, _FRAMES)[-1]
-        truth = yield from supersample(octree, end, _SIDE)
+        truth = (yield from supersample(octree, end, _SIDE)).luminance
         ends.append((float(np.sum((first_hits(octree, end).luminance - truth) ** 2.0)), number, end))
         yield Progress(number, APPROACHES, _LABEL)
     return max(ends, key=lambda end: end[:2])[2]

@@ -98,8 +98,8 @@ def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:
     planes = gbuffer(buffers)
     pictures = [planes[LUMINANCE]]
     for side in SIDES[1:]:
-        pictures.append(buffers.picture((yield from supersample(octree, camera, side))))
+        pictures.append(buffers.picture((yield from supersample(octree, camera, side)).luminance))
     # The rays of the reference, grouped by parts of pixels: 1/8 of a part is 1/32 of a pixel.
     larger = camera.with_size(SUBPIXELS * camera.width_px, SUBPIXELS * camera.height_px)
-    fine = (yield from supersample(octree, larger, _PART_SIDE)).reshape(larger.height_px, larger.width_px)
+    fine = (yield from supersample(octree, larger, _PART_SIDE)).luminance.reshape(larger.height_px, larger.width_px)
     return RenderedFrame(planes, np.stack(pictures), fine)
