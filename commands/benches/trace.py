@@ -118,7 +118,7 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
 def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
     """Rates of one camera, and the cost of the second and third hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE)
+    coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
     pixels = _blocks(camera)
     runs: dict[str, Callable[[], Any]] = {
         "ours": partial(trace_pixels, octree, camera, coarse),

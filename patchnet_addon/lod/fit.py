@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.contract import fitting_level, has_lookahead
+from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..cells.morton_kernels import cell_key
 from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
@@ -143,7 +143,7 @@ def _trace_band(nodes, camera, rows, offset, levels_down, scratch, stops):  # ty
     finer, lookahead = levels_down
     tile = scratch[0]
     shrink = 1.0 / (np.int64(1) << finer)
-    search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE)
+    search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, MAX_LEVELS)
     for first_column in range(0, camera.width_px, TILE):
         columns = camera.width_px - first_column
         corner = first_row + first, first_column

@@ -39,7 +39,7 @@ from .tile_walk import trace_tile
 def behind_of(octree: Octree, camera: Camera, pixels: np.ndarray, *, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
     """Nodes (N,) int64 visible behind the patches of pixels (N,), -1 for none: `behind_node` of `patch_hits`."""
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND)
+    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND, octree.depth)
     return _traced(octree, unit, pixels, search, 1)[0][:, 0]
 
 
@@ -54,7 +54,7 @@ def fine_rays(
         pixels = np.arange(camera.pixel_count)
     unit = camera_in_unit_cube(camera, octree.grid)
     finer = unit.finer(finer_than_pixel(lookahead))
-    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE)
+    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth)
     return _traced(octree, unit, pixels, search, 2)[1]
 
 
@@ -112,7 +112,8 @@ def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # t
 
 @lean_device
 def aim_pixels(camera, tile, pixels, corner, side):  # type: ignore[no-untyped-def]
-    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit."""
+    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit.
+    """
     tile.lanes[WANTED, :] = 0
     for pixel in pixels:
         _aim_pixel(camera, tile, pixel, corner, side)

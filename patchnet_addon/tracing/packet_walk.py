@@ -17,11 +17,13 @@ from ..runtime.vectors import (
     LANES,
     count_ones,
     larger,
+    largest,
     less,
     load,
     lowest_one,
     select,
     smaller,
+    smallest,
     splat,
     store,
 )  # fmt: skip
@@ -49,6 +51,8 @@ from .tile import (
 )
 
 PATCH_SIDES = 1.5  # voxel sides from the entry to the start of the ray behind the patch
+_FAR = 1e300
+_SAFE = 1e-12  # relative
 
 
 @lean_device
@@ -59,19 +63,30 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     enter = _entry(tile, first, levels, top, size)
     leave = _exit(tile, first, levels, top, size)
     lanes = tile.lanes[ALIVE, packet] & less(enter, leave)
+    if lanes == 0:
+        return 1
+    # Below the smaller side a node of this subtree fits every ray, above the larger one it fits none.
+    smallest_side, largest_side = _fitting_sides(search, tile, packet, lanes, (enter, leave))
     visits = 1
     level = top - 1
     while True:
-        if lanes != 0:  # rays that hit the node at level + 1
-            lanes = _end_phases(nodes, search, tile, packet, mirror, levels, level + 1, lanes)
+        # Rays of `lanes` hit the node at level + 1, of side `size`.
+        if lanes != 0:
+            if size < largest_side or nodes.child_mask[levels.state[level + 1, HERE]] == 0:
+                lanes = _end_phases(nodes, search, tile, packet, mirror, levels, level + 1, lanes)
             if lanes != 0:
                 level += 1
-                _open(nodes, tile, first, mirror, levels, level, lanes)
+                size *= 0.5
+                if search.last == COARSE and (size < smallest_side or level + 1 == search.depth):
+                    visits += _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes)
+                else:
+                    _open(nodes, tile, first, mirror, levels, level, lanes)
         alive = tile.lanes[ALIVE, packet]
         if alive == 0:
             break
         while level >= top and levels.state[level, PENDING] == 0:
             level -= 1
+            size *= 2.0
         if level < top:
             break
         pending = levels.state[level, PENDING]
@@ -82,6 +97,18 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
             visits += 1
             step_down(nodes, mirror, levels, level, octant)
     return visits
+
+
+@lean_device
+def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
+    """Node sides below which all rays fit and from which none does, for nodes entered and left within the lengths
+    `through`; with a margin for rounding.
+    """
+    speed = load(tile.numbers, SPEED * RAYS + packet * LANES)
+    nearest = smallest(select(lanes, through[0] * speed, splat(_FAR)))
+    farthest = largest(select(lanes, through[1] * speed, splat(-_FAR)))
+    near, far = search.at_0 + search.per_z * nearest, search.at_0 + search.per_z * farthest
+    return 2.0 * near * (1.0 - _SAFE), 2.0 * far * (1.0 + _SAFE)
 
 
 @lean_device
@@ -318,3 +345,36 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
         if met != 0:
             pending |= np.int64(1) << (octant + 1)
     return pending
+
+
+@lean_device
+def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
+    """Stop rays among `lanes` at the first child of a level's node that they hit; returns the visited children.
+
+    For children that stop every ray: only their boxes are read.
+    """
+    x, y, z = _child_planes(tile, packet * LANES, levels, level)
+    existing = mirrored_children(nodes.child_mask[levels.state[level, HERE]], mirror)
+    levels.state[level, PENDING] = 0
+    left, visits = lanes, 0
+    for pair in range(4):
+        if (existing >> (2 * pair)) & 3 == 0:
+            continue
+        low, high = (y[1], y[2]) if pair & 1 else (y[0], y[1])
+        near, far = (z[1], z[2]) if pair & 2 else (z[0], z[1])
+        enter, leave = larger(low, near), smaller(high, far)
+        for side in range(2):
+            octant = 2 * pair + side
+            if (existing >> octant) & 1:
+                entry = larger(x[side], enter)
+                met = left & less(entry, smaller(x[2 + side], leave))
+                if met != 0:
+                    visits += 1
+                    step_down(nodes, mirror, levels, level, octant)
+                    if levels.state[level + 1, HERE] >= nodes.first_boxed:
+                        entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
+                        met &= less(entry, exit_)
+                    left &= ~met
+                    _record(tile, packet, COARSE, levels, level + 1, met, entry)
+    tile.lanes[ALIVE, packet] &= left | ~lanes
+    return visits

@@ -138,7 +138,9 @@ def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKA
     continue behind the patch, which doubles the cost.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND if behind else FINE)
+    search = Search(
+        unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND if behind else FINE, octree.depth
+    )
     traced, _ = trace_pixels(octree, camera, search)
     return PatchHits(
         _hits(octree, camera, traced),
@@ -157,7 +159,7 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
     """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; search None: as `first_hits`."""
     unit = camera_in_unit_cube(camera, octree.grid)
     if search is None:
-        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE)
+        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     pixels = camera.pixel_count
     traced = TracedPixels(
         node=np.empty(pixels, np.int64),

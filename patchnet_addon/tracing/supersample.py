@@ -83,7 +83,7 @@ def _mean_of_rays(
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
     light = _Light(octree.light, _NO_CHROMA if octree.chroma is None else octree.chroma, above_white)
     order, starts = blocks(pixels, unit.width_px, side)
-    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE)
+    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
     run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, unit, search, chosen, means)

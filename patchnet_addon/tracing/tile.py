@@ -76,13 +76,14 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phases FINE and BEHIND, a power of two. last: the final phase of a ray.
+    phases FINE and BEHIND, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
     """
 
     at_0: float
     per_z: float
     finer: float
     last: int
+    depth: int
 
 
 @device
