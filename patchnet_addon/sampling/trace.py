@@ -86,9 +86,7 @@ def trace_view(
         child_mask=seen_children(octree, hits.node) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
         scene_luminance=float(octree.luminance_float(slice(1))[0]),
-        behind_color=seen_color(octree, behind_node, hits.direction)
-        if colored and behind_node is not None
-        else None,
+        behind_color=seen_color(octree, behind_node, hits.direction) if colored and behind_node is not None else None,
         behind_hit=None if behind_node is None else behind_node >= 0,
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,

@@ -112,8 +112,7 @@ def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # t
 
 @lean_device
 def aim_pixels(camera, tile, pixels, corner, side):  # type: ignore[no-untyped-def]
-    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit.
-    """
+    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit."""
     tile.lanes[WANTED, :] = 0
     for pixel in pixels:
         _aim_pixel(camera, tile, pixel, corner, side)
