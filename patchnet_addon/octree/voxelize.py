@@ -16,9 +16,8 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from .accumulate import LeafAccumulator
+from .accumulate import LeafAccumulator, OccupiedCells
 from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
-from .bricks import OccupiedCells
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
@@ -134,14 +133,7 @@ class _Share:
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level, and release them here."""
-        return [_sums_of(level, self._leaves.pop(level)) for level in self._cells if len(self._leaves[level])]
-
-
-def _sums_of(level: int, leaves: LeafAccumulator | OccupiedCells) -> LeafSums:
-    if isinstance(leaves, OccupiedCells):
-        keys = leaves.take()
-        return LeafSums(level, keys, np.empty((len(keys), 0), np.float32))
-    return LeafSums(level, *leaves.take())
+        return [LeafSums(level, *self._leaves.pop(level).take()) for level in self._cells if len(self._leaves[level])]
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
