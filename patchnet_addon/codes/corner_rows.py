@@ -19,6 +19,7 @@ import numpy as np
 from ..cells.contract import has_lookahead
 from ..octree.octree import Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
+from ..runtime.errors import SettingError
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import count_ones
@@ -88,15 +89,16 @@ def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
     return start + (octant & 1)
 
 
-def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> bool:
+def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> None:
     """Write rows (V,) of the corners (0, y, z), octant 2 y + 4 z, into lines (V,); y = 0 first, since y = 1 is stored
     as an offset.
 
-    Returns whether the offsets fit 16 bits.
+    Raises SettingError if offsets exceed 16 bits.
     """
     if octant & 2 == 0:
         table[lines, octant >> 2] = starts
-        return True
+        return
     steps = starts - table[lines, octant >> 2].astype(np.int64)
     table[lines, 2] |= (steps << (16 if octant & 4 else 0)).astype(np.uint32)
-    return not len(steps) or int(steps.max()) <= MAX_STEP
+    if steps.max(initial=0) > MAX_STEP:
+        raise SettingError("A line of voxels has more corners than the codes' table can hold: choose a smaller depth")

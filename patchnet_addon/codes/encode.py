@@ -31,7 +31,7 @@ from .brick import check_nodes, corner_neighbours, covering_node, fill_block, vo
 from .coded_octree import CodedOctree
 from .corner_cells import corner_cells
 from .corner_rows import COLUMNS, coded_nodes
-from .corners import corner_ranges, find_corners, write_corner_rows
+from .corners import corner_ranges, places_of
 
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
@@ -202,10 +202,10 @@ def encode_octree(
 ) -> Steps[CodedOctree]:
     """Octree with codes for the look-ahead of the weights.
 
-    Corners are processed in ranges, so that memory beside octree and codes stays at about 20 MB. `device`: cpu for the
-    compiled kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all give the same codes to 1e-4 and
-    1e-5 of the largest. An `encoder` of these weights overrides it. Raises SettingError for a device that is missing or
-    has too little memory, and for more nodes or corners than 32 bits can index.
+    Beside octree and codes it takes 8 bytes a corner, and at the start about 60 for each voxel of the finest level with
+    look-ahead. `device`: cpu for the compiled kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all
+    give the same codes to 1e-4 and 1e-5 of the largest. An `encoder` of these weights overrides it. Raises SettingError
+    for a device that is missing or has too little memory, and for more nodes or corners than 32 bits can index.
     """
     if encoder is None:
         encoder = make_encoder(weights, device)
@@ -213,28 +213,29 @@ def encode_octree(
     check_nodes(octree.node_count)
     nodes, count = coded_nodes(octree, weights.lookahead)
     table = np.zeros((count, COLUMNS), np.uint32)
-    counts: list[int] = []
-    levels = range(max(octree.depth - weights.lookahead + 1, 0))
-    ranges = [where for level in levels for where in corner_ranges(octree, nodes, level)]
-    for where in ranges:
-        counts.append(write_corner_rows(octree, nodes, where, sum(counts), table))
-        yield Progress(len(counts), len(ranges), "Finding corners")
-    check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
-    codes = np.empty((sum(counts), CODE_SIZE), np.float16)
+    coded, total = np.flatnonzero(np.unpackbits(nodes.bits.view(np.uint8), bitorder="little")), 0
+    ranges, levels = [], max(octree.depth - weights.lookahead + 1, 0)
+    for level in range(levels):
+        for corners in corner_ranges(octree, coded, level, total, table):
+            ranges.append((level, corners))
+            total += len(corners)
+            yield Progress(level, levels, "Finding corners")
+    check_count(total, UINT32_COUNT, "corners of voxels", NODE_ADVICE)
+    codes = np.empty((total, CODE_SIZE), np.float16)
     around = np.empty((len(codes), CORNERS), np.uint32) if weights.kind.mixes else None
     with enough_memory("the octree"):
         encode = _corner_encoder(encoder, octree, weights.lookahead)
     done = 0
-    for where in ranges:
-        corners = find_corners(octree, nodes, where)
+    for level, numbers in ranges:
+        corners = places_of(numbers, level)
         together = max(len(corners), 1) if isinstance(encoder, PackedLayers) else encoder.chunk
         for start in range(0, len(corners), together):
             part = corners[start : start + together]
             with enough_memory("encoding"):
-                found = encode(where.level, part)
+                found = encode(level, part)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             if around is not None:
-                around[done : done + len(found)] = corner_cells(octree, where.level, part)
+                around[done : done + len(found)] = corner_cells(octree, level, part)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
     return CodedOctree(octree, weights, codes, table, nodes, around)
