@@ -52,6 +52,12 @@ def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes
     return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
 
 
+def keys_below(keys: np.ndarray, child_mask: np.ndarray) -> np.ndarray:
+    """Morton keys (c,) uint64, ascending, of the children of a level's nodes with keys (n,)."""
+    parent, octant = np.nonzero(np.unpackbits(child_mask[:, None], axis=1, bitorder="little"))
+    return (keys[parent] << np.uint64(3)) | octant.astype(np.uint64)
+
+
 @dataclass(frozen=True, eq=False)
 class Octree:
     """Octree of all nodes of all levels, root first; within a level in Morton order.
@@ -91,7 +97,6 @@ class Octree:
     side_chroma: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
-    _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
     def depth(self) -> int:
@@ -155,10 +160,6 @@ class Octree:
         """Return the octree with one luminance per node, as in the paper."""
         return replace(self, side_nodes=None, side_light=None, side_share=None, side_chroma=None)
 
-    def free_keys(self) -> None:
-        """Free the cached cells of `keys`, which computes them again when needed."""
-        self._keys.clear()
-
     def level(self, level: int) -> slice:
         """Node indices of one level."""
         return slice(int(self.level_start[level]), int(self.level_start[level + 1]))
@@ -168,17 +169,11 @@ class Octree:
         return (np.searchsorted(self.level_start, nodes, side="right") - 1).astype(np.int32)
 
     def keys(self, level: int) -> np.ndarray:
-        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down and cached."""
-        if level not in self._keys:
-            if level == 0:
-                keys = np.zeros(1, np.uint64)
-            else:
-                mask = self.child_mask[self.level(level - 1)]
-                bits = np.unpackbits(mask[:, None], axis=1, bitorder="little")  # (n, 8)
-                parent, octant = np.nonzero(bits)
-                keys = (self.keys(level - 1)[parent] << np.uint64(3)) | octant.astype(np.uint64)
-            self._keys[level] = keys
-        return self._keys[level]
+        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down."""
+        keys = np.zeros(1, np.uint64)
+        for above in range(level):
+            keys = keys_below(keys, self.child_mask[self.level(above)])
+        return keys
 
     def cells(self, level: int) -> np.ndarray:
         """Integer cells (n_level, 3) int32 of the level's nodes."""
