@@ -170,7 +170,7 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     side = 1 << lookahead
     blocks = np.zeros((len(nodes), side**3, CHANNELS), np.float32)
     voxels = np.asarray(nodes, np.int64)
-    _fill_blocks(octree.boxed_nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
+    _fill_blocks(octree.nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
     return blocks.reshape(-1, side, side, side, CHANNELS)
 
 

@@ -78,14 +78,14 @@ class _Lists(NamedTuple):
 def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level."""
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
-    cells = octree.boxed_nodes, octree.luminance, octree.normal
+    cells = octree.nodes, octree.luminance, octree.normal
     run_parts(_encode_chunks, -(-len(corners) // _CHUNK), cells, (level, lookahead), corners, layers, codes)
     return codes
 
 
 @kernel
 def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type: ignore[no-untyped-def]
-    """Encode chunks of corners. cells: `BoxedNodes`, luminance, normal. levels: of the corners; look-ahead."""
+    """Encode chunks of corners. cells: `Nodes`, luminance, normal. levels: of the corners; look-ahead."""
     size, width = layers.octants.shape[2], layers.bias.shape[1]
     most = _CHUNK * max(CORNERS * size, width)
     lists = _Lists(np.empty(most, np.uint16), np.empty(most, np.float32), np.zeros(CORNERS * _CHUNK + 1, np.int64))

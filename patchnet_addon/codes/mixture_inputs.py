@@ -10,7 +10,7 @@ import numpy as np
 
 from ..network.kinds import CHILDREN, CORNERS
 from ..octree.leaf_boxes import STEPS, covered_steps
-from ..octree.octree import LUMINANCE_SCALE, BoxedNodes
+from ..octree.octree import LUMINANCE_SCALE, Nodes
 from ..octree.side_kernels import luminance_along
 from ..octree.sides import NodeLight
 from ..runtime.kernels import device, lean_device
@@ -48,7 +48,7 @@ def empty_fine_list():
 
 @lean_device
 def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
-    """List the grandchildren of a node of `BoxedNodes`, with luminances along a direction; returns their number."""
+    """List the grandchildren of a node of `Nodes`, with luminances along a direction; returns their number."""
     numbers, lights = listed.number, listed.light
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
@@ -118,7 +118,7 @@ class NearbyCells(NamedTuple):
     masks, see `mask_geometry`. order: of cells in each ray frame, see `nearby_order`.
     """
 
-    nodes: BoxedNodes
+    nodes: Nodes
     light: NodeLight
     cells: np.ndarray
     rows: np.ndarray
@@ -131,7 +131,7 @@ class NearbyCells(NamedTuple):
         assert coded.corner_cells is not None
         octree = coded.octree
         cells = np.ascontiguousarray(coded.corner_cells).ravel()
-        return cls(octree.boxed_nodes, octree.light, cells, coded.corner_rows, mask_geometry(), nearby_order())
+        return cls(octree.nodes, octree.light, cells, coded.corner_rows, mask_geometry(), nearby_order())
 
 
 @cache

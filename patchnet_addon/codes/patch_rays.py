@@ -68,7 +68,7 @@ def render_patches(
         up=np.ascontiguousarray(rays.up, np.float32),
         ratio=np.ascontiguousarray(rays.ratio, np.float32),
     )
-    run_parts(_render, len(rays.level), octree.boxed_nodes, octree.light, rays, lookahead, coverage, luminance)
+    run_parts(_render, len(rays.level), octree.nodes, octree.light, rays, lookahead, coverage, luminance)
     return coverage, luminance
 
 

@@ -24,20 +24,11 @@ POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
 class Nodes(NamedTuple):
-    """Arrays from nodes of an octree to their children, for kernels that descend.
+    """Nodes of an octree and boxes of its finest leaves, for kernels.
 
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
     first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
-    """
-
-    child_mask: np.ndarray
-    first_child: np.ndarray
-
-
-class BoxedNodes(NamedTuple):
-    """Nodes of an octree and boxes of its finest leaves, for kernels that trace rays.
-
-    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; all later ones have one.
+    first_boxed: the first node with a box; all later ones have one.
     boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
     """
 
@@ -47,9 +38,9 @@ class BoxedNodes(NamedTuple):
     boxes: np.ndarray
 
 
-def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> Nodes:
     """Nodes whose leaves are whole voxels."""
-    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
+    return Nodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
 
 
 def keys_below(keys: np.ndarray, child_mask: np.ndarray) -> np.ndarray:
@@ -105,15 +96,10 @@ class Octree:
 
     @property
     def nodes(self) -> Nodes:
-        """Arrays from nodes to their children, for kernels."""
-        return Nodes(self.child_mask, self.first_child)
-
-    @property
-    def boxed_nodes(self) -> BoxedNodes:
-        """Nodes and boxes of the finest leaves, for kernels that trace rays."""
+        """Nodes and boxes of the finest leaves, for kernels."""
         if self.leaf_box is None:
             return without_boxes(self.child_mask, self.first_child)
-        return BoxedNodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
+        return Nodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
 
     @property
     def filled(self) -> np.ndarray:

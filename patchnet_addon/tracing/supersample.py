@@ -107,7 +107,7 @@ def _mean_of_rays(octree: Octree, light: _Light, camera: CameraUnit, pixels: np.
     search = Search(camera.side_at_0, camera.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, camera, search, chosen, means)
+    run_parts(_means_of_blocks, len(starts) - 1, octree.nodes, light, camera, search, chosen, means)
     return means
 
 
