@@ -26,7 +26,6 @@ from ..runtime.vectors import count_ones
 
 COLUMNS = 3
 MAX_STEP = 0xFFFF  # from y to y + 1
-_PIECE = 1 << 14
 
 
 class CodedNodes(NamedTuple):
@@ -73,11 +72,9 @@ def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
 
 
 def last_row(table: np.ndarray) -> int:
-    """Last row in the codes referenced by a table (K, 3), -1 for none; needs no memory of the table's size."""
-    most = -1
-    for start in range(0, len(table), _PIECE):
-        most = max(most, int(corners_of(table, slice(start, start + _PIECE)).max()))
-    return most
+    """Last row in the codes referenced by a table (K, 3), -1 for none."""
+    steps = np.stack([table[:, 2] & MAX_STEP, table[:, 2] >> 16], axis=1)
+    return int((table[:, :2] + steps.astype(np.int64)).max(initial=-2)) + 1
 
 
 @device

@@ -257,16 +257,15 @@ def _corner_encoder(
 ) -> Callable[[int, np.ndarray], np.ndarray]:
     """Function that encodes corners (C, 3) of a level to codes (C, 10) float32.
 
-    On a GPU with memory for the octree it gathers the corners' blocks there.
+    On a GPU it gathers the corners' blocks there.
     """
     if isinstance(encoder, PackedLayers):
         return lambda level, corners: encode_corners(octree, level, corners, encoder, lookahead)
     device = getattr(encoder, "device", None)  # only torch encoders have one
     if device is not None and device.type != CPU:
-        from .torch_tree import TorchCorners, tree_fits
+        from .torch_tree import TorchCorners
 
-        if tree_fits(octree, device):
-            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
+        return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
     return lambda level, corners: encoder(*chunk_blocks(octree, level, corners, lookahead))
 
 
