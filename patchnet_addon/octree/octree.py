@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..cells.morton import morton_decode, morton_encode
+from ..cells.morton import morton_decode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
@@ -164,18 +164,6 @@ class Octree:
     def cells(self, level: int) -> np.ndarray:
         """Integer cells (n_level, 3) int32 of the level's nodes."""
         return morton_decode(self.keys(level))
-
-    def find(self, level: int, cells: np.ndarray) -> np.ndarray:
-        """Node index (N,) int64 of each cell (N, 3) of a level, -1 for an empty or outside cell."""
-        cells = np.asarray(cells)
-        inside = ((cells >= 0) & (cells < (1 << level))).all(axis=-1)
-        wanted = morton_encode(np.where(inside[..., None], cells, 0))
-        keys = self.keys(level)
-        if len(keys) == 0:
-            return np.full(wanted.shape, -1, np.int64)
-        position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        found = inside & (keys[position] == wanted)
-        return np.where(found, position + self.level_start[level], -1)
 
     def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
         """(n,) bool: the node has descendants `lookahead` levels further down (methods 4.1b)."""
