@@ -125,7 +125,7 @@ def means_of_level(
     """Values (n, k) float32 of a level's nodes in order: area-weighted means of their children's, or a leaf's own."""
     values = np.empty((len(child_mask), leaf_values.shape[1]), np.float32)
     leaf = 0
-    first = 0
+    first = np.int64(0)
     for node in range(len(child_mask)):
         last = first + np.int64(POPCOUNT[child_mask[node]])
         for column in range(leaf_values.shape[1]):

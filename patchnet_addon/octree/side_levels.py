@@ -83,9 +83,7 @@ class SidesOfNodes(NamedTuple):
     chroma: np.ndarray
 
 
-def leaf_sides(
-    faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float, boxes: np.ndarray
-) -> LeafSides:
+def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world: float, boxes: np.ndarray) -> LeafSides:
     """Sides of leaves with rows (l,) of `faces`, `sums` (l, 5 or 7) as `LeafSums` holds them, and boxes (l, 3).
 
     faces: (R, 2, 6, 4 or 6) float32, for each side (+x, -x, +y ...) the projected area of fronts, and of backs, that
@@ -190,9 +188,7 @@ def _lowest(masks: Sequence[np.ndarray]) -> list[np.ndarray]:
     return found
 
 
-def _differing(
-    level: LevelNodes, here: slice, faces: _Faces, lowest: np.ndarray, first: int
-) -> tuple[np.ndarray, ...]:
+def _differing(level: LevelNodes, here: slice, faces: _Faces, lowest: np.ndarray, first: int) -> tuple[np.ndarray, ...]:
     """Differences (s,) uint16 of visible faces from the mean, of nodes where they are large enough; and the sides of
     these.
 
