@@ -16,13 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.contract import has_lookahead
 from ..octree.octree import Octree
+from ..octree.sides import marked
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.errors import SettingError
-from ..runtime.kernels import device, kernel
-from ..runtime.threads import run_parts
-from ..runtime.vectors import count_ones
+from ..runtime.kernels import device
 
 COLUMNS = 3
 MAX_STEP = 0xFFFF  # from y to y + 1
@@ -46,21 +44,8 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
     """
     end = int(octree.level_start[max(octree.depth - lookahead + 1, 0)])
     check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
-    bits, counts = np.zeros(-(-end // 64), np.uint64), np.zeros(-(-end // 64), np.uint32)
-    run_parts(_mark, len(bits), octree.nodes, lookahead, end, bits, counts)
-    total = int(counts.sum(dtype=np.int64))
-    return CodedNodes(bits, np.cumsum(counts, dtype=np.uint32) - counts), total
-
-
-@kernel
-def _mark(first, last, nodes, lookahead, end, bits, counts):  # type: ignore[no-untyped-def]
-    for word in range(first, last):
-        found = np.uint64(0)
-        for node in range(64 * word, min(64 * (word + 1), end)):
-            if has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead):
-                found |= np.uint64(1) << np.uint64(node & 63)
-        bits[word] = found
-        counts[word] = count_ones(found)
+    ahead = np.flatnonzero(octree.look_ahead(lookahead))
+    return CodedNodes(*marked(ahead, end)), len(ahead)
 
 
 def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:

@@ -167,16 +167,13 @@ class Octree:
 
     def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
         """(n,) bool: the node has descendants `lookahead` levels further down (methods 4.1b)."""
-        has = np.ones(self.node_count, bool)
-        for _ in range(lookahead):
-            deeper = np.zeros(self.node_count, bool)
-            inner = np.flatnonzero(self.child_mask)
-            counts = POPCOUNT[self.child_mask[inner]]
-            children = has[self.level_start[1] :]  # children of inner nodes, in order, are all nodes but the root
-            offsets = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
-            if len(inner):
-                deeper[inner] = np.logical_or.reduceat(children, offsets)
-            has = deeper
+        has = self.child_mask > 0
+        inner = np.flatnonzero(has)
+        ends = np.cumsum(POPCOUNT[self.child_mask[inner]], dtype=np.int64)
+        for _ in range(lookahead - 1):
+            children = has[1:]  # of inner nodes, in order, are all nodes but the root
+            has = np.zeros(self.node_count, bool)
+            has[inner] = np.logical_or.reduceat(children, np.append(0, ends[:-1])) if len(inner) else False
         return has
 
     def luminance_float(self, nodes: np.ndarray | slice) -> np.ndarray:
