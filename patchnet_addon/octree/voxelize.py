@@ -81,7 +81,7 @@ def voxelize(
     sides: compute the leaves' sides, too. facing: see `build_octree`.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
-    kept = []
+    kept: list[Kept] = []
     for number, ranges in enumerate(passes):
         shares = []
         for blocks in ranges:
@@ -94,7 +94,8 @@ def voxelize(
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
-        kept += _kept(shares, keep)
+        with ThreadPoolExecutor(len(shares)) as pool:
+            kept += pool.map(lambda share: keep(share.take(), share.block_level), shares)
     return kept
 
 
@@ -156,12 +157,6 @@ def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]
 def _finish(tasks: Sequence[Future[None]]) -> None:
     for task in tasks:
         task.result()
-
-
-def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
-    """Take the kept part of each share, in order, computed on all cores; the shares are released."""
-    with ThreadPoolExecutor(len(shares)) as pool:
-        return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 
 
 def clip_batch(
