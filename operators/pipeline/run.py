@@ -210,7 +210,7 @@ def _report(
         "light": octree.provenance,
         "warnings": list(warnings),
         # Curves and tables stand in the weights' model card.
-        "weights": {"hash": coded.weights_hash}
+        "weights": {"hash": coded.weights.hash}
         | {name: value for name, value in coded.weights.metadata.items() if isinstance(value, str | int | float)},
         "versions": versions(),
         "machine": machine(),

@@ -83,7 +83,6 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: Job
     if {"octree", "light"} & set(steps):
         for change in changes_meanwhile():
             result.see(change)
-    result.octree.free_keys()
     result.summary = summary(result, scene)
     session_of(scene).result = result
     redraw_viewports()

@@ -24,7 +24,6 @@ from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, kernel, lean_device
-from ..runtime.vectors import lowest_one
 
 EMPTY = -1
 MIDDLE = 13  # the block that is the voxel itself
@@ -98,48 +97,20 @@ def fill_block(nodes, node, lookahead, cells):
     Top-down, level by level: a node is stored in the first cell that it fills until it is divided.
     """
     masks, first_children = nodes.child_mask, nodes.first_child
-    if masks[node] == 0:
-        cells[:] = node
-        return len(cells)
     side = 1 << lookahead
-    if side == 2:
-        return _write_parts(masks, first_children, node, side, 1, 0, cells)
     cells[:] = EMPTY
     cells[0] = node
-    width = side
-    while width > 4:
+    width, count = side, 0
+    while width > 1:
+        count = 0
         for z in range(0, side, width):
             for y in range(0, side, width):
                 for x in range(0, side, width):
                     corner = x + side * (y + side * z)
-                    if cells[corner] >= 0:
-                        _write_parts(masks, first_children, np.int64(cells[corner]), side, width >> 1, corner, cells)
+                    here = np.int64(cells[corner])
+                    if here >= 0:
+                        count += _write_parts(masks, first_children, here, side, width >> 1, corner, cells)
         width >>= 1
-    count = 0
-    for z in range(0, side, 4):
-        for y in range(0, side, 4):
-            for x in range(0, side, 4):
-                count += _divide_twice(masks, first_children, side, x + side * (y + side * z), cells)
-    return count
-
-
-@lean_device
-def _divide_twice(masks, first_children, side, corner, cells):  # type: ignore[no-untyped-def]
-    """Fill the 4x4x4 cells of the node at a corner of a block; returns the number of occupied ones."""
-    node = np.int64(cells[corner])
-    if node < 0:
-        return 0
-    mask, child, step = np.int64(masks[node]), np.int64(first_children[node]), 1
-    if mask == 0:
-        mask, child, step = np.int64(255), node, 0
-    cells[corner] = EMPTY
-    count = 0
-    while mask != 0:
-        octant = lowest_one(mask)
-        mask &= mask - 1
-        first = corner + 2 * ((octant & 1) + side * (((octant >> 1) & 1) + side * (octant >> 2)))
-        count += _write_parts(masks, first_children, child, side, 1, first, cells)
-        child += step
     return count
 
 
@@ -161,32 +132,10 @@ def _write_parts(masks, first_children, node, side, half, corner, cells):  # typ
 
 @lean_device
 def nodes_around(nodes, root, level, cell, around):
-    """Write the nodes of the 27 voxels around `cell` (x, y, z) of a level below `root`, as in `Brick.around`.
-
-    They are found together: most of the path from the root is shared, and memory latencies of the rest overlap.
-    """
-    masks, first_children = nodes.child_mask, nodes.first_child
-    x, y, z = np.int64(cell[0]), np.int64(cell[1]), np.int64(cell[2])
-    last = (np.int64(1) << level) - 1
-    parted = max(x - 1, 0) ^ min(x + 1, last) | max(y - 1, 0) ^ min(y + 1, last) | max(z - 1, 0) ^ min(z + 1, last)
-    node, shift = np.int64(root), np.int64(level) - 1
-    while shift >= 0 and parted >> shift == 0 and node >= 0 and masks[node] != 0:
-        node = child_at(nodes, node, (x >> shift & 1) | (y >> shift & 1) << 1 | (z >> shift & 1) << 2)
-        shift -= 1
+    """Write the nodes of the 27 voxels around `cell` (x, y, z) of a level below `root`, as in `Brick.around`."""
+    x, y, z = np.int64(cell[0]) - 1, np.int64(cell[1]) - 1, np.int64(cell[2]) - 1
     for block in range(27):
-        nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
-        inside = min(nx, ny, nz) >= 0 and max(nx, ny, nz) <= last
-        around[block] = node if inside else EMPTY
-    while shift >= 0 and node >= 0:
-        for block in range(27):
-            here = np.int64(around[block])
-            mask = np.int64(masks[here]) if here >= 0 else np.int64(0)
-            if mask != 0:
-                nx, ny, nz = x + block % 3 - 1, y + block // 3 % 3 - 1, z + block // 9 - 1
-                octant = (nx >> shift & 1) | (ny >> shift & 1) << 1 | (nz >> shift & 1) << 2
-                child = np.int64(first_children[here]) + POPCOUNT[mask & ((1 << octant) - 1)]
-                around[block] = child if mask >> octant & 1 else EMPTY
-        shift -= 1
+        around[block] = covering_node(nodes, root, level, x + block % 3, y + block // 3 % 3, z + block // 9)
 
 
 @device
@@ -221,7 +170,7 @@ def voxel_blocks(octree: Octree, nodes: np.ndarray, lookahead: int = DEFAULT_LOO
     side = 1 << lookahead
     blocks = np.zeros((len(nodes), side**3, CHANNELS), np.float32)
     voxels = np.asarray(nodes, np.int64)
-    _fill_blocks(octree.boxed_nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
+    _fill_blocks(octree.nodes, octree.luminance, octree.normal, voxels, lookahead, blocks)
     return blocks.reshape(-1, side, side, side, CHANNELS)
 
 

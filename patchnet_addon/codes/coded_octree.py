@@ -47,17 +47,7 @@ class CodedOctree:
         return found
 
     @property
-    def weights_hash(self) -> str:
-        """Hash of the weights that made the codes."""
-        return self.weights.hash
-
-    @property
-    def index_nbytes(self) -> int:
-        """Bytes of the index of codes: about 12 per coded voxel."""
-        return self.corner_rows.nbytes + sum(array.nbytes for array in self.nodes)
-
-    @property
     def nbytes(self) -> int:
-        """Bytes of the codes and their index."""
+        """Bytes of the codes and their index, which takes about 12 per coded voxel."""
         corners = 0 if self.corner_cells is None else self.corner_cells.nbytes
-        return self.codes.nbytes + corners + self.index_nbytes
+        return self.codes.nbytes + corners + self.corner_rows.nbytes + sum(array.nbytes for array in self.nodes)

@@ -16,16 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells.contract import has_lookahead
 from ..octree.octree import Octree
+from ..octree.sides import marked
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
-from ..runtime.kernels import device, kernel
-from ..runtime.threads import run_parts
-from ..runtime.vectors import count_ones
+from ..runtime.errors import SettingError
+from ..runtime.kernels import device
 
 COLUMNS = 3
 MAX_STEP = 0xFFFF  # from y to y + 1
-_PIECE = 1 << 14
 
 
 class CodedNodes(NamedTuple):
@@ -46,21 +44,8 @@ def coded_nodes(octree: Octree, lookahead: int) -> tuple[CodedNodes, int]:
     """
     end = int(octree.level_start[max(octree.depth - lookahead + 1, 0)])
     check_count(end, UINT32_COUNT, "nodes of levels with look-ahead", NODE_ADVICE)
-    bits, counts = np.zeros(-(-end // 64), np.uint64), np.zeros(-(-end // 64), np.uint32)
-    run_parts(_mark, len(bits), octree.nodes, lookahead, end, bits, counts)
-    total = int(counts.sum(dtype=np.int64))
-    return CodedNodes(bits, np.cumsum(counts, dtype=np.uint32) - counts), total
-
-
-@kernel
-def _mark(first, last, nodes, lookahead, end, bits, counts):  # type: ignore[no-untyped-def]
-    for word in range(first, last):
-        found = np.uint64(0)
-        for node in range(64 * word, min(64 * (word + 1), end)):
-            if has_lookahead(nodes.child_mask, nodes.first_child, node, lookahead):
-                found |= np.uint64(1) << np.uint64(node & 63)
-        bits[word] = found
-        counts[word] = count_ones(found)
+    ahead = np.flatnonzero(octree.look_ahead(lookahead))
+    return CodedNodes(*marked(ahead, end)), len(ahead)
 
 
 def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
@@ -72,11 +57,9 @@ def corners_of(table: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
 
 
 def last_row(table: np.ndarray) -> int:
-    """Last row in the codes referenced by a table (K, 3), -1 for none; needs no memory of the table's size."""
-    most = -1
-    for start in range(0, len(table), _PIECE):
-        most = max(most, int(corners_of(table, slice(start, start + _PIECE)).max()))
-    return most
+    """Last row in the codes referenced by a table (K, 3), -1 for none."""
+    steps = np.stack([table[:, 2] & MAX_STEP, table[:, 2] >> 16], axis=1)
+    return int((table[:, :2] + steps.astype(np.int64)).max(initial=-2)) + 1
 
 
 @device
@@ -88,15 +71,16 @@ def corner_row(table, row, octant):  # type: ignore[no-untyped-def]
     return start + (octant & 1)
 
 
-def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> bool:
+def set_corner_rows(table: np.ndarray, lines: np.ndarray, octant: int, starts: np.ndarray) -> None:
     """Write rows (V,) of the corners (0, y, z), octant 2 y + 4 z, into lines (V,); y = 0 first, since y = 1 is stored
     as an offset.
 
-    Returns whether the offsets fit 16 bits.
+    Raises SettingError if offsets exceed 16 bits.
     """
     if octant & 2 == 0:
         table[lines, octant >> 2] = starts
-        return True
+        return
     steps = starts - table[lines, octant >> 2].astype(np.int64)
     table[lines, 2] |= (steps << (16 if octant & 4 else 0)).astype(np.uint32)
-    return not len(steps) or int(steps.max()) <= MAX_STEP
+    if steps.max(initial=0) > MAX_STEP:
+        raise SettingError("A line of voxels has more corners than the codes' table can hold: choose a smaller depth")

@@ -31,7 +31,7 @@ from .brick import check_nodes, corner_neighbours, covering_node, fill_block, vo
 from .coded_octree import CodedOctree
 from .corner_cells import corner_cells
 from .corner_rows import COLUMNS, coded_nodes
-from .corners import corner_ranges, find_corners, write_corner_rows
+from .corners import corner_ranges, places_of
 
 _LABEL = "Encoding corners"
 _HALF_MAX = float(np.finfo(np.float16).max)
@@ -78,14 +78,14 @@ class _Lists(NamedTuple):
 def encode_corners(octree: Octree, level: int, corners: np.ndarray, layers: PackedLayers, lookahead: int) -> np.ndarray:
     """Codes (C, 10) float32 of corners (C, 3) int32 of a level."""
     codes = np.empty((len(corners), CODE_SIZE), np.float32)
-    cells = octree.boxed_nodes, octree.luminance, octree.normal
+    cells = octree.nodes, octree.luminance, octree.normal
     run_parts(_encode_chunks, -(-len(corners) // _CHUNK), cells, (level, lookahead), corners, layers, codes)
     return codes
 
 
 @kernel
 def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type: ignore[no-untyped-def]
-    """Encode chunks of corners. cells: `BoxedNodes`, luminance, normal. levels: of the corners; look-ahead."""
+    """Encode chunks of corners. cells: `Nodes`, luminance, normal. levels: of the corners; look-ahead."""
     size, width = layers.octants.shape[2], layers.bias.shape[1]
     most = _CHUNK * max(CORNERS * size, width)
     lists = _Lists(np.empty(most, np.uint16), np.empty(most, np.float32), np.zeros(CORNERS * _CHUNK + 1, np.int64))
@@ -202,10 +202,10 @@ def encode_octree(
 ) -> Steps[CodedOctree]:
     """Octree with codes for the look-ahead of the weights.
 
-    Corners are processed in ranges, so that memory beside octree and codes stays at about 20 MB. `device`: cpu for the
-    compiled kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all give the same codes to 1e-4 and
-    1e-5 of the largest. An `encoder` of these weights overrides it. Raises SettingError for a device that is missing or
-    has too little memory, and for more nodes or corners than 32 bits can index.
+    Beside octree and codes it takes 8 bytes a corner, and at the start about 60 for each voxel of the finest level with
+    look-ahead. `device`: cpu for the compiled kernels, else torch's cuda, cuda:N, or auto (`network/devices.py`); all
+    give the same codes to 1e-4 and 1e-5 of the largest. An `encoder` of these weights overrides it. Raises SettingError
+    for a device that is missing or has too little memory, and for more nodes or corners than 32 bits can index.
     """
     if encoder is None:
         encoder = make_encoder(weights, device)
@@ -213,28 +213,29 @@ def encode_octree(
     check_nodes(octree.node_count)
     nodes, count = coded_nodes(octree, weights.lookahead)
     table = np.zeros((count, COLUMNS), np.uint32)
-    counts: list[int] = []
-    levels = range(max(octree.depth - weights.lookahead + 1, 0))
-    ranges = [where for level in levels for where in corner_ranges(octree, nodes, level)]
-    for where in ranges:
-        counts.append(write_corner_rows(octree, nodes, where, sum(counts), table))
-        yield Progress(len(counts), len(ranges), "Finding corners")
-    check_count(sum(counts), UINT32_COUNT, "corners of voxels", NODE_ADVICE)
-    codes = np.empty((sum(counts), CODE_SIZE), np.float16)
+    coded, total = np.flatnonzero(np.unpackbits(nodes.bits.view(np.uint8), bitorder="little")), 0
+    ranges, levels = [], max(octree.depth - weights.lookahead + 1, 0)
+    for level in range(levels):
+        for corners in corner_ranges(octree, coded, level, total, table):
+            ranges.append((level, corners))
+            total += len(corners)
+            yield Progress(level, levels, "Finding corners")
+    check_count(total, UINT32_COUNT, "corners of voxels", NODE_ADVICE)
+    codes = np.empty((total, CODE_SIZE), np.float16)
     around = np.empty((len(codes), CORNERS), np.uint32) if weights.kind.mixes else None
     with enough_memory("the octree"):
         encode = _corner_encoder(encoder, octree, weights.lookahead)
     done = 0
-    for where in ranges:
-        corners = find_corners(octree, nodes, where)
+    for level, numbers in ranges:
+        corners = places_of(numbers, level)
         together = max(len(corners), 1) if isinstance(encoder, PackedLayers) else encoder.chunk
         for start in range(0, len(corners), together):
             part = corners[start : start + together]
             with enough_memory("encoding"):
-                found = encode(where.level, part)
+                found = encode(level, part)
             codes[done : done + len(found)] = np.clip(found, -_HALF_MAX, _HALF_MAX)
             if around is not None:
-                around[done : done + len(found)] = corner_cells(octree, where.level, part)
+                around[done : done + len(found)] = corner_cells(octree, level, part)
             done += len(found)
             yield Progress(done, len(codes), _LABEL)
     return CodedOctree(octree, weights, codes, table, nodes, around)
@@ -256,16 +257,15 @@ def _corner_encoder(
 ) -> Callable[[int, np.ndarray], np.ndarray]:
     """Function that encodes corners (C, 3) of a level to codes (C, 10) float32.
 
-    On a GPU with memory for the octree it gathers the corners' blocks there.
+    On a GPU it gathers the corners' blocks there.
     """
     if isinstance(encoder, PackedLayers):
         return lambda level, corners: encode_corners(octree, level, corners, encoder, lookahead)
     device = getattr(encoder, "device", None)  # only torch encoders have one
     if device is not None and device.type != CPU:
-        from .torch_tree import TorchCorners, tree_fits
+        from .torch_tree import TorchCorners
 
-        if tree_fits(octree, device):
-            return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
+        return TorchCorners(encoder, octree, lookahead)  # type: ignore[arg-type]
     return lambda level, corners: encoder(*chunk_blocks(octree, level, corners, lookahead))
 
 

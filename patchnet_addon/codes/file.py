@@ -24,7 +24,7 @@ def save_codes(coded: CodedOctree, path: str | Path) -> None:
     metadata = {
         "codes_version": _VERSION,
         "octree_hash": octree_hash(coded.octree),
-        "weights_hash": coded.weights_hash,
+        "weights_hash": coded.weights.hash,
         "look_ahead": coded.weights.lookahead,
         "depth": coded.octree.depth,
     }

@@ -53,15 +53,14 @@ class FootprintTile(NamedTuple):
     """Inputs to measure a tile of pixels, rows of TILE float32.
 
     frame: 15 rows, see `set_frame`. fine: 64 rows, luminances of the voxel's grandchildren, ABSENT for empty ones.
-    shares: three rows for each of them, covered part of their faces across each axis, valid if has_boxes (1,) bool: any
-    has a box. In `fine` and `shares` the rows of LANES pixels are adjacent, see `fine_place`: with rows of TILE, writes
-    of a pixel would map to few cache sets.
+    shares: three rows for each of them, covered part of their faces across each axis, undefined for empty ones. In
+    `fine` and `shares` the rows of LANES pixels are adjacent, see `fine_place`: with rows of TILE, writes of a pixel
+    would map to few cache sets.
     """
 
     frame: np.ndarray
     fine: np.ndarray
     shares: np.ndarray
-    has_boxes: np.ndarray
 
 
 @device
@@ -69,14 +68,13 @@ def empty_footprint_tile():
     """Allocate a tile; call `clear_tile` before use."""
     frame = empty_values(FRAME_ROWS)
     frame[:] = 1  # columns never written must not have pixels of size 0
-    return FootprintTile(frame, empty_values(CELLS), empty_values(3 * CELLS), np.empty(1, np.bool_))
+    return FootprintTile(frame, empty_values(CELLS), empty_values(3 * CELLS))
 
 
 @lean_device
 def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Mark all cells of a tile as empty; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
-    tile.has_boxes[0] = False
     covered[CHILDREN * TILE : CELLS * TILE] = 0
     shown[CHILDREN * TILE : CELLS * TILE] = 0
 
@@ -136,14 +134,10 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
 
     covered, shown: (64 * TILE,) float32, rows of children, then of outer cells, which are unchanged.
     """
-    frame, boxed = tile.frame, tile.has_boxes[0]
     for pixel in range(0, TILE, LANES):
-        seen = _seen_by(frame, pixel)
+        seen = _seen_by(tile.frame, pixel)
         for child in range(CHILDREN):
-            if boxed:
-                sums = _child_with_boxes(tile, seen, child, pixel)
-            else:
-                sums = _child_of_faces(tile, seen, child, pixel)
+            sums = _sums_of_child(tile, seen, child, pixel)
             _store_child(seen, sums, covered, shown, child * TILE + pixel)
 
 
@@ -158,24 +152,11 @@ def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
 
 
 @lean_device
-def _child_of_faces(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
-    """Sums, over the columns of a child's own children, of the area covered by the first one, and its light."""
-    frame, fine, none = tile.frame, tile.fine, splat(np.float32(0))
-    covered, shown = none, none
-    for column in range(_COLUMNS * child, _COLUMNS * (child + 1)):
-        axis, near, far = _columns_of(column, pixel)
-        front, back = load(fine, near), load(fine, far)
-        empty = less(front, none)
-        light = select(empty, back, front)
-        area = _overlap(frame, seen, _middle(column, empty), axis, pixel)
-        area = select(less(light, none), none, area)
-        covered, shown = covered + area, shown + area * light
-    return covered, shown
+def _sums_of_child(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
+    """Sums, over the columns of a child's own children, of the covered area, and its light.
 
-
-@lean_device
-def _child_with_boxes(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
-    """Sums as of `_child_of_faces`, with the part of the second one that the box of the first leaves free."""
+    The second one of a column covers the part that the box of the first leaves free.
+    """
     frame, fine, shares = tile.frame, tile.fine, tile.shares
     none, whole = splat(np.float32(0)), splat(np.float32(1))
     covered, shown = none, none

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..network.kinds import CHILDREN, CORNERS
 from ..octree.leaf_boxes import STEPS, covered_steps
-from ..octree.octree import LUMINANCE_SCALE, BoxedNodes
+from ..octree.octree import LUMINANCE_SCALE, Nodes
 from ..octree.side_kernels import luminance_along
 from ..octree.sides import NodeLight
 from ..runtime.kernels import device, lean_device
@@ -30,30 +30,29 @@ class FineList(NamedTuple):
     """List of a voxel's existing grandchildren, (64,) each; a leaf represents all of its children.
 
     number: int64, 8 octant of the child + octant in that. light: float32 luminances. shares: (3 * 64,) float32, covered
-    part of their faces across each octree axis, valid if boxed (1,) bool: any has a box.
+    part of their faces across each octree axis.
     """
 
     number: np.ndarray
     light: np.ndarray
     shares: np.ndarray
-    boxed: np.ndarray
 
 
 @device
 def empty_fine_list():
     """Allocate a list of a voxel's grandchildren."""
     numbers, lights = np.zeros(CELLS, np.int64), np.zeros(CELLS, np.float32)
-    return FineList(numbers, lights, np.zeros(3 * CELLS, np.float32), np.zeros(1, np.bool_))
+    return FineList(numbers, lights, np.zeros(3 * CELLS, np.float32))
 
 
 @lean_device
 def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
-    """List the grandchildren of a node of `BoxedNodes`, with luminances along a direction; returns their number."""
+    """List the grandchildren of a node of `Nodes`, with luminances along a direction; returns their number."""
     numbers, lights = listed.number, listed.light
     scale = np.float32(1.0 / LUMINANCE_SCALE)
     mask, child = np.int64(nodes.child_mask[node]), np.int64(nodes.first_child[node])
     first_boxed, count = nodes.first_boxed, 0
-    listed.boxed[0] = False
+    listed.shares[:] = 1
     while mask != 0:
         octant = lowest_one(mask)
         mask &= mask - 1
@@ -66,7 +65,7 @@ def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped
             seen = luminance_along(light, cell, direction[0], direction[1], direction[2])
             numbers[count], lights[count] = CHILDREN * octant + part, seen * scale
             if cell >= first_boxed:
-                _list_box(nodes.boxes, cell - first_boxed, listed, count)
+                _list_box(nodes.boxes, cell - first_boxed, listed.shares, count)
             cell += step
             count += 1
         child += 1
@@ -74,12 +73,8 @@ def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped
 
 
 @lean_device
-def _list_box(boxes, row, listed, index):  # type: ignore[no-untyped-def]
+def _list_box(boxes, row, shares, index):  # type: ignore[no-untyped-def]
     """Write the shares of the faces of the cell at an index of the list that its box covers."""
-    shares, boxed = listed.shares, listed.boxed
-    if not boxed[0]:
-        shares[:] = 1
-        boxed[0] = True
     covered, scale = covered_steps(boxes, row), np.float32(1 / STEPS**2)
     for axis in range(3):
         shares[axis * CELLS + index] = np.float32(covered[axis]) * scale
@@ -94,13 +89,6 @@ def place_fine(listed, count, order, tile, place):  # type: ignore[no-untyped-de
     orders, frame, axes = order
     numbers, lights, listed_shares, fine, shares = listed.number, listed.light, listed.shares, tile.fine, tile.shares
     first, lane = fine_place(place)
-    if not listed.boxed[0]:
-        for index in range(count):
-            fine[first + orders[frame, numbers[index]] * LANES + lane] = lights[index]
-        return
-    if not tile.has_boxes[0]:
-        shares[:] = 1
-        tile.has_boxes[0] = True
     x, y, z = axes[0] * CELLS, axes[1] * CELLS, axes[2] * CELLS
     for index in range(count):
         row = first + np.int64(orders[frame, numbers[index]]) * LANES
@@ -118,7 +106,7 @@ class NearbyCells(NamedTuple):
     masks, see `mask_geometry`. order: of cells in each ray frame, see `nearby_order`.
     """
 
-    nodes: BoxedNodes
+    nodes: Nodes
     light: NodeLight
     cells: np.ndarray
     rows: np.ndarray
@@ -131,7 +119,7 @@ class NearbyCells(NamedTuple):
         assert coded.corner_cells is not None
         octree = coded.octree
         cells = np.ascontiguousarray(coded.corner_cells).ravel()
-        return cls(octree.boxed_nodes, octree.light, cells, coded.corner_rows, mask_geometry(), nearby_order())
+        return cls(octree.nodes, octree.light, cells, coded.corner_rows, mask_geometry(), nearby_order())
 
 
 @cache

@@ -132,7 +132,7 @@ def _write(folder: Path, entry: CachedOctree) -> None:
     notes = dict(entry.notes)
     if entry.coded is not None:
         save_codes(entry.coded, folder / CODES)
-        notes["weights"] = entry.coded.weights_hash
+        notes["weights"] = entry.coded.weights.hash
     if entry.layout is not None:
         write_arrays(folder / LAYOUT, {"levels": entry.layout.levels}, {}, _KIND)
     (folder / NOTES).write_text(json.dumps(notes, indent=1), encoding="utf-8")

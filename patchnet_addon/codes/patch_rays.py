@@ -36,8 +36,9 @@ class PatchRays(NamedTuple):
     """Centre rays of N viewports, grouped by voxel.
 
     level (G,) int32 and cell (G, 3) int32 name the voxels; rays group_start[g] to group_start[g + 1] belong to voxel g.
-    entry_voxel: (N, 3) a point of the centre ray, in units of the voxel, [0, 1]^3 inside.
-    direction, up: (N, 3) orthonormal, in the octree's axes. ratio: (N,) side of the viewport over the voxel's side.
+    entry_voxel: (N, 3) float32 a point of the centre ray, in units of the voxel, [0, 1]^3 inside.
+    direction, up: (N, 3) float32, orthonormal, in the octree's axes. ratio: (N,) float32, side of the viewport over the
+    voxel's side.
     """
 
     level: np.ndarray
@@ -59,16 +60,7 @@ def render_patches(
     check_nodes(octree.node_count)
     count = len(rays.ratio)
     coverage, luminance = np.zeros(count, np.float32), np.zeros(count, np.float32)
-    rays = PatchRays(
-        level=np.ascontiguousarray(rays.level, np.int32),
-        cell=np.ascontiguousarray(rays.cell, np.int32),
-        group_start=np.ascontiguousarray(rays.group_start, np.int64),
-        entry_voxel=np.ascontiguousarray(rays.entry_voxel, np.float32),
-        direction=np.ascontiguousarray(rays.direction, np.float32),
-        up=np.ascontiguousarray(rays.up, np.float32),
-        ratio=np.ascontiguousarray(rays.ratio, np.float32),
-    )
-    run_parts(_render, len(rays.level), octree.boxed_nodes, octree.light, rays, lookahead, coverage, luminance)
+    run_parts(_render, len(rays.level), octree.nodes, octree.light, rays, lookahead, coverage, luminance)
     return coverage, luminance
 
 

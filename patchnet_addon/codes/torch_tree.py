@@ -15,16 +15,6 @@ from ..octree.leaf_boxes import FILLED_STEPS
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 from .brick import OCTANTS
 
-NODE_BYTES = 12  # of child mask, first child, luminance, normal, filled share
-
-
-def tree_fits(octree: Octree, device: torch.device) -> bool:
-    """Return whether the node arrays take at most half of a GPU's free memory; a CPU holds them already."""
-    if device.type != "cuda":
-        return True
-    free, _ = torch.cuda.mem_get_info(device)
-    return 2 * NODE_BYTES * octree.node_count <= int(free)
-
 
 class TorchTree:
     """Copy of an octree's node arrays on a torch device; nodes are int64 tensors there, -1 for none."""
@@ -117,16 +107,10 @@ def paths(lookahead: int) -> np.ndarray:
     return place
 
 
-_PART_BYTES = 1 << 26
 _SIGNED = {np.dtype(np.uint16): np.int16, np.dtype(np.uint32): np.int32}  # torch has few operations for unsigned types
 
 
 def to_device(array: np.ndarray, device: torch.device) -> Tensor:
     """Copy of an array (n, ...) on a device; uint16 and uint32 keep their bits as int16 and int32."""
-    array = array.view(_SIGNED.get(array.dtype, array.dtype))
-    first = torch.from_numpy(np.array(array[:0]))
-    result = torch.empty(array.shape, dtype=first.dtype, device=device)
-    rows = max(1, _PART_BYTES // max(array[:1].nbytes, 1))
-    for start in range(0, len(array), rows):
-        result[start : start + rows] = torch.from_numpy(np.array(array[start : start + rows], order="C"))
-    return result
+    signed = array.view(_SIGNED.get(array.dtype, array.dtype))
+    return torch.from_numpy(np.array(signed, order="C")).to(device)

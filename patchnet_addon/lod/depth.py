@@ -115,12 +115,12 @@ def estimate(coarse: Octree, depth: int, *, color: bool = False, sides: bool = F
 
     Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
     """
-    finest, before = len(coarse.keys(coarse.depth)), len(coarse.keys(coarse.depth - 1))
+    *_, before, finest = counts = np.diff(coarse.level_start).tolist()
     area = max(finest - 2 * before, 0) / (2 * 4.0 ** (coarse.depth - 1))
     edges = (finest - area * 4.0**coarse.depth) / 2.0**coarse.depth
     estimated = area * 4.0**depth + edges * 2.0**depth
     if depth <= coarse.depth:
-        estimated = len(coarse.keys(depth))
+        estimated = counts[depth]
     node_bytes = BYTES_PER_NODE + COLOR_BYTES_PER_NODE * color + (_SIDES_BYTES_PER_NODE if sides else 0.0)
     leaf_bytes = _NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF
     return int(estimated), int(estimated * leaf_bytes), peak_bytes(estimated, color=color, sides=sides)

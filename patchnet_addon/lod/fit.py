@@ -120,7 +120,7 @@ def _stops(
         ahead=np.zeros(count, np.bool_),
     )
     bands = -(-(rows[1] - rows[0]) // TILE)
-    run_parts(_trace_bands, bands, without_boxes(*nodes), unit, rows[0], offset, (finer, lookahead), stops)
+    run_parts(_trace_bands, bands, nodes, unit, rows[0], offset, (finer, lookahead), stops)
     return stops
 
 
@@ -260,7 +260,7 @@ def fit_leaf_levels(
     if (finer.levels[surface] >= needed).all():
         return fitted
     leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
-    nodes = Nodes(*hierarchy(leaves, max(leaves)))
+    nodes = without_boxes(*hierarchy(leaves, max(leaves)))
     share = min((lookahead_share(nodes, grid, camera, lookahead=lookahead) for camera in cameras), default=1.0)
     return replace(fitted, leaves=sum(len(keys) for keys in leaves.values()), lookahead_share=share)
 
@@ -307,7 +307,7 @@ def _look(
     than pixels; they request the levels of pixels.
     """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
-    nodes = Nodes(*hierarchy(leaves, max(leaves)))
+    nodes = without_boxes(*hierarchy(leaves, max(leaves)))
     for camera in cameras:
         apart = camera.with_size(*(max(side >> coarser, 1) for side in (camera.width_px, camera.height_px)))
         steps = needed_levels(nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser)

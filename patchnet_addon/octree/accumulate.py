@@ -7,7 +7,7 @@ bricks of cells (`bricks.py`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..runtime.bounds import INT32_COUNT, NODE_ADVICE, check_count
 from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.mesh import Fragments
-from .bricks import BRICK_BITS, BRICK_CELLS, MIN_OPACITY, brick_of, table_of
+from .bricks import BRICK_BITS, BRICK_CELLS, brick_of, table_of
 from .leaf_boxes import WHOLE, ends_of_axis, joined_boxes, unpacked
 from .side_levels import LeafSides, leaf_sides
 from .sides import FACES
@@ -27,6 +27,7 @@ _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
+_MIN_OPACITY = 1.0 / 255.0
 # Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds, where a voxel holds
 # several layers: what lies behind is hidden, as the layer under a slab is.
 _IN_FRONT = np.exp(32.0 * np.arange(-15, 16) / 32.0)
@@ -163,6 +164,29 @@ class LeafAccumulator:
         return keys, sums, unpacked(boxes), sides
 
 
+class OccupiedCells:
+    """Cells of the leaves that `LeafAccumulator` would have, without sums, for fitting leaf levels to cameras."""
+
+    def __init__(self) -> None:
+        self._keys: list[np.ndarray] = []
+
+    def __len__(self) -> int:
+        """Number of cells, those of several calls counted in each."""
+        return sum(len(keys) for keys in self._keys)
+
+    def add(
+        self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
+    ) -> None:
+        """Add the cells of fragments, see `LeafAccumulator.add`."""
+        opaque = np.asarray(opacity, np.float32).astype(np.float64) >= _MIN_OPACITY
+        self._keys.append(np.unique(fragments.keys[opaque]))
+
+    def take(self) -> tuple[np.ndarray, np.ndarray]:
+        """Keys (n,) uint64 of the cells, ascending, and no sums (n, 0)."""
+        keys = np.unique(np.concatenate(self._keys))
+        return keys, np.empty((len(keys), 0), np.float32)
+
+
 @device
 def _add_large(rows, row, product):  # type: ignore[no-untyped-def]
     """Add to a sum stored in two columns: quotient and remainder."""
@@ -193,7 +217,7 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
     brick = np.int64(-1)
     columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
-        if not opacity[i] >= MIN_OPACITY:
+        if not opacity[i] >= _MIN_OPACITY:
             continue
         brick = brick_of(keys[i], brick, table, brick_key, count)
         if brick < 0:

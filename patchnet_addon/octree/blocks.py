@@ -29,7 +29,8 @@ BLOCK_LEVEL = 5  # level of the blocks of a pass, if all leaves are on one level
 class CellSet:
     """Requested cells of one level, for `clip_triangles`.
 
-    near, block: (wanted, shift) each, wanted (n,) bool by the Morton key of a brick or a cell, >> shift (uint64).
+    near, block: (wanted, shift) each, by the Morton key of a brick or a cell, >> shift (uint64): (n,) bool, and (n,)
+    uint8, the level in requested blocks and 0 in others.
     """
 
     near: tuple[np.ndarray, np.uint64]
@@ -43,7 +44,8 @@ class CellSet:
         near, coarser = wanted, brick_level - block_level
         if coarser < 0:  # a brick contains several blocks
             near, coarser = wanted.reshape(-1, 8**-coarser).any(axis=1), 0
-        return cls((near, np.uint64(3 * coarser)), (wanted, np.uint64(3 * (level - block_level))))
+        levels = wanted.astype(np.uint8) * np.uint8(level)
+        return cls((near, np.uint64(3 * coarser)), (levels, np.uint64(3 * (level - block_level))))
 
 
 def all_cells(level: int) -> CellSet:
@@ -94,7 +96,7 @@ def expected_fragments(source: MeshSource, grid: Grid, layout: LeafLevels) -> np
     load = np.zeros(len(layout.levels), np.float64)
     shift = np.uint64(3 * (grid.depth - layout.block_level))
     for batch in source.batches():
-        _add_load(to_cells(batch.corners_world, grid, grid.depth), grid.depth, shift, layout.levels, load)
+        _expect(to_cells(batch.corners_world, grid, grid.depth), grid.depth, layout.levels, shift, True, load)
     return load
 
 
@@ -106,8 +108,8 @@ def to_cells(corners_world: np.ndarray, grid: Grid, level: int) -> np.ndarray:
 
 def tasks_of(corners_voxel: np.ndarray, resolution: int, cells: CellSet) -> Iterator[tuple[int, int, tuple[int, int]]]:
     """Ranges first, last, (x_first, x_last) of similar work in requested cells; a huge triangle is split along x."""
-    work = np.ones(len(corners_voxel), np.float64)
-    _expected_work(corners_voxel, resolution, *cells.block, work)
+    work = np.zeros(len(corners_voxel), np.float64)
+    _expect(corners_voxel, resolution.bit_length() - 1, *cells.block, False, work)
     ends = np.cumsum(work)
     first = 0
     while first < len(work):
@@ -143,24 +145,8 @@ def _extents(corners):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _expected_work(corners_voxel, resolution, wanted, shift, work):  # type: ignore[no-untyped-def]
-    """Add the expected fragments of each triangle in requested blocks, by points spread over it."""
-    side = 2.0 ** (np.int64(shift) // 3)
-    for triangle in range(len(corners_voxel)):
-        corners = corners_voxel[triangle]
-        widths, shadows, widest = _extents(corners)
-        steps = 1 + int(2.0 * widest / side)
-        points = steps * (steps + 1) // 2
-        for i in range(steps):
-            for j in range(steps - i):
-                x, y, z = _point(corners, (i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps, resolution)
-                if wanted[cell_key(x, y, z) >> shift]:
-                    work[triangle] += (widths + shadows) / points
-
-
-@kernel
-def _add_load(corners_voxel, depth, shift, levels, load):  # type: ignore[no-untyped-def]
-    """Add each triangle's expected fragments to its blocks, by points spread over it.
+def _expect(corners_voxel, depth, levels, shift, by_block, expected):  # type: ignore[no-untyped-def]
+    """Add the expected fragments of each triangle to those of its blocks, or of itself, by points spread over it.
 
     corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level.
     """
@@ -176,7 +162,8 @@ def _add_load(corners_voxel, depth, shift, levels, load):  # type: ignore[no-unt
                 block = cell_key(x, y, z) >> shift
                 if levels[block] > 0:
                     scale = 1.0 / (np.int64(1) << (depth - levels[block]))
-                    load[block] += (1.0 + scale * (widths + scale * shadows)) / points
+                    found = (1.0 + scale * (widths + scale * shadows)) / points
+                    expected[block if by_block else np.uint64(triangle)] += found
 
 
 @device

@@ -20,16 +20,15 @@ from .leaf_boxes import WHOLE, unpacked
 from .leaf_levels import LeafLevels
 from .levels import (
     area_and_normal,
-    luminance_of_level,
+    colors_of_leaves,
+    means_of_level,
     merge_nodes,
     number_children,
     parents_of,
-    red_blue_of_level,
     stored_chroma,
-    stored_luminance,
     sums_of_level,
 )
-from .octree import POPCOUNT, Octree
+from .octree import LUMINANCE_SCALE, POPCOUNT, Octree
 from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
 from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
 
@@ -210,15 +209,15 @@ def _luminance(
     """
     stored: list[np.ndarray] = []
     chroma: list[np.ndarray] = []
-    area, luminance, red_blue = np.empty(0, np.float32), np.empty(0, np.float32), np.empty((0, 2), np.float32)
+    area, values = np.empty(0, np.float32), np.empty((0, 3 if hues else 1), np.float32)
     while light:
         level = len(light) - 1
         exposed = np.clip(light.pop() * np.float64(exposure), 0.0, 1.0).astype(np.float32)
-        luminance = luminance_of_level(masks[level], area, luminance, exposed)
-        stored.append(stored_luminance(luminance))
-        if hues:
-            red_blue = red_blue_of_level(masks[level], area, red_blue, exposed, hues.pop().reshape(-1, 2))
-            chroma.append(stored_chroma(luminance, red_blue))
+        leaves = colors_of_leaves(exposed, hues.pop().reshape(-1, 2)) if hues else exposed[:, None]
+        values = means_of_level(masks[level], area, values, leaves)
+        stored.append(np.rint(values[:, 0].astype(np.float64) * LUMINANCE_SCALE).astype(np.uint16))
+        if values.shape[1] > 1:
+            chroma.append(stored_chroma(values[:, 0], values[:, 1:]))
         area = areas[level]
     return stored[::-1], chroma[::-1]
 

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..surface.chroma import REC709
 from ..surface.mesh import Fragments, MeshSource, TriangleBatch
-
-if TYPE_CHECKING:
-    from .octree import Octree
+from .octree import Octree, keys_below
 
 QUANTILE = 0.995
 _OWN_SHARE = 0.5  # least emitted share of an emitter's light
@@ -98,7 +95,5 @@ def _others(masks: Sequence[np.ndarray], light: Sequence[np.ndarray], cells: dic
         if level in cells:
             values = values[~np.isin(keys[mask == 0], cells[level], assume_unique=True)]
         others.append(values)
-        if level + 1 < len(masks):
-            parent, octant = np.nonzero(np.unpackbits(mask[:, None], axis=1, bitorder="little"))
-            keys = (keys[parent] << np.uint64(3)) | octant.astype(np.uint64)
+        keys = keys_below(keys, mask)
     return others

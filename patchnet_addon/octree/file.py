@@ -17,8 +17,6 @@ from .octree import POPCOUNT, Octree
 from .sides import FACES
 
 KIND = "octree"
-_INFINITY_BITS = 0x7F800000
-_PIECE = 1 << 16
 _DTYPES = {
     "level_start": np.int64,
     "child_mask": np.uint8,
@@ -38,6 +36,8 @@ _OPTIONAL_DTYPES = {
     "side_share": np.uint8,
     "side_chroma": np.uint8,
 }
+# Arrays of which a file has all or none.
+_GROUPS = ({"bright_nodes", "bright_colors"}, {"side_nodes", "side_light", "side_share"})
 
 
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
@@ -93,90 +93,42 @@ def load_octree(path: str | Path) -> Octree:
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:
-    """Return the first inconsistency in the structure of an octree, or an empty text.
+    """Return the first inconsistency in the structure of an octree, or an empty text; values have checksums.
 
     Children must follow their parents, in order and without gaps, so that no walk can leave the arrays or loop.
     """
-    count = arrays["child_mask"].size
-    shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
-        "level_start": (depth + 2,), "normal": (count, 3)
-    } | ({"chroma": (count, 2)} if "chroma" in arrays else {})  # fmt: skip
-    if arrays["level_start"].shape != shapes["level_start"]:
+    start, mask = arrays["level_start"], arrays["child_mask"]
+    count = mask.size
+    if start.shape != (depth + 2,) or (start[0], start[1], start[-1]) != (0, 1, count) or (np.diff(start) < 0).any():
         return "its levels do not add up to its nodes"
-    if any(arrays[name].shape != shape for name, shape in shapes.items()):
-        return "its arrays differ in length"
     if count > UINT32_COUNT:
         return f"it has {count:,} nodes, which exceed 32-bit indices"
-    start = arrays["level_start"]
-    if start[0] != 0 or start[1] != 1 or start[-1] != count or (start[1:] < start[:-1]).any():
-        return "its levels do not add up to its nodes"
-    # Positive numbers sort like their bits; infinity, NaN and negative numbers follow.
-    if arrays["area_world"].view(np.uint32).max() >= _INFINITY_BITS:
-        return "an area is not a positive number"
-    if problem := _bright_problem(arrays, count) or _box_problem(arrays) or _side_problem(arrays, count):
-        return problem
-    return _children_problem(start.tolist(), arrays["child_mask"], arrays["first_child"])
-
-
-def _bright_problem(arrays: dict[str, Any], count: int) -> str:
-    """Return an inconsistency of light above white, or an empty text: nodes must be distinct and in order."""
-    nodes, colors = arrays.get("bright_nodes"), arrays.get("bright_colors")
-    if nodes is None and colors is None:
-        return ""
-    if nodes is None or colors is None or nodes.ndim != 1 or colors.shape != (len(nodes), 3):
-        return "its light above white is incomplete"
-    if (nodes[1:] <= nodes[:-1]).any() or (len(nodes) and nodes[-1] >= count):
-        return "a node with light above white is out of order"
-    return "" if np.isfinite(colors).all() and (colors >= 0.0).all() else "light above white is not a positive number"
-
-
-def _side_problem(arrays: dict[str, Any], count: int) -> str:
-    """Return an inconsistency of sides, or an empty text: nodes must be distinct and in order."""
-    nodes, light, share = (arrays.get(name) for name in ("side_nodes", "side_light", "side_share"))
-    if nodes is None or light is None or share is None:
-        return "" if nodes is light is share is arrays.get("side_chroma") is None else "its sides are incomplete"
-    rows, chroma = nodes.shape[0], arrays.get("side_chroma")
-    if nodes.ndim != 1 or light.shape != (rows, FACES) or share.shape != (rows, FACES):
-        return "its sides are incomplete"
-    if (chroma is None) != ("chroma" not in arrays) or (chroma is not None and chroma.shape != (rows, FACES, 2)):
+    if any(0 < len(group & arrays.keys()) < len(group) for group in _GROUPS):
+        return "its sides or its light above white are incomplete"
+    if ("side_chroma" in arrays) != ("side_nodes" in arrays and "chroma" in arrays):
         return "the colours of its sides are not as many as its sides"
-    if (nodes[1:] <= nodes[:-1]).any() or (rows and nodes[-1] >= count):
-        return "a node with sides is out of order"
-    return ""
-
-
-def _box_problem(arrays: dict[str, Any]) -> str:
-    """Return an inconsistency of boxes, or an empty text: each leaf of the finest level needs one that is not empty."""
-    boxes, start = arrays.get("leaf_box"), arrays["level_start"]
-    if boxes is None:
-        return ""
-    if boxes.shape != (int(start[-1] - start[-2]), 3):
-        return "its boxes are not as many as its finest leaves"
-    if arrays["child_mask"][int(start[-2]) :].any():
-        return "a box belongs to a node with children"
-    for begin in range(0, len(boxes), _PIECE):
-        piece = boxes[begin : begin + _PIECE]
-        if (piece >> 4 < piece & 15).any():
-            return "a box is empty"
-    return ""
-
-
-def _children_problem(start: list[int], mask: np.ndarray, first: np.ndarray) -> str:
-    """Return an inconsistency of children, or an empty text: they must be consecutive, level by level.
-
-    Runs in pieces that fit the cores' caches, to open large files quickly.
-    """
-    count, child = len(mask), 1
-    for level in range(len(start) - 1):
-        for begin in range(start[level], start[level + 1], _PIECE):
-            piece = slice(begin, min(begin + _PIECE, start[level + 1]))
-            children = POPCOUNT[mask[piece]]
-            after = np.cumsum(children, dtype=np.uint32)
-            if child + int(after[-1]) > count:
-                return "its children do not add up to its nodes"
-            if (((after - children + np.uint32(child)) != first[piece]) & (children > 0)).any():
-                return "a child index is out of order"
-            child += int(after[-1])
-        if child != start[min(level + 2, len(start) - 1)]:
-            return f"the children of level {level} do not add up to level {level + 1}"
+    bright, sides = (arrays.get(name, np.empty(0, np.uint32)) for name in ("bright_nodes", "side_nodes"))
+    shapes = dict.fromkeys(("child_mask", "first_child", "area_world", "luminance"), (count,)) | {
+        "normal": (count, 3),
+        "chroma": (count, 2),
+        "leaf_box": (int(start[-1] - start[-2]), 3),
+        "bright_nodes": (bright.size,),
+        "bright_colors": (bright.size, 3),
+        "side_nodes": (sides.size,),
+        "side_light": (sides.size, FACES),
+        "side_share": (sides.size, FACES),
+        "side_chroma": (sides.size, FACES, 2),
+    }
+    if any(arrays[name].shape != shape for name, shape in shapes.items() if name in arrays):
+        return "its arrays differ in length"
+    if any((nodes[1:] <= nodes[:-1]).any() or (nodes[-1:] >= count).any() for nodes in (bright, sides)):
+        return "a node with sides or with light above white is out of order"
+    children = POPCOUNT[mask]
+    if int(children.sum(dtype=np.int64)) != count - 1:
+        return "its children do not add up to its nodes"
+    first = np.cumsum(children, dtype=np.uint32) - children + np.uint32(1)
+    if ((first != arrays["first_child"]) & (children > 0)).any():
+        return "a child index is out of order"
+    if (np.append(first, np.uint32(count))[start[:-1]] != start[1:]).any():
+        return "the children of a level do not add up to the next one"
     return ""

@@ -54,14 +54,9 @@ class Grid:
         return cls((float(x), float(y), float(z)), side, depth)
 
     @property
-    def resolution(self) -> int:
-        """Leaf cells along one axis."""
-        return 1 << self.depth
-
-    @property
     def voxel_size_world(self) -> float:
         """Side of a leaf in world units."""
-        return self.side_world / self.resolution
+        return self.side_world / (1 << self.depth)
 
     def to_unit(self, points_world: np.ndarray) -> np.ndarray:
         """World points (..., 3) in the cube's coordinates, [0, 1]^3 inside."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
 from ..runtime.kernels import kernel
-from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
+from .octree import NORMAL_SCALE, POPCOUNT
 from .side_kernels import decode_color, encode_shares
 
 
@@ -119,67 +119,35 @@ def area_and_normal(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @kernel
-def luminance_of_level(
-    child_mask: np.ndarray, child_area: np.ndarray, child_luminance: np.ndarray, leaf_luminance: np.ndarray
+def means_of_level(
+    child_mask: np.ndarray, child_area: np.ndarray, child_values: np.ndarray, leaf_values: np.ndarray
 ) -> np.ndarray:
-    """Luminance (n,) float32 of a level's nodes in order: the area-weighted mean of their children, or a leaf's own."""
-    luminance = np.empty(len(child_mask), np.float32)
+    """Values (n, k) float32 of a level's nodes in order: area-weighted means of their children's, or a leaf's own."""
+    values = np.empty((len(child_mask), leaf_values.shape[1]), np.float32)
     leaf = 0
-    child = 0
+    first = np.int64(0)
     for node in range(len(child_mask)):
-        mask = child_mask[node]
-        if mask == 0:
-            luminance[node] = leaf_luminance[leaf]
-            leaf += 1
-            continue
-        total = 0.0
-        area = 0.0
-        while mask:
-            total += float(child_area[child]) * float(child_luminance[child])
-            area += float(child_area[child])
-            child += 1
-            mask &= mask - np.uint8(1)
-        luminance[node] = total / area
-    return luminance
+        last = first + np.int64(POPCOUNT[child_mask[node]])
+        for column in range(leaf_values.shape[1]):
+            total = 0.0
+            area = 0.0
+            for child in range(first, last):
+                total += float(child_area[child]) * float(child_values[child, column])
+                area += float(child_area[child])
+            values[node, column] = total / area if last > first else leaf_values[leaf, column]
+        leaf += 1 if last == first else 0
+        first = last
+    return values
 
 
 @kernel
-def red_blue_of_level(
-    child_mask: np.ndarray,
-    child_area: np.ndarray,
-    child_red_blue: np.ndarray,
-    leaf_luminance: np.ndarray,
-    leaf_chroma: np.ndarray,
-) -> np.ndarray:
-    """Red and blue (n, 2) float32 of a level's nodes in order.
-
-    The area-weighted means of their children's (c, 2), or for leaves those of their luminance (l,) and chroma (l, 2)
-    uint8.
-    """
-    red_blue = np.empty((len(child_mask), 2), np.float32)
-    leaf = 0
-    child = 0
-    for node in range(len(child_mask)):
-        mask = child_mask[node]
-        if mask == 0:
-            red, _, blue = decode_color(float(leaf_luminance[leaf]), leaf_chroma[leaf, 0], leaf_chroma[leaf, 1])
-            red_blue[node, 0] = red
-            red_blue[node, 1] = blue
-            leaf += 1
-            continue
-        red = 0.0
-        blue = 0.0
-        area = 0.0
-        while mask:
-            share = float(child_area[child])
-            red += share * float(child_red_blue[child, 0])
-            blue += share * float(child_red_blue[child, 1])
-            area += share
-            child += 1
-            mask &= mask - np.uint8(1)
-        red_blue[node, 0] = red / area
-        red_blue[node, 1] = blue / area
-    return red_blue
+def colors_of_leaves(luminance: np.ndarray, chroma: np.ndarray) -> np.ndarray:
+    """Luminance, red and blue (n, 3) float32 of luminance (n,) and chroma (n, 2) uint8."""
+    colors = np.empty((len(luminance), 3), np.float32)
+    for i in range(len(luminance)):
+        red, _, blue = decode_color(float(luminance[i]), chroma[i, 0], chroma[i, 1])
+        colors[i, 0], colors[i, 1], colors[i, 2] = luminance[i], red, blue
+    return colors
 
 
 @kernel
@@ -188,13 +156,4 @@ def stored_chroma(luminance: np.ndarray, red_blue: np.ndarray) -> np.ndarray:
     stored = np.empty((len(luminance), 2), np.uint8)
     for i in range(len(luminance)):
         stored[i, 0], stored[i, 1] = encode_shares(float(luminance[i]), red_blue[i, 0], red_blue[i, 1])
-    return stored
-
-
-@kernel
-def stored_luminance(luminance: np.ndarray) -> np.ndarray:
-    """Stored luminance (n,) uint16 of values in [0, 1]."""
-    stored = np.empty(len(luminance), np.uint16)
-    for i in range(len(luminance)):
-        stored[i] = np.rint(float(luminance[i]) * LUMINANCE_SCALE)
     return stored

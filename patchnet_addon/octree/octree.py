@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..cells.morton import morton_decode, morton_encode
+from ..cells.morton import morton_decode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
@@ -24,20 +24,11 @@ POPCOUNT = np.array([value.bit_count() for value in range(256)], np.uint8)
 
 
 class Nodes(NamedTuple):
-    """Arrays from nodes of an octree to their children, for kernels that descend.
+    """Nodes of an octree and boxes of its finest leaves, for kernels.
 
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
     first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
-    """
-
-    child_mask: np.ndarray
-    first_child: np.ndarray
-
-
-class BoxedNodes(NamedTuple):
-    """Nodes of an octree and boxes of its finest leaves, for kernels that trace rays.
-
-    child_mask, first_child: as `Nodes` holds them. first_boxed: the first node with a box; all later ones have one.
+    first_boxed: the first node with a box; all later ones have one.
     boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
     """
 
@@ -47,9 +38,15 @@ class BoxedNodes(NamedTuple):
     boxes: np.ndarray
 
 
-def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> BoxedNodes:
+def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> Nodes:
     """Nodes whose leaves are whole voxels."""
-    return BoxedNodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
+    return Nodes(child_mask, first_child, len(child_mask), np.empty((0, 3), np.uint8))
+
+
+def keys_below(keys: np.ndarray, child_mask: np.ndarray) -> np.ndarray:
+    """Morton keys (c,) uint64, ascending, of the children of a level's nodes with keys (n,)."""
+    parent, octant = np.nonzero(np.unpackbits(child_mask[:, None], axis=1, bitorder="little"))
+    return (keys[parent] << np.uint64(3)) | octant.astype(np.uint64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +88,6 @@ class Octree:
     side_chroma: np.ndarray | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
-    _keys: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property
     def depth(self) -> int:
@@ -100,15 +96,10 @@ class Octree:
 
     @property
     def nodes(self) -> Nodes:
-        """Arrays from nodes to their children, for kernels."""
-        return Nodes(self.child_mask, self.first_child)
-
-    @property
-    def boxed_nodes(self) -> BoxedNodes:
-        """Nodes and boxes of the finest leaves, for kernels that trace rays."""
+        """Nodes and boxes of the finest leaves, for kernels."""
         if self.leaf_box is None:
             return without_boxes(self.child_mask, self.first_child)
-        return BoxedNodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
+        return Nodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
 
     @property
     def filled(self) -> np.ndarray:
@@ -155,10 +146,6 @@ class Octree:
         """Return the octree with one luminance per node, as in the paper."""
         return replace(self, side_nodes=None, side_light=None, side_share=None, side_chroma=None)
 
-    def free_keys(self) -> None:
-        """Free the cached cells of `keys`, which computes them again when needed."""
-        self._keys.clear()
-
     def level(self, level: int) -> slice:
         """Node indices of one level."""
         return slice(int(self.level_start[level]), int(self.level_start[level + 1]))
@@ -168,46 +155,25 @@ class Octree:
         return (np.searchsorted(self.level_start, nodes, side="right") - 1).astype(np.int32)
 
     def keys(self, level: int) -> np.ndarray:
-        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down and cached."""
-        if level not in self._keys:
-            if level == 0:
-                keys = np.zeros(1, np.uint64)
-            else:
-                mask = self.child_mask[self.level(level - 1)]
-                bits = np.unpackbits(mask[:, None], axis=1, bitorder="little")  # (n, 8)
-                parent, octant = np.nonzero(bits)
-                keys = (self.keys(level - 1)[parent] << np.uint64(3)) | octant.astype(np.uint64)
-            self._keys[level] = keys
-        return self._keys[level]
+        """Morton keys (n_level,) uint64 of the level's cells, ascending; computed from the root down."""
+        keys = np.zeros(1, np.uint64)
+        for above in range(level):
+            keys = keys_below(keys, self.child_mask[self.level(above)])
+        return keys
 
     def cells(self, level: int) -> np.ndarray:
         """Integer cells (n_level, 3) int32 of the level's nodes."""
         return morton_decode(self.keys(level))
 
-    def find(self, level: int, cells: np.ndarray) -> np.ndarray:
-        """Node index (N,) int64 of each cell (N, 3) of a level, -1 for an empty or outside cell."""
-        cells = np.asarray(cells)
-        inside = ((cells >= 0) & (cells < (1 << level))).all(axis=-1)
-        wanted = morton_encode(np.where(inside[..., None], cells, 0))
-        keys = self.keys(level)
-        if len(keys) == 0:
-            return np.full(wanted.shape, -1, np.int64)
-        position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        found = inside & (keys[position] == wanted)
-        return np.where(found, position + self.level_start[level], -1)
-
     def look_ahead(self, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
         """(n,) bool: the node has descendants `lookahead` levels further down (methods 4.1b)."""
-        has = np.ones(self.node_count, bool)
-        for _ in range(lookahead):
-            deeper = np.zeros(self.node_count, bool)
-            inner = np.flatnonzero(self.child_mask)
-            counts = POPCOUNT[self.child_mask[inner]]
-            children = has[self.level_start[1] :]  # children of inner nodes, in order, are all nodes but the root
-            offsets = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
-            if len(inner):
-                deeper[inner] = np.logical_or.reduceat(children, offsets)
-            has = deeper
+        has = self.child_mask > 0
+        inner = np.flatnonzero(has)
+        ends = np.cumsum(POPCOUNT[self.child_mask[inner]], dtype=np.int64)
+        for _ in range(lookahead - 1):
+            children = has[1:]  # of inner nodes, in order, are all nodes but the root
+            has = np.zeros(self.node_count, bool)
+            has[inner] = np.logical_or.reduceat(children, np.append(0, ends[:-1])) if len(inner) else False
         return has
 
     def luminance_float(self, nodes: np.ndarray | slice) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .leaf_boxes import STEPS, covered_steps
+from .levels import stored_chroma
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
 from .side_kernels import decode_color, encode_shares
 from .sides import FACES
@@ -98,9 +99,9 @@ def leaf_sides(faces: np.ndarray, row: np.ndarray, sums: np.ndarray, face_world:
     own = faces[row[leaf]]
     area, light = own[..., 0], own[..., 1].copy()
     share = np.clip(2.0 * np.ceil(area * (_UNITS / 2.0)), 0, _UNITS - 1).astype(np.uint16) | is_back[row[leaf]]
-    chroma = np.empty((len(leaf), FACES, 2 if faces.shape[2] > 4 else 0), np.uint8)
-    if chroma.shape[2]:
-        _store_chroma(own, chroma)
+    chroma = np.empty((len(leaf), FACES, 0), np.uint8)
+    if faces.shape[2] > 4:
+        chroma = stored_chroma(own[..., 3].ravel(), own[..., 4:].reshape(-1, 2)).reshape(-1, FACES, 2)
     return LeafSides(leaf, light, share, chroma)
 
 
@@ -265,14 +266,6 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
             upper, lower = faces[at, 2 * axis, 0], faces[at, 2 * axis + 1, 0]
             if abs(upper - lower - sums[leaf, 2 + axis] * per_face) > _TURNED * (upper + lower):
                 found[leaf] = True
-
-
-@kernel
-def _store_chroma(faces, chroma):  # type: ignore[no-untyped-def]
-    for leaf in range(len(faces)):
-        for face in range(FACES):
-            luminance, red, blue = faces[leaf, face, 3:6]
-            chroma[leaf, face, 0], chroma[leaf, face, 1] = encode_shares(float(luminance), red, blue)
 
 
 @kernel

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -16,9 +15,8 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from .accumulate import LeafAccumulator
-from .blocks import BlockRange, CellSet, all_cells, plan_passes, tasks_of, to_cells
-from .bricks import OccupiedCells
+from .accumulate import LeafAccumulator, OccupiedCells
+from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .grid import Grid
 from .leaf_levels import LeafLevels
@@ -83,65 +81,52 @@ def voxelize(
     sides: compute the leaves' sides, too. facing: see `build_octree`.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
-    kept = []
+    kept: list[Kept] = []
     for number, ranges in enumerate(passes):
-        make = partial(_Share, grid=grid, shade=shade, watch=watch, only_keys=only_keys, sides=sides, facing=facing)
-        shares = [make(blocks) for blocks in ranges]
+        shares = []
+        for blocks in ranges:
+            cells = blocks.cells()
+            leaves: dict[int, LeafAccumulator | OccupiedCells] = {
+                level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level), sides=sides)
+                for level in cells
+            }
+            shares.append(_Share(blocks.layout.block_level, cells, leaves, grid, shade, watch, facing))
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
-        kept += _kept(shares, keep)
+        with ThreadPoolExecutor(len(shares)) as pool:
+            kept += pool.map(lambda share: keep(share.take(), share.block_level), shares)
     return kept
 
 
+@dataclass(frozen=True, eq=False)
 class _Share:
-    """Part of a pass for one core: the leaves of some blocks."""
+    """Part of a pass for one core: the leaves of some blocks, by level; others as in `voxelize`."""
 
-    def __init__(
-        self,
-        blocks: BlockRange,
-        *,
-        grid: Grid,
-        shade: ShadingFn,
-        watch: Watch | None,
-        only_keys: bool,
-        sides: bool,
-        facing: np.ndarray | None,
-    ) -> None:
-        self.block_level = blocks.layout.block_level
-        self._grid = grid
-        self._shade = shade
-        self._watch = watch
-        self._facing = facing
-        self._cells = blocks.cells()
-        self._leaves: dict[int, LeafAccumulator | OccupiedCells] = {
-            level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level), sides=sides)
-            for level in self._cells
-        }
+    block_level: int
+    cells: dict[int, CellSet]
+    leaves: dict[int, LeafAccumulator | OccupiedCells]
+    grid: Grid
+    shade: ShadingFn
+    watch: Watch | None
+    facing: np.ndarray | None
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Clip, shade and sum up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        facing = None if self._facing is None else self._facing[here]
-        for level, wanted in self._cells.items():
-            for fragments in clip_batch(batch, self._grid, areas_world, level, wanted):
+        facing = None if self.facing is None else self.facing[here]
+        for level, wanted in self.cells.items():
+            for fragments in clip_batch(batch, self.grid, areas_world, level, wanted):
                 if not len(fragments):
                     continue
-                luminance, opacity, *more = self._shade(batch, fragments)
-                if self._watch is not None:
-                    self._watch(level, batch, fragments, luminance)
-                self._leaves[level].add(fragments, luminance, opacity, normals, *more, facing=facing)
+                luminance, opacity, *more = self.shade(batch, fragments)
+                if self.watch is not None:
+                    self.watch(level, batch, fragments, luminance)
+                self.leaves[level].add(fragments, luminance, opacity, normals, *more, facing=facing)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level, and release them here."""
-        return [_sums_of(level, self._leaves.pop(level)) for level in self._cells if len(self._leaves[level])]
-
-
-def _sums_of(level: int, leaves: LeafAccumulator | OccupiedCells) -> LeafSums:
-    if isinstance(leaves, OccupiedCells):
-        keys = leaves.take()
-        return LeafSums(level, keys, np.empty((len(keys), 0), np.float32))
-    return LeafSums(level, *leaves.take())
+        return [LeafSums(level, *self.leaves.pop(level).take()) for level in self.cells if len(self.leaves[level])]
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
@@ -172,12 +157,6 @@ def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]
 def _finish(tasks: Sequence[Future[None]]) -> None:
     for task in tasks:
         task.result()
-
-
-def _kept(shares: list[_Share], keep: Callable[[list[LeafSums], int], Kept]) -> list[Kept]:
-    """Take the kept part of each share, in order, computed on all cores; the shares are released."""
-    with ThreadPoolExecutor(len(shares)) as pool:
-        return list(pool.map(lambda share: keep(share.take(), share.block_level), shares))
 
 
 def clip_batch(

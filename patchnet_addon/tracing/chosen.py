@@ -84,7 +84,7 @@ def _traced(
     order, starts = blocks(pixels, unit.width_px, side)
     found, seen = np.empty((len(pixels), side * side), np.int64), np.empty((len(pixels), side * side), np.float32)
     chosen = pixels[order], order, starts, side
-    scene = octree.boxed_nodes, octree.light
+    scene = octree.nodes, octree.light
     run_parts(_trace_blocks, len(starts) - 1, scene, unit, search, chosen, found, seen)
     return found, seen
 

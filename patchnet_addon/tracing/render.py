@@ -174,7 +174,7 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
         behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
-    run_parts(_trace_rows, len(visits), octree.boxed_nodes, unit, search, traced, visits)
+    run_parts(_trace_rows, len(visits), octree.nodes, unit, search, traced, visits)
     return traced, visits
 
 

@@ -86,7 +86,7 @@ def _mean_of_rays(
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_means_of_blocks, len(starts) - 1, octree.boxed_nodes, light, unit, search, chosen, means)
+    run_parts(_means_of_blocks, len(starts) - 1, octree.nodes, light, unit, search, chosen, means)
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
 
 

@@ -92,7 +92,7 @@ def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: Pa
     assert report["octree"]["nodes"] == coded.octree.node_count
     assert report["octree"]["leaves"] == coded.octree.leaf_count
     assert report["octree"]["bytes"] == coded.octree.nbytes
-    assert report["weights"]["hash"] == coded.weights_hash
+    assert report["weights"]["hash"] == coded.weights.hash
     assert report["versions"]["blender"] == bpy.app.version_string
     assert all(seconds >= 0 for seconds in report["timings_s"].values())
     (frame,) = report["frames"]

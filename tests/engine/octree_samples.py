@@ -127,7 +127,7 @@ def dense_cells(octree, level):
 def around_voxels(octree: Octree, voxels: np.ndarray) -> np.ndarray:
     """Nodes (N, 27) int32 around voxels (N, 4) level, x, y, z, as `nodes_around` finds them."""
     around = np.empty((len(voxels), 27), np.int32)
-    _find_around(octree.boxed_nodes, np.asarray(voxels, np.int64), around)
+    _find_around(octree.nodes, np.asarray(voxels, np.int64), around)
     return around
 
 

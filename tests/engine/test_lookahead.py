@@ -25,6 +25,7 @@ from patchnet.tests.engine.mesh_samples import even
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference, voxel_blocks_reference
 from patchnet.tests.references.first_hits import needed_levels_reference
+from patchnet.tests.references.lookups import node_at
 
 LOOKAHEADS = [1, 2, 3]
 DEPTH = 6
@@ -78,7 +79,7 @@ def test_blocks_and_patches_are_cut_from_the_dense_grid(octree, lookahead):
     for level in range(octree.depth - lookahead + 2):  # on the last one, the finest level lies below the octree
         dense = np.pad(dense_cells(octree, level + lookahead), [(side, side)] * 3 + [(0, 0)])
         cells = octree.cells(level)[::3]
-        blocks = voxel_blocks(octree, octree.find(level, cells), lookahead)
+        blocks = voxel_blocks(octree, node_at(octree, level, cells), lookahead)
         np.testing.assert_array_equal(blocks, voxel_blocks_reference(octree, level, cells, lookahead))
         patches = corner_blocks_reference(octree, level, cells, lookahead)
         for block, patch, (x, y, z) in zip(blocks, patches, side * cells, strict=True):

@@ -177,10 +177,10 @@ def test_estimators_belong_to_weights():
 
 def test_estimators_travel_in_the_weights_file(coded, tmp_path):
     """They rank where the file is used; codes do not depend on them, frames of an animation do."""
-    estimators = Estimators(random_estimators(1).networks, {"patchnet": coded.weights_hash})
+    estimators = Estimators(random_estimators(1).networks, {"patchnet": coded.weights.hash})
     save_weights(with_estimators(coded.weights, estimators), tmp_path / "both.safetensors")
     read = load_weights(tmp_path / "both.safetensors")
-    assert read.hash == coded.weights_hash and read.whole_hash != read.hash == coded.weights.whole_hash
+    assert read.hash == coded.weights.hash and read.whole_hash != read.hash == coded.weights.whole_hash
     assert estimators_of(read).hash == estimators.hash and estimators_of(coded.weights) is shipped_estimators()
     assert estimators_warning("patchnet-plus", read) is None
     plain, own = view(coded, (30, 20)), view(replace(coded, weights=read), (30, 20))

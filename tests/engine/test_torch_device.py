@@ -25,7 +25,6 @@ from patchnet.patchnet_addon.codes.torch_tree import (  # noqa: E402  needs torc
     TorchCorners,
     TorchTree,
     to_device,
-    tree_fits,
 )
 from patchnet.patchnet_addon.network import torch_encode  # noqa: E402  needs torch
 
@@ -94,9 +93,8 @@ def test_what_does_not_fit_is_said():
         raise RuntimeError("something else")
 
 
-def test_copies_keep_their_bits(monkeypatch):
-    """Of read-only arrays too, which files of codes are, part by part."""
-    monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree._PART_BYTES", 12)
+def test_copies_keep_their_bits():
+    """Of read-only arrays too, which files of codes are."""
     random = np.random.default_rng(0)
     for kind in (np.uint8, np.int8, np.uint16, np.uint32, np.int64, np.float16, np.float32):
         array = random.integers(0, 120, (7, 3)).astype(kind)
@@ -115,7 +113,6 @@ def test_copies_keep_their_bits(monkeypatch):
 def test_blocks_on_a_device(octree, lookahead, device):
     """Bit for bit those of the kernels; cells outside the cube are empty."""
     tree = TorchTree(octree, torch.device(device))
-    assert tree_fits(octree, torch.device(device))
     random = np.random.default_rng(0)
     for level in range(octree.depth + 1):
         cells = random.integers(-1, (1 << level) + 1, (500, 3))
@@ -138,7 +135,6 @@ def test_codes_of_a_device(octree, lookahead, device, monkeypatch):
     monkeypatch.setattr(encode, "_corner_encoder", lambda *arguments: TorchCorners(*arguments))
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
     monkeypatch.undo()
-    monkeypatch.setattr("patchnet.patchnet_addon.codes.torch_tree.tree_fits", lambda *_: False)
     assert_same_codes(drain(encode_octree(octree, weights, encoder=encoder)).codes, wanted)
 
 

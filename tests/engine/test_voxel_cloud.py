@@ -10,6 +10,7 @@ from patchnet.patchnet_addon.octree.voxel_cloud import level_within, voxel_cloud
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree
+from patchnet.tests.references.lookups import node_at
 
 LEVELS = range(6)
 
@@ -53,7 +54,7 @@ def test_pieces_are_bounded_and_the_same_voxels(octree, piece):
     assert len(nodes) == voxel_counts(octree)[4]
     assert set(nodes.tolist()) == {n for run in voxel_runs(octree, 4) for n in run.nodes.tolist()}
     for run in runs:
-        np.testing.assert_array_equal(octree.find(run.level, run.cells), run.nodes)
+        np.testing.assert_array_equal(node_at(octree, run.level, run.cells), run.nodes)
 
 
 def test_level_that_fits(octree):

@@ -24,6 +24,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleMesh, random_rotation
 from patchnet.patchnet_addon.surface.shading import bisected_shade, two_lights_shade
 from patchnet.tests.references.clip import clip_reference
+from patchnet.tests.references.lookups import node_at
 from patchnet.training.benchmarks.shells import shell_triangles
 
 from .mesh_samples import in_batches, leaves_of
@@ -205,7 +206,7 @@ def test_leaves_below_the_plane_stay_as_they_are(axis: int) -> None:
     assert cells[:, axis].max() <= plane
     expected = whole_cells[whole_cells[:, axis] + 1 <= plane]
     assert len(expected) <= len(cells) < len(expected) + 200
-    nodes, whole_nodes = cut.find(DEPTH, expected), whole.find(DEPTH, expected)
+    nodes, whole_nodes = node_at(cut, DEPTH, expected), node_at(whole, DEPTH, expected)
     assert nodes.min() >= 0
     np.testing.assert_array_equal(cut.area_world[nodes], whole.area_world[whole_nodes])
     np.testing.assert_array_equal(cut.luminance[nodes], whole.luminance[whole_nodes])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from patchnet.patchnet_addon.cells.morton import morton_encode
 from patchnet.patchnet_addon.codes.brick import EMPTY
 from patchnet.patchnet_addon.codes.corner_cells import BASE, BASE_STEPS, FACES, SLOPE, SLOPE_BITS, SLOPE_STEPS
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS
@@ -17,11 +18,19 @@ def fits_pixel_of(voxel_side: np.ndarray | float, pixel_side: np.ndarray | float
     return np.asarray(voxel_side) < 2.0 * np.asarray(pixel_side)
 
 
+def node_at(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
+    """Node index (N,) int64 of each cell (N, 3) of a level, -1 for an empty or outside cell."""
+    inside = ((cells >= 0) & (cells < (1 << level))).all(axis=-1)
+    wanted, keys = morton_encode(np.where(inside[..., None], cells, 0)), octree.keys(level)
+    position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(inside & (keys[position] == wanted), position + octree.level_start[level], -1)
+
+
 def covering_nodes_reference(octree: Octree, level: int, cells: np.ndarray) -> np.ndarray:
     """Reference of `covering_nodes` by one search of the sorted keys per level, from the finest up."""
     nodes = np.full(len(cells), EMPTY, np.int64)
     for coarser in range(min(level, octree.depth), -1, -1):
-        found = octree.find(coarser, np.asarray(cells) >> (level - coarser))
+        found = node_at(octree, coarser, np.asarray(cells) >> (level - coarser))
         leaf = (found >= 0) & (octree.child_mask[found] == 0)
         accepted = (nodes < 0) & (leaf | ((found >= 0) & (coarser == level)))
         nodes[accepted] = found[accepted]

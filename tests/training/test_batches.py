@@ -10,6 +10,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference
+from patchnet.tests.references.lookups import node_at
 from patchnet.tests.training.procedural import octree_from_leaves, spheres_and_slats
 from patchnet.training.data.augmentation import Augmentation, cube_symmetries
 from patchnet.training.data.batches import Batch, gather_batch
@@ -152,7 +153,7 @@ def test_samples_are_what_rays_see(octree: Octree, lookahead: int) -> None:
     for row in range(0, len(samples.voxel), 3):
         level, *cell = samples.voxel[row].astype(int)
         others = np.array(cell) + np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), -1).reshape(-1, 3)
-        others = others[(octree.find(level, others) >= 0) & (others != cell).any(1)]
+        others = others[(node_at(octree, level, others) >= 0) & (others != cell).any(1)]
         for view in range(views):
             entry = cell + samples.views[row, view, :3] / 65535.0
             before = entry - np.linspace(0.02, 4, 400)[:, None] * signed[row, view, :3]

@@ -19,6 +19,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.engine.octree_samples import around_voxels
+from patchnet.tests.references.lookups import node_at
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import DEPTH, matrix_of, moved_octree
 from patchnet.training.data.augmentation import Augmentation
@@ -97,7 +98,7 @@ def test_what_is_trained_is_what_predicts(octree: Octree, dataset: Dataset) -> N
     with torch.no_grad():
         trained = PatchNet(weights)(tensor_batch(batch)).numpy().reshape(-1, 2)
     level, cells = corpus.voxel[rows, 0].astype(int), corpus.voxel[rows, 1:].astype(int)
-    node = np.array([octree.find(here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
+    node = np.array([node_at(octree, here, cell[None])[0] for here, cell in zip(level, cells, strict=True)])
     views = batch.ratio.shape[1]
     hits = SimpleNamespace(
         node=node.repeat(views),

@@ -11,6 +11,7 @@ from patchnet.commands import main
 from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
+from patchnet.tests.references.lookups import node_at
 from patchnet.tests.training.procedural import draw_slats
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.dataset import load_dataset
@@ -30,7 +31,7 @@ def test_errors_are_means_over_the_views(file: Path, kind) -> None:
     found = weights_errors(Weights.random(3, kind=kind), dataset, 100)
     assert found["views"] == 400
     batch = all_of(dataset).batch(np.arange(100), Augmentation.none(100))
-    node = [dataset.octree.find(int(one[0]), one[None, 1:].astype(int))[0] for one in dataset.samples.voxel[:100]]
+    node = [node_at(dataset.octree, int(one[0]), one[None, 1:].astype(int))[0] for one in dataset.samples.voxel[:100]]
     own = dataset.octree.luminance_float(np.array(node))[:, None]
     wanted = np.abs(own - batch.luminance)[batch.coverage > 0].mean()
     assert found["voxel_luminance"] == pytest.approx(wanted, abs=1e-5)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, BoxedNodes, Octree
+from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Nodes, Octree
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device
@@ -46,9 +46,9 @@ class Forest:
 
 @device
 def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
-    """Nodes of one octree of a forest, as `BoxedNodes`; not lean, since it returns arrays."""
+    """Nodes of one octree of a forest, as `Nodes`; not lean, since it returns arrays."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
-    return BoxedNodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
+    return Nodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
 
 
 def concatenate(octrees: Sequence[Octree]) -> Forest:
@@ -58,7 +58,7 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
     check_count(
         int(counts.sum()), INT32_COUNT, "nodes of one training run's octrees", "train with fewer or coarser octrees"
     )
-    boxed = [octree.boxed_nodes for octree in octrees]
+    boxed = [octree.nodes for octree in octrees]
     box_start = np.concatenate([[0], np.cumsum([len(each.boxes) for each in boxed])])
     shifted = [octree.first_child + np.uint32(start) for octree, start in zip(octrees, root, strict=True)]
     return Forest(
