@@ -47,10 +47,15 @@ def free_textures() -> None:
     _picture_shader.cache_clear()
 
 
-def uploaded(picture: np.ndarray) -> Any:
-    """Upload sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4), as a texture."""
+def texels(picture: np.ndarray) -> np.ndarray:
+    """Texels (H, W, 4) float32 of sRGB colours (H, W, 3), opaque, or with straight alpha (H, W, 4)."""
     opaque = np.ones((*picture.shape[:2], 4 - picture.shape[-1]), np.float32)  # no column if there is alpha
-    return texture(np.concatenate([picture, opaque], axis=-1, dtype=np.float32), "RGBA8")
+    return np.concatenate([picture, opaque], axis=-1, dtype=np.float32)
+
+
+def uploaded(picture: np.ndarray) -> Any:
+    """Upload sRGB colours as a texture, see `texels`."""
+    return texture(texels(picture), "RGBA8")
 
 
 def texture(pixels: np.ndarray, kind: str) -> Any:
