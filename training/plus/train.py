@@ -16,7 +16,6 @@ import numpy as np
 import torch
 from torch import nn
 
-from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
 from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
@@ -27,10 +26,9 @@ from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, Network, l
 from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions
-from .frames import SYMMETRIES, PixelTable, TrackSettings, views_of
+from .frames import SYMMETRIES, PixelTable
 
 ESTIMATORS = "plus.safetensors"
-REFERENCES = "references"  # folder of references
 RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
 """The weights file contains PatchNet's weights and the estimator."""
 _WARM_UP = 200  # steps
@@ -118,18 +116,6 @@ class FormLearner:
         """Expected squared error over the squared scale, (B,)."""
         variance, mean = self.model(inputs).unbind(1)
         return (mean + inputs @ self.skip) ** 2 + torch.exp(variance.clamp(LOWEST, HIGHEST))
-
-
-def pixels_of(
-    octrees: Sequence[Path], weights: Weights, tracks: TrackSettings, settings: PlusSettings, folder: Path
-) -> Steps[PixelTable]:
-    """Table of pixels of all octrees' tracks; raises as `views_of`."""
-    parts = []
-    for number, path in enumerate(octrees):
-        views = yield from views_of(path, weights, tracks, folder)
-        yield Progress(number, len(octrees), "Gathering pixels")
-        parts.append(PixelTable.of(views, settings.pixels, settings.seed))
-    return PixelTable.joined(parts)
 
 
 def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -> Steps[Path]:
