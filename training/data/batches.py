@@ -7,8 +7,8 @@ indices of each corner's patch. The kernels are serial, since several threads ga
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Generic
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from .augmentation import Augmentation, cube_symmetries
 from .forest import Forest, tree_nodes
-from .nearby import Array, Nearby, NearbyOf, gather_nearby
+from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 
 BLOCK_POSITION = np.array(
@@ -33,8 +33,8 @@ BLOCK_POSITION = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class BatchOf(Generic[Array]):
-    """V voxels with R views each.
+class Batch:
+    """V voxels with R views each, in arrays of NumPy or tensors of torch.
 
     blocks: (M + 1, B) float32, an empty block and the M occupied ones of all voxels; cells z, y, x of occupancy,
     luminance, normal, B = 320 for a look-ahead of two levels. For networks that mix luminances, which see shape alone,
@@ -44,18 +44,15 @@ class BatchOf(Generic[Array]):
     nearby: for networks that mix luminances.
     """
 
-    blocks: Array
-    rows: Array
-    entry: Array
-    direction: Array
-    up: Array
-    ratio: Array
-    coverage: Array
-    luminance: Array
-    nearby: NearbyOf[Array] | None = field(default=None, kw_only=True)
-
-
-Batch = BatchOf[np.ndarray]
+    blocks: Any
+    rows: Any
+    entry: Any
+    direction: Any
+    up: Any
+    ratio: Any
+    coverage: Any
+    luminance: Any
+    nearby: Nearby | None = None
 
 
 def block_values(lookahead: int, *, nearby: bool) -> int:
@@ -83,7 +80,7 @@ def gather_batch(
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
         (BLOCK_POSITION, mask_geometry(), nearby_order()),
     )
-    return Batch(blocks, rows, *rays, nearby=Nearby(*near) if nearby else None)
+    return Batch(blocks, rows, *rays, Nearby(*near) if nearby else None)
 
 
 @kernel
