@@ -7,7 +7,7 @@ indices of each corner's patch. The kernels are serial, since several threads ga
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,7 @@ class Batch:
     ratio: Any
     coverage: Any
     luminance: Any
-    nearby: Nearby | None = None
+    nearby: Nearby | None = field(default=None, kw_only=True)
 
 
 def block_values(lookahead: int, *, nearby: bool) -> int:
@@ -80,7 +80,7 @@ def gather_batch(
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
         (BLOCK_POSITION, mask_geometry(), nearby_order()),
     )
-    return Batch(blocks, rows, *rays, Nearby(*near) if nearby else None)
+    return Batch(blocks, rows, *rays, nearby=Nearby(*near) if nearby else None)
 
 
 @kernel
