@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         for scene in scenes:
             steps = _measured(scene, octrees.get(scene.name), args, weights)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
-            found[scene.name] = {"light": scene.light} | cycles_results(scene.name, coded, EVALUATED, cameras)
+            found[scene.name] = {"light": scene.light} | cycles_results(coded, EVALUATED, cameras)
             _draw(scene, found[scene.name], cameras, args.out / FIGURES)
             _write(args, found)  # after each scene, since a scene takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))

@@ -6,10 +6,9 @@ import pytest
 
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
-from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, scores_of
+from patchnet.tests.training.frame_samples import NAMES, random_frame, scores_of, track_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,
-    TrackErrors,
     area,
     crossing,
     excess_area,
@@ -33,7 +32,7 @@ def composed_errors(name: str, budget: float) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("row, name", list(enumerate(NAMES)))
 def test_curves_are_those_of_composed_pictures(row: int, name: str) -> None:
-    track = TrackErrors.of("noise", NAMES, [errors_of(buffers) for buffers in FRAMES])
+    track = track_of(FRAMES)
     assert len(set(track.active)) == 3, "frames weigh differently"
     pooled = pooled_mse([track])[row]
     for budget in range(101):

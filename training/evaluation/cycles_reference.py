@@ -27,12 +27,9 @@ from .bootstrap import finite
 from .curves import (
     BUDGETS,
     OPTIMAL,
-    FrameErrors,
-    TrackErrors,
     excess_area,
     frame_errors,
     frame_orders,
-    pooled_mse,
     rank_staged,
 )
 from .panels import save_figure, show_picture, show_values
@@ -67,15 +64,20 @@ class CameraResult:
     """Results of one camera.
 
     buffers: the view, with 32x32 rays of the octree as its reference. truths: by name. errors: against the octree and
-    against each of the truths, by name. bias, noise: sums over active pixels, by truth.
+    against each of the truths, by name, see `frame_errors`. bias, noise: sums over active pixels, by truth.
     """
 
     camera: Camera
     buffers: PixelBuffers
     truths: Mapping[str, Truth]
-    errors: Mapping[str, FrameErrors]
+    errors: Mapping[str, np.ndarray]
     bias: Mapping[str, float]
     noise: Mapping[str, float]
+
+    @property
+    def active(self) -> int:
+        """Number of active pixels."""
+        return int(np.count_nonzero(self.buffers.active))
 
 
 def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
@@ -112,18 +114,17 @@ def measure_camera(
 
 
 def cycles_results(
-    scene: str, coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
+    coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
 ) -> dict[str, Any]:
     """Results of a scene's cameras as plain JSON values: mean squared errors over all active pixels (methods 5).
 
     `mse` is against the diffuse light; `truths` has the same of each truth, with bias and noise.
     """
     names = list(strategies)
-    active = max(sum(result.errors[OCTREE].active for result in results), 1)
+    active = max(sum(result.active for result in results), 1)
     truths: dict[str, Any] = {}
     for truth in results[0].errors:
-        track = TrackErrors.of(f"{scene}, {truth}", names, [result.errors[truth] for result in results])
-        mse = pooled_mse([track])
+        mse = np.sum([result.errors[truth] for result in results], axis=0) / active
         areas = excess_area(mse, mse[names.index(OPTIMAL)])
         truths[truth] = {
             "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
@@ -148,14 +149,14 @@ def cycles_results(
 
 
 def _camera(result: CameraResult) -> dict[str, Any]:
-    active = max(result.errors[OCTREE].active, 1)
+    active = max(result.active, 1)
     return {
         "name": result.camera.name,
         "position_world": result.camera.position_world.tolist(),
         "forward": result.camera.forward.tolist(),
-        "active_pixels": result.errors[OCTREE].active,
+        "active_pixels": result.active,
         "lookahead_share": result.buffers.lookahead_share,
-        "mse_unrefined": {name: float(errors.left[0, 0]) / active for name, errors in result.errors.items()},
+        "mse_unrefined": {name: float(errors[0, 0]) / active for name, errors in result.errors.items()},
         "bias": {name: value / active for name, value in result.bias.items()},
         "noise": {name: value / active for name, value in result.noise.items()},
     }
@@ -172,7 +173,7 @@ def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> No
         assert buffers.reference is not None
         for each, title, values in zip(axes, _TITLES, (buffers.preview, buffers.reference, cycles), strict=False):
             show_picture(each, gray(buffers.picture(values)), f"{result.camera.name}: {title}")
-        bias = 1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1)
+        bias = 1e4 * result.bias[DIFFUSE] / max(result.active, 1)
         difference = buffers.picture(np.abs(buffers.reference - cycles))
         show_values(axes[-1], difference, 0.5, f"{_TITLES[-1]}, bias {bias:.1f}e-4")
     save_figure(figure, folder / f"{name}.png")

@@ -25,7 +25,7 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
 from .codes import EvaluationSettings, SceneCodes, scene_codes
-from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
+from .curves import BUDGETS, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
 
@@ -76,10 +76,6 @@ class BlockResult:
         names = cls.__dataclass_fields__
         return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in names))
 
-    def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
-        """Errors of the track."""
-        return TrackErrors(scene, tuple(strategies), self.active, self.left)
-
 
 def evaluate_block(block: FrameBlock) -> None:
     """Evaluate the frames of a block on one thread and write them."""
@@ -95,15 +91,15 @@ def evaluate_block(block: FrameBlock) -> None:
             views = _views(buffers, codes)
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
-            errors = frame_errors(buffers, orders)
-            rank_staged(errors, buffers, strategies)
+            left = frame_errors(buffers, orders)
+            rank_staged(left, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
             quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
-            rows.append((errors.active, errors.left, int(buffers.hit.sum()), ahead, *pictures, quality))
+            rows.append((int(buffers.active.sum()), left, int(buffers.hit.sum()), ahead, *pictures, quality))
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)

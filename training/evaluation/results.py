@@ -36,8 +36,8 @@ def results_of(
     scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
 ) -> dict[str, Any]:
     """Results of scenes and of all pooled; networks: for generalisation. Raises SettingError for a single frame."""
-    tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
-    draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
+    tracks = [TrackErrors(tuple(scene.strategies), scene.frames.active, scene.frames.left) for scene in scenes]
+    draws = {scene.name: Bootstrap.of([track], resamples) for scene, track in zip(scenes, tracks, strict=True)}
     results: dict[str, Any] = {
         "scenes": {
             scene.name: _scene(scene, track, draws[scene.name]) for scene, track in zip(scenes, tracks, strict=True)
