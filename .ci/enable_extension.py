@@ -88,23 +88,6 @@ def start_again(archive: str) -> None:
     print(f"numba {numba.__version__}")
 
 
-def switch(archive: str) -> None:
-    """Check that disabling removes everything and enabling restores it."""
-    import addon_utils
-    import bpy
-    from extension_traces import traces, watch
-
-    watch()
-    bpy.ops.wm.read_userpref()
-    before = traces()
-    for _ in range(2):
-        addon_utils.disable(MODULE, default_set=True)
-        expect(traces() == {}, f"disabling leaves nothing behind, but {traces()}")
-        addon_utils.enable(MODULE, default_set=True)
-        expect(traces() == before, f"enabling brings everything back: {before}, but {traces()}")
-    expect_enabled()
-
-
 def cost(archive: str) -> None:
     """Measure enabling at Blender's start: import of the add-on and its registration."""
     import addon_utils
@@ -134,7 +117,7 @@ def use(archive: str) -> None:
         expect(not missing, f"all files are written, but not {missing}")
 
 
-STEPS: tuple[Callable[[str], None], ...] = (install, start_again, switch, cost, use)
+STEPS: tuple[Callable[[str], None], ...] = (install, start_again, cost, use)
 
 
 def run_step(step: Callable[[str], None], archive: Path, environment: dict[str, str]) -> tuple[bool, str]:
