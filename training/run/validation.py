@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -45,8 +45,7 @@ def _predicted(model: PatchNet, corpus: Corpus, rows: np.ndarray) -> np.ndarray:
     return np.stack([batch.coverage.ravel(), batch.luminance.ravel(), *predicted.reshape(-1, 2).T, own])
 
 
-@dataclass(frozen=True, eq=False)
-class ValidationSet:
+class ValidationSet(NamedTuple):
     """Voxels for validation; not_held_out: reason why their scene is not held out, or empty."""
 
     corpus: Corpus
