@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import errors, optimal
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
@@ -32,18 +31,7 @@ class TrackErrors(NamedTuple):
 
 
 def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the only sort of a frame.
-
-    Raises SettingError for scores of another shape or NaN.
-    """
-    pixels = buffers.height * buffers.width
-    for name, score in scores.items():
-        if score.shape != (pixels,):
-            raise SettingError(
-                f"Strategy {name!r} has scores of shape {score.shape}: give one for each of {pixels} pixels"
-            )
-        if np.isnan(score).any():
-            raise SettingError(f"Strategy {name!r} has scores that are NaN: check its divisions")
+    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the only sort of a frame."""
     return {name: refinement_order(buffers, score) for name, score in scores.items()}
 
 

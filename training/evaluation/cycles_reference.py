@@ -91,10 +91,7 @@ def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
 def measure_camera(
     coded: CodedOctree, camera: Camera, strategies: Mapping[str, Strategy], truths: Mapping[str, Truth]
 ) -> Steps[CameraResult]:
-    """Measure all strategies through one camera. Scores are the same for all truths, except of oracles.
-
-    Raises SettingError for a truth of another size.
-    """
+    """Measure all strategies through one camera. Scores are the same for all truths, except of oracles."""
     buffers = yield from trace_view(coded.octree, camera, list(strategies.values()), coded=coded)
     assert buffers.reference is not None
     scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
@@ -102,8 +99,6 @@ def measure_camera(
     rank_staged(errors[OCTREE], buffers, strategies)
     bias, noise = {}, {}
     for name, truth in truths.items():
-        if truth.luminance.shape != buffers.reference.shape:
-            raise SettingError(f"Truth {name!r} has another size than the camera's picture: render it with this camera")
         seen = replace(buffers, reference=truth.luminance)
         known = {key: each.scores(seen) for key, each in strategies.items() if REFERENCE in each.needs}
         errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
