@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         if reason := why_not_held_out(dataset, datasets):
             say_note(f"{dataset.name} is {reason}")
     settings = preset_with(args.preset, {each.name: getattr(args, each.name, None) for each in fields(TrainSettings)})
-    options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
+    options = RunOptions(args.out, args.resume, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
     options.tensorboard = args.tensorboard
     options.notes = run_notes(device) | {"settings": asdict(settings)}

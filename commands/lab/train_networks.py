@@ -66,7 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--voxels", bounds.DATASET_SAMPLES, "voxels of a scene for errors", _VOXELS)
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
     add_number(parser, "--threads", bounds.THREADS, "threads of the CPU (all cores)")
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
     add_out(parser, "folder for octrees, samples and networks", required=True)
 
 
@@ -139,7 +138,7 @@ def _training(
 
     folder = args.out / "networks" / plan.name
     settings = replace(settings, encoder=plan.encoder, encoder_width=0)
-    options = RunOptions(folder, (folder / CHECKPOINT).exists(), args.checkpoint_minutes)
+    options = RunOptions(folder, (folder / CHECKPOINT).exists())
     options.device, options.threads = args.device, args.threads
     options.notes = run_notes(args.device) | {"settings": asdict(settings)}
     return train([data[scene] for scene in plan.scenes], settings, options)

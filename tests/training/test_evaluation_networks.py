@@ -77,7 +77,7 @@ def buffers(octree):
 
 def trained(frames, name, out, **others):
     """Train on frames for a few steps; returns the weights file."""
-    options = {key: others.pop(key) for key in ("resume", "stop_after", "checkpoint_minutes") if key in others}
+    options = {key: others.pop(key) for key in ("resume", "stop_after") if key in others}
     settings = train_maps.MapSettings(name, **({"steps": 4, "batch": 1, "crop": 16, "rate": 1e-3} | others))
     return drain(train_maps.train_maps(*frames, settings, train_maps.RunOptions(out, **options)))
 

@@ -37,6 +37,8 @@ from .run_log import Log
 from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
 from .validation import ValidationSet, validate, validation_sets
 
+CHECKPOINT_S = 300.0  # time between checkpoints
+
 
 @dataclass
 class RunOptions:
@@ -49,7 +51,6 @@ class RunOptions:
 
     out: Path
     resume: bool = False
-    checkpoint_minutes: float = 5.0
     log_steps: int = 50
     validate_steps: int = 2000
     stop_after: int | None = None  # stop after this many steps with a checkpoint
@@ -146,7 +147,7 @@ class _Keeper:
             errors = {name: validate(learner.mean, each.corpus) for name, each in self.sets.items()}
             why = {name: each.not_held_out for name, each in self.sets.items() if each.not_held_out}
             self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
-        if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
+        if time.monotonic() - self._saved > CHECKPOINT_S:
             self.save()
 
     def save(self) -> None:

@@ -25,7 +25,7 @@ from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.learner import Resumable
 from ...run.run_files import CHECKPOINT, LOG, check_run
 from ...run.run_log import Log
-from ...run.trainer import RunOptions, load_checkpoint, write_checkpoint
+from ...run.trainer import CHECKPOINT_S, RunOptions, load_checkpoint, write_checkpoint
 from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
 from .maps import MAP, RUN_FILES, map_networks, save_map
@@ -138,7 +138,7 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
                 _log_mean(log, learner)
-            if time.monotonic() - saved > 60 * options.checkpoint_minutes:
+            if time.monotonic() - saved > CHECKPOINT_S:
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
