@@ -36,13 +36,13 @@ def one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def take_turns(
+def timed(
     functions: Mapping[str, Callable[[], Any]],
     repeats: int,
     threads: int = 1,
     prepare: Callable[[], Any] = lambda: None,
-) -> dict[str, list[float]]:
-    """Seconds of `repeats` runs of each function, in turns.
+) -> tuple[dict[str, float], dict[str, Any]]:
+    """Median seconds of `repeats` runs of each function, in turns, and the conditions, for the JSON.
 
     A single thread is bound to a core and measured in processor seconds, which other programs' load affects least;
     several threads are measured in wall seconds. Run all functions once before, so that compilation is not timed.
@@ -57,18 +57,7 @@ def take_turns(
                 start = clock()
                 function()
                 seconds[who].append(clock() - start)
-    return seconds
-
-
-def timed(
-    functions: Mapping[str, Callable[[], Any]],
-    repeats: int,
-    threads: int = 1,
-    prepare: Callable[[], Any] = lambda: None,
-) -> tuple[dict[str, float], dict[str, Any]]:
-    """Median seconds of each function by `take_turns`, and the conditions, for the JSON."""
-    seconds = take_turns(functions, repeats, threads, prepare)
     runs = {name: [round(value, 4) for value in values] for name, values in seconds.items()}
-    clock = "wall" if threads > 1 else "processor"
-    details = {"threads": threads, "clock": clock, "repeats": repeats, "runs": runs}
+    name_of_clock = "wall" if threads > 1 else "processor"
+    details = {"threads": threads, "clock": name_of_clock, "repeats": repeats, "runs": runs}
     return {name: median(values) for name, values in seconds.items()}, details
