@@ -90,11 +90,10 @@ def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
 
 
 class Turn(NamedTuple):
-    """Baked page or rendered picture: paths, processor and wall seconds of the whole call."""
+    """Baked page or rendered picture: paths, and processor seconds of the whole call."""
 
     paths: int
     processor_s: float
-    wall_s: float
 
 
 def rate(turns: Sequence[Turn]) -> float:
@@ -116,21 +115,21 @@ def _measured(
         baked = _timed(partial(drain, baker.page(page)))
         if not baker.paths_traced:
             continue
-        pages.append(Turn(baker.paths_traced, *baked))
+        pages.append(Turn(baker.paths_traced, baked))
         samples = int(charts.page_samples[page])
         camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
         with prepared(context, camera, samples, page, Path()) as (scene, _):
             with interrupts_wait():
                 rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
-            renders.append(Turn(camera.pixel_count * samples, *rendered))
+            renders.append(Turn(camera.pixel_count * samples, rendered))
     return pages, renders
 
 
-def _timed(run: Callable[[], object]) -> tuple[float, float]:
-    """Processor and wall seconds of a call."""
-    wall, processor = time.perf_counter(), time.process_time()
+def _timed(run: Callable[[], object]) -> float:
+    """Processor seconds of a call."""
+    before = time.process_time()
     run()
-    return time.process_time() - processor, time.perf_counter() - wall
+    return time.process_time() - before
 
 
 def _with_pixels(camera: Camera, pixels: float) -> Camera:
