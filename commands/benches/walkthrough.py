@@ -39,7 +39,7 @@ from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_renders import Plan, Walk, walk
+from .walk_renders import Walk, walk
 
 _PATH_DEPTH = 8  # of the octree for path finding
 _VIEWS = 16  # candidates
@@ -60,13 +60,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         open_scene_of(args.scene)
         with _registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
-            timed, cycles = (_spread(args.frames, count) for count in (args.timed, args.cycles_timed))
-            judged = _spread(max(args.frames - 1, 1), args.judged)  # each with the next frame
-            samples = sorted(set(args.cycles_samples))
-            plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), samples, args.truth)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
             with nullcontext() if lit else daylight(bpy.context.scene):
-                found = drain(walk(bpy.context, settings, plan), bars.show)
+                found = drain(walk(bpy.context, settings, cameras, args), bars.show)
     return _compared(args, found)
 
 
@@ -98,12 +94,6 @@ def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
     cameras = choose_cameras(depsgraph, ("all",), size, surface)
     middle = surface.mean(axis=0)
     return sorted(cameras, key=lambda camera: -float(np.linalg.norm(np.asarray(camera.position_world) - middle)))
-
-
-def _spread(frames: int, count: int) -> list[int]:
-    """Frames in the middles of `count` equal parts of the fly-through."""
-    count = min(count, frames)
-    return [int((index + 0.5) * frames / count) for index in range(count)]
 
 
 def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
