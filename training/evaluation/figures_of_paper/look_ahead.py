@@ -21,6 +21,7 @@ from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.errors import sum_left_after
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.refine import refinement_order
+from ....patchnet_addon.sampling.strategy import Strategy
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ...strategies.registry import EVALUATED
@@ -133,15 +134,16 @@ def distance_view(
     scores = {strategy.name: strategy.scores(buffers) for strategy in plain}
     hits = buffers.hits.node[buffers.hit]
     shares = {}
+    # Pixels and reference are the same for all look-aheads, so they are not rendered again.
     for lookahead in LOOKAHEADS:
-        yield from _add_scores(scores, EXACT, buffers, trace_view(
-            octree, camera, [EVALUATED[name] for name in EXACT], reference=False, lookahead=lookahead
-        ), lookahead)  # fmt: skip
+        exact = [EVALUATED[name] for name in EXACT]
+        view = yield from trace_view(octree, camera, exact, reference=False, lookahead=lookahead)
+        scores |= _scores(exact, replace(view, reference=buffers.reference), lookahead)
         shares[lookahead] = float(octree.look_ahead(lookahead)[hits].mean()) if len(hits) else 0.0
     for each in coded:
-        yield from _add_scores(scores, NETWORK, buffers, trace_view(
-            octree, camera, [EVALUATED[name] for name in NETWORK], coded=each, reference=False
-        ), each.weights.lookahead)  # fmt: skip
+        network = [EVALUATED[name] for name in NETWORK]
+        view = yield from trace_view(octree, camera, network, coded=each, reference=False)
+        scores |= _scores(network, replace(view, reference=buffers.reference), each.weights.lookahead)
     levels = octree.level_of(hits)
     voxel = octree.grid.side_world * 2.0 ** -float(np.median(levels)) if len(levels) else float("nan")
     return DistanceView(camera, buffers, scores, _region(camera, buffers, box_world, voxel), shares, voxel)
@@ -154,17 +156,8 @@ def _region(camera: Camera, buffers: PixelBuffers, box_world: np.ndarray, margin
     return np.asarray(hits.hit & inside.all(axis=1))
 
 
-def _add_scores(
-    scores: dict[str, np.ndarray],
-    names: Sequence[str],
-    seen: PixelBuffers,
-    steps: Steps[PixelBuffers],
-    lookahead: int,
-) -> Steps[None]:
-    """Score a view of another look-ahead; its pixels and reference are the same, so they are not rendered again."""
-    buffers = replace((yield from steps), reference=seen.reference)
-    for name in names:
-        scores[named(name, lookahead)] = EVALUATED[name].scores(buffers)
+def _scores(strategies: Sequence[Strategy], view: PixelBuffers, lookahead: int) -> dict[str, np.ndarray]:
+    return {named(strategy.name, lookahead): strategy.scores(view) for strategy in strategies}
 
 
 def pooled_values(views: Sequence[DistanceView]) -> dict[str, Any]:
