@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
@@ -65,7 +64,17 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
     weights = load_weights(settings.weights)
     scenes = {}
     for name, path in octrees.items():
-        scenes[name] = yield from _prepare(path, settings, weights, out / "scenes" / name)
+        folder = out / "scenes" / name
+        octree = (yield from scene_codes(path, folder, settings)).coded.octree
+        track = yield from camera_track(
+            octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
+        )
+        cameras = track[:: settings.every]
+        key = _key(settings, octree_hash(octree), weights.whole_hash)
+        scenes[name] = [
+            FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
+            for first in range(0, len(cameras), _BLOCK)
+        ]
     return scenes
 
 
@@ -80,19 +89,6 @@ def evaluate_part(
     mine = [block for blocks in scenes.values() for block in blocks][part - 1 :: parts]
     yield from _run(mine, settings.processes or usable_cores())
     return len(mine)
-
-
-def _prepare(path: Path, settings: EvaluationSettings, weights: Weights, folder: Path) -> Steps[list[FrameBlock]]:
-    octree = (yield from scene_codes(path, folder, settings)).coded.octree
-    track = yield from camera_track(
-        octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
-    )
-    cameras = track[:: settings.every]
-    key = _key(settings, octree_hash(octree), weights.whole_hash)
-    return [
-        FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
-        for first in range(0, len(cameras), _BLOCK)
-    ]
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
