@@ -54,8 +54,6 @@ class Corpus:
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
     """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none."""
-    if not datasets:
-        raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}
     if len(views) != 1:
         raise SettingError(f"The sample files have {sorted(views)} views per voxel: draw them with the same number")
@@ -117,8 +115,6 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
     Their own samples are ignored. Levels are as frequent as in sample files of default size. nearby: as in `Corpus`.
     Raises PatchNetError if there is nothing to draw.
     """
-    if not datasets:
-        raise SettingError("There is nothing to train on: name at least one octree")
     settings = [dataset.sample_settings for dataset in datasets]
     free: list[list[np.ndarray]] = []
     held_out = {}

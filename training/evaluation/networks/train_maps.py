@@ -110,11 +110,9 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     """Train a map network on frames of one size, and return the path of its weights.
 
     key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
-    `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is not finite, and as
+    `log.jsonl` in `options.out`. Raises PatchNetError if the loss is not finite, and as
     `check_run` and `load_checkpoint`.
     """
-    if not frames:
-        raise PatchNetError("There is nothing to train on: name at least one octree")
     check_run(options.out, resume=options.resume, kinds=RUN_FILES)
     options.out.mkdir(parents=True, exist_ok=True)
     with enough_memory("training"):
