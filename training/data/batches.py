@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_blocks, nodes_around
+from ...patchnet_addon.codes.brick import MIDDLE, Brick, empty_brick, fill_blocks, nodes_around
 from ...patchnet_addon.codes.mixture_inputs import nearby_order
 from ...patchnet_addon.codes.outer_cells import mask_geometry
 from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
@@ -40,7 +40,8 @@ class Batch:
     luminance, normal, B = 320 for a look-ahead of two levels. For networks that mix luminances, which see shape alone,
     luminance is left out, B = 256.
     rows: (8 V, 8) int64, the blocks of each corner's patch, octants x fastest; 0 where the octant is empty.
-    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
+    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32. own: (V,) float32, luminance of
+    the voxels themselves, without augmentation.
     nearby: for networks that mix luminances.
     """
 
@@ -52,6 +53,7 @@ class Batch:
     ratio: Any
     coverage: Any
     luminance: Any
+    own: Any
     nearby: Nearby | None = field(default=None, kw_only=True)
 
 
@@ -75,7 +77,7 @@ def gather_batch(
     unit, symmetries = np.float32(UNIT), cube_symmetries(lookahead)
     entry, ratio, luminance = views[..., :3] / unit, views[..., 9] / unit, views[..., 11] / unit
     direction, up = (views[..., at : at + 3].astype(np.int16) / np.float32(SIGNED) for at in (3, 6))
-    blocks, moved, linear, near = _gather(
+    blocks, moved, around, linear, near = _gather(
         (forest.nodes, forest.light, forest.normal, forest.root),
         (np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), (entry, direction, up, ratio)),
         (augmentation.remap, augmentation.symmetry, symmetries),
@@ -94,13 +96,14 @@ def gather_batch(
         ratio,
         views[..., 10] / np.float32(COVERAGE_SCALE),
         luminance * linear[:, :1] + linear[:, 1:],
+        forest.luminance[around[:, MIDDLE]] / np.float32(LUMINANCE_SCALE),
         nearby=Nearby(*near) if nearby else None,
     )
 
 
 @kernel
 def _gather(forest, stored, augmentation, how, tables):
-    """Blocks of a batch, rows of each voxel's blocks, linear maps of its luminance, and cells near its rays.
+    """Blocks of a batch; of each voxel the rows of its blocks, their nodes, and its linear map; cells near its rays.
 
     It is one call: Python between several calls would evict code and data from the caches.
     """
@@ -125,7 +128,7 @@ def _gather(forest, stored, augmentation, how, tables):
     )
     if nearby:
         gather_nearby(nodes, light_of, (tree, around, linear), rays, (geometry, orders), near)
-    return blocks[:used], moved, linear, near
+    return blocks[:used], moved, around, linear, near
 
 
 @device
