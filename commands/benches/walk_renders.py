@@ -72,18 +72,6 @@ class Walk:
     depth: int = 0
     leaves: int = 0
 
-    @property
-    def rival(self) -> int:
-        """Samples of Cycles' cheapest picture with at most PatchNet's error; the most samples if none has."""
-        good = (samples for samples in sorted(self.cycles) if self.cycles[samples].mean_mse <= self.ours.mean_mse)
-        return next(good, max(self.cycles))
-
-    @property
-    def ahead_from(self) -> int | None:
-        """Number of frames at which PatchNet with its bake breaks even with its rival; None if it never does."""
-        setup = sum(self.setup_s.values())
-        return frames_until_ahead(setup, self.ours.frame_s, self.cycles[self.rival].frame_s)
-
 
 def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | None:
     """Least N with setup + N ours <= N peer; None if there is none."""

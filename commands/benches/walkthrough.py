@@ -39,7 +39,7 @@ from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_renders import Walk, walk
+from .walk_renders import Walk, frames_until_ahead, walk
 
 _PATH_DEPTH = 8  # of the octree for path finding
 _VIEWS = 16  # candidates
@@ -98,7 +98,11 @@ def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
 
 def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
     ways = {"patchnet": found.ours, **{str(samples): each for samples, each in found.cycles.items()}}
-    setup, rival = sum(found.setup_s.values()), found.cycles[found.rival]
+    setup, cycles = sum(found.setup_s.values()), found.cycles
+    # Cycles' cheapest picture with at most PatchNet's error; the most samples if none has.
+    good = (samples for samples in sorted(cycles) if cycles[samples].mean_mse <= found.ours.mean_mse)
+    rival = next(good, max(cycles))
+    ours, peer = found.ours.frame_s, cycles[rival].frame_s
     details = {
         "scene": args.scene,
         "frames": args.frames,
@@ -112,14 +116,13 @@ def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
         },
         "mse": {name: each.mean_mse for name, each in ways.items()},
         "flicker": {name: fmean(each.flicker) if each.flicker else None for name, each in ways.items()},
-        "rival_samples": found.rival,
+        "rival_samples": rival,
         "denoised": found.denoised,
-        "ahead_from": found.ahead_from,
+        "ahead_from": frames_until_ahead(setup, ours, peer),
         "truth": args.truth,
         "error_size": list(args.error_size),
         "judged": len(found.ours.mse),
     }
-    ours, peer = found.ours.frame_s, rival.frame_s
     return comparison("walkthrough", ours, peer, details, "s per frame", higher_is_better=False)
 
 
