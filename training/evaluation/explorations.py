@@ -62,10 +62,8 @@ class Explorations:
         Raises SceneError if there is no room for any.
         """
         starts = sorted(self._poses, key=lambda pose: pose.gain(self._seen), reverse=True)[:_TRIED_SHOTS]
-        for speed in _SPEEDS:
-            best = self._best(starts, frames, f"Exploration {number}", speed)
-            if best is not None:
-                break
+        tried = (self._best(starts, frames, f"Exploration {number}", speed) for speed in _SPEEDS)
+        best = next(filter(None, tried), None)
         if best is None:
             raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
         cameras, walk = best
