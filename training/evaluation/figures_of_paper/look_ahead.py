@@ -189,15 +189,7 @@ def _errors(views: Sequence[DistanceView], masks: Sequence[np.ndarray]) -> dict[
     pixels = max(sum(int(np.count_nonzero(mask)) for mask in masks), 1)
     before = _left(views, masks, PLAIN[0], 0.0) / pixels
     left = {name: _left(views, masks, name, PATTERN_BUDGET) / pixels for name in views[0].scores}
-    variance = left[PLAIN[0]]
-    found = {
-        name: {
-            "mse": mse,
-            "found": found_share(before, mse),
-            "over_ss_variance": mse / variance if variance > 0 else None,
-        }
-        for name, mse in left.items()
-    }
+    found = {name: {"mse": mse, "found": found_share(before, mse)} for name, mse in left.items()}
     return {"pixels": pixels, "mse": before, "strategies": found}
 
 
