@@ -12,8 +12,7 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import predict
-from ...patchnet_addon.runtime.errors import FileFormatError
-from ...patchnet_addon.runtime.files import read_arrays, write_arrays
+from ...patchnet_addon.runtime.files import write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling import patchnet_behind
@@ -24,6 +23,7 @@ from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
+from . import kept_arrays
 from .codes import EvaluationSettings, SceneCodes, scene_codes
 from .curves import BUDGETS, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
@@ -107,14 +107,9 @@ def evaluate_block(block: FrameBlock) -> None:
 
 
 def load_block(block: FrameBlock) -> BlockResult | None:
-    """Results of a block from its file; None if they are missing, damaged, or have another key."""
-    if not block.path.is_file():
-        return None
-    try:
-        arrays, metadata = read_arrays(block.path, KIND)
-    except FileFormatError:
-        return None
-    return BlockResult(**arrays) if metadata.get("key") == block.key else None
+    """Results of a block from its file, see `kept_arrays`."""
+    arrays = kept_arrays(block.path, KIND, block.key)
+    return None if arrays is None else BlockResult(**arrays)
 
 
 def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelBuffers]:

@@ -11,15 +11,11 @@ luminance, and 0 in every other plane.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Self
 
 import numpy as np
 
 from ....patchnet_addon.octree.octree import POPCOUNT, Octree
 from ....patchnet_addon.runtime.bounds import MAX_DEPTH
-from ....patchnet_addon.runtime.errors import FileFormatError
-from ....patchnet_addon.runtime.files import read_arrays, write_arrays
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import CHILD_MASK, CUBE_SIDE, NORMAL, Strategy
@@ -77,19 +73,6 @@ class RenderedFrame:
     planes: np.ndarray
     pictures: np.ndarray
     fine: np.ndarray
-
-    @classmethod
-    def load(cls, path: Path, key: str) -> Self | None:
-        """Frame of a file, mapped into memory; None if it is missing, damaged, or has another key."""
-        try:
-            arrays, metadata = read_arrays(path, KIND)
-        except FileFormatError:
-            return None
-        return cls(**arrays) if metadata.get("key") == key else None
-
-    def save(self, path: Path, key: str) -> None:
-        """Write the frame; key: hash of all dependencies."""
-        write_arrays(path, {"planes": self.planes, "pictures": self.pictures, "fine": self.fine}, {"key": key}, KIND)
 
 
 def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:
