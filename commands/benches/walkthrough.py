@@ -157,8 +157,7 @@ def _sky(octree: Octree, place_world: np.ndarray) -> float:
 def _level(view: Camera) -> np.ndarray:
     """Horizontal direction (3,) of a view."""
     forward = np.array([*np.asarray(view.forward)[:2], 0.0])
-    result: np.ndarray = forward / max(float(np.linalg.norm(forward)), 1e-9)
-    return result
+    return forward / max(float(np.linalg.norm(forward)), 1e-9)
 
 
 def _way(space: FreeSpace, view: Camera) -> tuple[np.ndarray, np.ndarray]:

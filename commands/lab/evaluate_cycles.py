@@ -48,8 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene by scene, write results and print their path; returns 0; raises PatchNetError."""
-    from ...training.encoders import load_weights
     from ...training.evaluation import require
+
+    require()
+    from ...training.encoders import load_weights
     from ...training.evaluation.cycles_reference import cycles_results
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
@@ -58,7 +60,6 @@ def run(args: argparse.Namespace) -> int:
     inputs = [*octrees.values(), *filter(None, [args.weights])]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     require_blender()
-    require()
     args.out.mkdir(parents=True, exist_ok=True)
     weights = load_weights(args.weights)
     found: dict[str, Any] = {}

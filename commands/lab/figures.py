@@ -35,6 +35,8 @@ def run(args: argparse.Namespace) -> int:
     """Draw figures and print their paths; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
     from ...training.evaluation import require
+
+    require()
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
@@ -49,7 +51,6 @@ def run(args: argparse.Namespace) -> int:
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
     inputs = [*(path for _, path in args.networks), *filter(None, [args.weights])]
     check_outputs(files, inputs, folder=args.out)
-    require()
     args.out.mkdir(parents=True, exist_ok=True)
     # Raise before octrees are created.
     first, networks = load_weights(args.weights), {name: load_weights(path) for name, path in args.networks}

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.tone import gray
@@ -159,8 +160,6 @@ def _camera(result: CameraResult) -> dict[str, Any]:
 
 def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> None:
     """Draw a row of pictures for each camera; raises PatchNetError if it cannot be written."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
     rows = figure.subplots(len(results), len(_TITLES), squeeze=False)
     for axes, result in zip(rows, results, strict=True):

@@ -37,13 +37,12 @@ def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np
     piece = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
     length = (times[piece + 1] - times[piece])[:, None]
     s = (wanted - times[piece])[:, None] / length
-    result: np.ndarray = (
+    return np.asarray(
         (2 * s**3 - 3 * s**2 + 1) * points[piece]
         + (s**3 - 2 * s**2 + s) * length * tangents[piece]
         + (3 * s**2 - 2 * s**3) * points[piece + 1]
         + (s**3 - s**2) * length * tangents[piece + 1]
     )
-    return result
 
 
 class Explorations:

@@ -83,8 +83,7 @@ class PatchNet(nn.Module):
         """
         with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             values = self._hidden(patches)
-        codes: Tensor = self.encoder[-1](values.float())
-        return codes
+        return self.encoder[-1](values.float())
 
     def _hidden(self, patches: Tensor) -> Tensor:
         """Input (C, width) of the encoder's last layer."""
@@ -177,5 +176,4 @@ def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
 def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:
     for layer in layers[:-1]:
         values = torch.relu(layer(values))
-    result: Tensor = layers[-1](values)
-    return result
+    return layers[-1](values)

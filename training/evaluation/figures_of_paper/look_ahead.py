@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
@@ -28,9 +30,6 @@ from ...strategies.registry import EVALUATED
 from ..catalogue import SCENES, TWO_LIGHTS
 from ..panels import BLUE, GRAY, GREEN, ORANGE, PATTERN_BUDGET, PURPLE, save_panels, show_picture, show_values
 from .split import found_share
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 BOX_WORLD = np.array([[11.705, -8.33, 0.488], [13.325, -6.71, 0.699]])
 """Bounding box of the cloth, object `Tela Mesa A` of the file."""
@@ -215,8 +214,6 @@ def draw_look_ahead(
     Scores of networks form a row below the exact ones of the same look-ahead. values: of `pooled_values` for all
     distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one cannot be written.
     """
-    from matplotlib.figure import Figure
-
     kinds = [kind[0] for kind in (EXACT, NETWORK) if not shown[0].scores.keys().isdisjoint(_names(kind[0]))]
     columns, rows = _PICTURES + len(LOOKAHEADS), len(kinds) * len(shown)
     size = _PANEL * columns + 1.4, (_PANEL + 0.3) * rows + 3.6

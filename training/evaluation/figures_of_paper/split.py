@@ -6,9 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Rectangle
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
@@ -26,10 +29,6 @@ from ...strategies.registry import EVALUATED
 from ..panels import BLUE, ORANGE, PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
 from ..poses import Surroundings
 from ..tracks import Approaches
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
 
 APPROACHES = 5  # as in a camera track of an evaluation
 _FRAMES = 200  # of each
@@ -153,8 +152,6 @@ def _viewpoint(camera: Camera) -> dict[str, Any]:
 
 def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Path]:
     """Draw a view; returns the files, raises PatchNetError if one cannot be written."""
-    from matplotlib.figure import Figure
-
     rows, columns = view.bounds
     aspect = (rows.stop - rows.start) / (columns.stop - columns.start)
     wide, small = _WIDE * _INCHES, _INCHES / 3
@@ -172,8 +169,6 @@ def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Pat
 
 def _draw_stripes(axes: Axes, view: SplitView) -> None:
     """Stripes with lines between them and their names below, and frames around the crops."""
-    from matplotlib.patches import Rectangle
-
     stripes = view.stripes()
     height, width = stripes.shape[:2]
     show_picture(axes, stripes, f"{PATTERN_BUDGET:.0%} of the pixels refined", interpolation="antialiased")

@@ -70,8 +70,7 @@ def unet_planes(planes: np.ndarray) -> np.ndarray:
 
 
 def _scores(network: nn.Module, planes: Tensor) -> Tensor:
-    result: Tensor = network(planes)
-    return result
+    return network(planes)
 
 
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:

@@ -60,8 +60,7 @@ class _Block(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         """(B, 64, H, W) of the same."""
-        result: Tensor = values + self.second(functional.relu(self.first(values)))
-        return result
+        return values + self.second(functional.relu(self.first(values)))
 
 
 class WeissNet(nn.Module):
