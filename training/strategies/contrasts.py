@@ -100,10 +100,8 @@ def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
 def tsallis_contrast(distribution: WindowDistribution, q: float) -> np.ndarray:
     """Tsallis contrast 1 - H_q / H_q_max of each window (H, W), in [0, 1]; H_q = (1 - sum p^q) / (q - 1).
 
-    q: entropic index above 0; 1 is the limit, the contrast of Shannon's entropy. A window of one pixel has contrast 0.
+    q: entropic index above 0, not 1, the limit of Shannon's entropy. A window of one pixel has contrast 0.
     """
-    if q == 1.0:
-        return entropy_contrast(distribution)
     # The definition with p = r / N, without cancellation: exactly 0 for uniform r = 1.
     most = distribution.count ** (q - 1.0) - 1.0
     contrast = (distribution.average(distribution.ratio**q) - 1.0) / np.where(most != 0, most, 1.0)
@@ -156,7 +154,7 @@ def _by_contrast(name: str, title: str, words: str, contrast: Contrast, maximum:
 
 
 def tsallis(q: float) -> Strategy:
-    """Tsallis strategy of an entropic index q above 0, called `tsallis-q`: mean luminance times contrast."""
+    """Tsallis strategy of an entropic index q, called `tsallis-q`: mean luminance times contrast."""
     title = f"Tsallis entropy, q = {q:g}"
     words = "Tsallis entropy contrast of luminance"
     return _by_contrast(f"tsallis-{q:g}", title, words, lambda seen: tsallis_contrast(seen, q), 0.2)
