@@ -104,7 +104,6 @@ def run(args: argparse.Namespace) -> int:
     check_run(args.out, [*files, *validation_files], resume=args.resume)
     require_torch()
     from ...patchnet_addon.network.devices import found_device
-    from ...patchnet_addon.network.weights import save_weights
     from ...training.data.dataset import fresh_datasets, load_dataset, why_not_held_out
     from ...training.run.processes import Processes
     from ...training.run.provenance import run_notes
@@ -129,7 +128,6 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / WEIGHTS
     if not processes.is_first:  # only the first process writes
         return 0
-    save_weights(weights, path)
     _print_errors(args.out / LOG)
     say_written(args.out, RUN_FILES)
     say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
