@@ -51,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.octree.file import load_octree, octree_hash
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
-    from ...training.plus.frames import PixelTable, TrackSettings, pixels_of
+    from ...training.evaluation.map_frames import FrameSettings
+    from ...training.plus.frames import PixelTable, pixels_of
     from ...training.plus.train import RUN_FILES, PlusSettings, train_plus
     from ...training.run.provenance import describe_commit, run_notes
     from ...training.run.run_files import LOG, WEIGHTS, log_lines
@@ -63,11 +64,11 @@ def run(args: argparse.Namespace) -> int:
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
-    tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
+    tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
     octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
     notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
     with ProgressBars() as bars:
-        parts = [drain(pixels_of(path, weights, tracks, args.pixels), bars.show) for path in args.octrees]
+        parts = [drain(pixels_of(path, weights, tracks, args.rays, args.pixels), bars.show) for path in args.octrees]
         table = PixelTable.joined(parts)
         path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), bars.show)
     save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)

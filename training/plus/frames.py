@@ -32,18 +32,11 @@ _INPUTS = Strategy(
 )
 
 
-@dataclass(frozen=True)
-class TrackSettings(FrameSettings):
-    """Settings of each octree's frames; side: rays along a pixel's side of the reference."""
-
-    every: int = 40
-    side: int = 16
-
-
-def pixels_of(path: Path, weights: Weights, settings: TrackSettings, pixels: int) -> Steps[PixelTable]:
+def pixels_of(path: Path, weights: Weights, settings: FrameSettings, side: int, pixels: int) -> Steps[PixelTable]:
     """Table of up to `pixels` active pixels of each frame of an octree's track, chosen by its seed.
 
-    Raises OctreeFileError, and SettingError or SceneError as `camera_track`.
+    side: rays along a pixel's side of the reference. Raises OctreeFileError, and SettingError or SceneError as
+    `camera_track`.
     """
     octree = load_octree(path)
     cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
@@ -53,7 +46,7 @@ def pixels_of(path: Path, weights: Weights, settings: TrackSettings, pixels: int
     for number, camera in enumerate(cameras):
         yield Progress(number, len(cameras), "Gathering pixels")
         view = drain(trace_view(octree, camera, [_INPUTS], coded=coded, reference=False))
-        view = replace(view, reference=drain(supersample(octree, camera, settings.side)))
+        view = replace(view, reference=drain(supersample(octree, camera, side)))
         parts.append(PixelTable.of(view, pixels, np.random.default_rng([settings.seed, number])))
     return PixelTable.joined(parts)
 
