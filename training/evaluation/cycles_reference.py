@@ -135,26 +135,11 @@ def cycles_results(
         "budgets": BUDGETS.tolist(),
         "mse": truths[DIFFUSE]["mse"],
         "truths": truths,
-        "cameras": [_camera(result) for result in results],
         "active_pixels": active,
         "depth": coded.octree.depth,
         "octree_hash": octree_hash(coded.octree),
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in strategies.items()},
         "group": {name: strategy.group for name, strategy in strategies.items()},
-    }
-
-
-def _camera(result: CameraResult) -> dict[str, Any]:
-    active = max(result.active, 1)
-    return {
-        "name": result.camera.name,
-        "position_world": result.camera.position_world.tolist(),
-        "forward": result.camera.forward.tolist(),
-        "active_pixels": result.active,
-        "lookahead_share": result.buffers.lookahead_share,
-        "mse_unrefined": {name: float(errors[0, 0]) / active for name, errors in result.errors.items()},
-        "bias": {name: value / active for name, value in result.bias.items()},
-        "noise": {name: value / active for name, value in result.noise.items()},
     }
 
 
