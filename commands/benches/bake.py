@@ -53,7 +53,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         grid = Grid.around(source.bounds_world, args.depth)
         texel, side = grid.voxel_size_world * args.texel_voxels, page_side(source.triangle_count)
         charts = drain(layout_charts(source, texel, samples=args.samples, page_side=side), bars.show)
-        cameras = drain(_cameras(source, grid), bars.show)
+        # In free space, found in a coarse octree with plain light.
+        steps = build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
+        cameras = drain(viewpoints(drain(steps, bars.show), _VIEWS, (64, 64)), bars.show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         with nullcontext() if lit else daylight(bpy.context.scene):
             pages, renders = drain(_measured(bpy.context, source, charts, cameras), bars.show)
@@ -78,12 +80,6 @@ def own_texels(charts: Charts) -> np.ndarray:
     """Number of texels of each triangle, (T,) int64."""
     owners = np.concatenate([texel_owners(charts, page).ravel() for page in range(charts.page_count)])
     return np.bincount(owners[owners >= 0], minlength=len(charts.page))
-
-
-def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
-    """Cameras in free space, found in a coarse octree with plain light."""
-    octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
-    return (yield from viewpoints(octree, _VIEWS, (64, 64)))
 
 
 class Turn(NamedTuple):
@@ -114,7 +110,8 @@ def _measured(
             continue
         pages.append(Turn(baker.paths_traced, baked))
         samples = int(charts.page_samples[page])
-        camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
+        side = int(np.clip(round(float(np.sqrt(baker.paths_traced / samples))), _MIN_PX, _MAX_PX))
+        camera = cameras[len(renders) % len(cameras)].with_size(side, side)
         with prepared(context, camera, samples, page, Path()) as (scene, _):
             with interrupts_wait():
                 rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
@@ -127,9 +124,3 @@ def _timed(run: Callable[[], object]) -> float:
     before = time.process_time()
     run()
     return time.process_time() - before
-
-
-def _with_pixels(camera: Camera, pixels: float) -> Camera:
-    """Camera with a square picture of about `pixels` pixels."""
-    side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
-    return camera.with_size(side, side)

@@ -103,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
             weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), bars.show)
             unseen = [each for scene, each in data[plan.lookahead].items() if scene not in plan.scenes]
             found[plan.name] = errors_of(weights, unseen, args.voxels)
-    print(f"Errors of coverage (of luminance, over the voxel's own):\n{_table(found, names)}")
+    rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in names)] for name, each in found.items()]
+    print(f"Errors of coverage (of luminance, over the voxel's own):\n{markdown_table(['network', *names], rows)}")
     write_errors(args.out / TABLE, found)
     say_result(f"{args.out}: {counted(len(plans), 'network')}", file=args.out, networks=len(plans))
     return 0
@@ -142,12 +143,6 @@ def _training(
     options.device, options.threads = args.device, args.threads
     options.notes = run_notes(args.device) | {"settings": asdict(settings)}
     return train([data[scene] for scene in plan.scenes], settings, options)
-
-
-def _table(found: Mapping[str, Any], scenes: Sequence[str]) -> str:
-    """Markdown table with a row for each network and a column for each scene."""
-    rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in scenes)] for name, each in found.items()]
-    return markdown_table(["network", *scenes], rows)
 
 
 def _cell(errors: Mapping[str, Any] | None) -> str:

@@ -114,7 +114,9 @@ def repair_mesh(mesh: bpy.types.Mesh) -> None:
     shape.from_mesh(mesh)
     doubles = _doubles(shape, vertices_of(mesh))
     bmesh.ops.delete(shape, geom=doubles, context="FACES")
-    turned = _turned_share(shape) > _MOST_TURNED
+    shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
+    opposite = sum(not edge.is_contiguous for edge in shared)  # edges between two faces that turn against each other
+    turned = opposite / max(len(shared), 1) > _MOST_TURNED
     if turned:
         bmesh.ops.recalc_face_normals(shape, faces=shape.faces[:])
     if doubles or turned:
@@ -135,9 +137,3 @@ def _doubles(shape: bmesh.types.BMesh, points: np.ndarray) -> list[bmesh.types.B
             doubles.append(face)
         seen.add(corners)
     return doubles
-
-
-def _turned_share(shape: bmesh.types.BMesh) -> float:
-    """Share of the edges between two faces whose orientations are opposite."""
-    shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
-    return sum(not edge.is_contiguous for edge in shared) / max(len(shared), 1)
