@@ -84,9 +84,7 @@ class Learner(Resumable):
                 mean.lerp_(parameter, 1.0 - decay)
 
 
-def batch_loss(
-    predicted: Tensor, batch: Batch, *, squared: bool, luminance_weight: float
-) -> tuple[Tensor, Tensor]:
+def batch_loss(predicted: Tensor, batch: Batch, *, squared: bool, luminance_weight: float) -> tuple[Tensor, Tensor]:
     """Loss of coverage and luminance (V, R, 2), and sums (3,) for `mean_errors`.
 
     Sums are the mean absolute errors of coverage and of luminance, 0 in views without coverage, and the share of views

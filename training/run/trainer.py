@@ -85,7 +85,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
     # Identity of the samples without a hash, which would take as long as reading them.
-    run["samples"] = [] if settings.fresh else [_draw_of(dataset) for dataset in datasets]
+    draws = [[*each.samples.views.shape, *asdict(each.sample_settings).values()] for each in datasets]
+    run["samples"] = [] if settings.fresh else draws
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
@@ -113,11 +114,6 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
         if learner.steps and keeper is not None:
             keeper.save()
     return learner.mean.to_weights(notes | _extent(learner, per_step))
-
-
-def _draw_of(dataset: Dataset) -> list[Any]:
-    """Identity of a draw of an octree's samples."""
-    return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
 
 
 @dataclass
