@@ -22,7 +22,7 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ..encoders import load_weights
-from .codes import EvaluationSettings, SceneCodes, scene_codes
+from .codes import EvaluationSettings, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
@@ -126,17 +126,11 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
 def _result(name: str, blocks: Sequence[FrameBlock], strategies: Mapping[str, Strategy]) -> SceneResult:
     found = [block for block in map(load_block, blocks) if block is not None]
     codes = drain(scene_codes(blocks[0].octree, blocks[0].folder, blocks[0].settings))
-    return SceneResult(name, strategies, BlockResult.joined(found), _costs(blocks, codes, strategies), codes.coded)
-
-
-def _costs(blocks: Sequence[FrameBlock], codes: SceneCodes, strategies: Mapping[str, Strategy]) -> Costs:
-    """Costs from their file, or measured on frames all over the track and stored."""
     path, key = blocks[0].folder / "costs.json", blocks[0].key
-    kept = read_costs(path, key)
-    if kept is not None:
-        return kept
-    cameras = [camera for block in blocks for camera in block.cameras]
-    step = max(len(cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
-    write_costs(costs, path, key)
-    return costs
+    costs = read_costs(path, key)
+    if costs is None:  # measured on frames all over the track
+        cameras = [camera for block in blocks for camera in block.cameras]
+        step = max(len(cameras) // _COST_FRAMES, 1)
+        costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
+        write_costs(costs, path, key)
+    return SceneResult(name, strategies, BlockResult.joined(found), costs, codes.coded)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import predict
 from ...patchnet_addon.runtime.files import write_arrays
 from ...patchnet_addon.runtime.progress import drain
@@ -88,7 +87,11 @@ def evaluate_block(block: FrameBlock) -> None:
             wanted = list(strategies.values())
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
             buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
-            views = _views(buffers, codes)
+            # Each further network decodes once, at the same hits.
+            others = {
+                each: replace(buffers, prediction=predict(each, buffers.hits)) for each in codes.networks.values()
+            }
+            views = {coded: buffers} | others
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
             left = frame_errors(buffers, orders)
@@ -110,13 +113,6 @@ def load_block(block: FrameBlock) -> BlockResult | None:
     """Results of a block from its file, see `kept_arrays`."""
     arrays = kept_arrays(block.path, KIND, block.key)
     return None if arrays is None else BlockResult(**arrays)
-
-
-def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelBuffers]:
-    """View with the codes of each prediction; each further network decodes once, at the same hits."""
-    return {codes.coded: buffers} | {
-        coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
-    }
 
 
 @lru_cache(maxsize=1)

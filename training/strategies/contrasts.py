@@ -126,10 +126,6 @@ def luminance_contrast(buffers: PixelBuffers, contrast: Contrast) -> np.ndarray:
     return distribution.mean * contrast(distribution)
 
 
-def _hit_variance(buffers: PixelBuffers) -> np.ndarray:
-    return np.where(buffers.hit, ss_variance.STRATEGY.score(buffers), 0.0)
-
-
 def _mitchell(buffers: PixelBuffers) -> np.ndarray:
     values, inside = windows(buffers.picture(buffers.preview.astype(np.float64)))
     most = np.where(inside, values, -np.inf).max(axis=-1)
@@ -172,7 +168,7 @@ STRATEGIES = (
         "Screen-space variance of hits",
         "Variance of luminance in the 3x3 pixels around; 0 in pixels without a hit",
         frozenset(),
-        _hit_variance,
+        lambda buffers: np.where(buffers.hit, ss_variance.STRATEGY.score(buffers), 0.0),
         "variance of luminance",
         0.05,
     ),

@@ -107,10 +107,6 @@ def _kernels() -> tuple[Tensor, Tensor]:
     return (gauss / gauss.sum())[None, None], (laplace - laplace.mean())[None, None]
 
 
-def _scores(network: nn.Module, planes: Tensor) -> Tensor:
-    return sampling_map(network(planes))
-
-
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
     samples = sampling_map(network(batch.planes)).clamp(min=1.0)
     picture: Tensor = SampledPicture.apply(samples, batch.pictures, batch.reference)  # type: ignore[no-untyped-call]
@@ -126,7 +122,7 @@ KUZNETSOV = MapNetwork(
     maximum=32.0,
     planes=kuznetsov_planes,
     build=lambda: UNet(INPUTS),
-    scores=_scores,
+    scores=lambda network, planes: sampling_map(network(planes)),
     loss=_loss,
     batch=6,
     crop=96,

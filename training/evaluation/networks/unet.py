@@ -69,10 +69,6 @@ def unet_planes(planes: np.ndarray) -> np.ndarray:
     return np.concatenate([planes[LUMINANCE, None], planes[NORMALS], others])
 
 
-def _scores(network: nn.Module, planes: Tensor) -> Tensor:
-    return network(planes)
-
-
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
     return functional.mse_loss(network(batch.planes), (batch.pictures[:, 0] - batch.reference).abs())
 
@@ -86,7 +82,7 @@ UNET = MapNetwork(
     maximum=0.5,
     planes=unet_planes,
     build=lambda: UNet(INPUTS),
-    scores=_scores,
+    scores=lambda network, planes: network(planes),
     loss=_loss,
     batch=6,
     crop=96,
