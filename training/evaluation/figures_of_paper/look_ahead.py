@@ -145,14 +145,10 @@ def distance_view(
         scores |= _scores(network, replace(view, reference=buffers.reference), each.weights.lookahead)
     levels = octree.level_of(hits)
     voxel = octree.grid.side_world * 2.0 ** -float(np.median(levels)) if len(levels) else float("nan")
-    return DistanceView(camera, buffers, scores, _region(camera, buffers, box_world, voxel), shares, voxel)
-
-
-def _region(camera: Camera, buffers: PixelBuffers, box_world: np.ndarray, margin_world: float) -> np.ndarray:
-    hits = buffers.hits
-    points = camera.position_world + hits.direction * np.where(hits.hit, hits.t_world, 0.0)[:, None]
-    inside = (points >= box_world[0] - margin_world) & (points <= box_world[1] + margin_world)
-    return np.asarray(hits.hit & inside.all(axis=1))
+    seen = buffers.hits
+    points = camera.position_world + seen.direction * np.where(seen.hit, seen.t_world, 0.0)[:, None]
+    inside = (points >= box_world[0] - voxel) & (points <= box_world[1] + voxel)
+    return DistanceView(camera, buffers, scores, seen.hit & inside.all(axis=1), shares, voxel)
 
 
 def _scores(strategies: Sequence[Strategy], view: PixelBuffers, lookahead: int) -> dict[str, np.ndarray]:

@@ -96,7 +96,13 @@ class SplitView:
         before = next(iter(self.rankings.values())).mse[0]
         lefts = {name: ranking.mse[1] for name, ranking in self.rankings.items()}
         return {
-            "viewpoint": _viewpoint(self.camera),
+            "viewpoint": {
+                "name": self.camera.name,
+                "position": [float(value) for value in self.camera.position_world],
+                "forward": [float(value) for value in self.camera.forward],
+                "fov_degrees": float(np.degrees(2 * np.arctan(self.camera.half_y))),
+                "size": [self.camera.width_px, self.camera.height_px],
+            },
             "budget": PATTERN_BUDGET,
             "look_ahead_share": self.buffers.lookahead_share,
             "active_pixels": int(np.count_nonzero(self.buffers.active)),
@@ -140,16 +146,6 @@ def _bounds(there: np.ndarray) -> slice:
     return slice(max(int(found[0]) - _MARGIN_PX, 0), min(int(found[-1]) + 1 + _MARGIN_PX, len(there)))
 
 
-def _viewpoint(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "position": [float(value) for value in camera.position_world],
-        "forward": [float(value) for value in camera.forward],
-        "fov_degrees": float(np.degrees(2 * np.arctan(camera.half_y))),
-        "size": [camera.width_px, camera.height_px],
-    }
-
-
 def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Path]:
     """Draw a view; returns the files, raises PatchNetError if one cannot be written."""
     rows, columns = view.bounds
@@ -163,7 +159,9 @@ def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Pat
     left, right = above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE))
     _draw_stripes(left.subplots(), view)
     _draw_crops(right, view)
-    _draw_patterns(below, view)
+    for axes, (name_of, ranking) in zip(below.subplots(2, 3).flat, view.rankings.items(), strict=True):
+        found = f"{name_of}: {found_share(*ranking.mse):.0%} of the squared error found"
+        show_picture(axes, pattern(ranking)[view.bounds], found, interpolation="antialiased")
     return save_panels(figure, folder, name)
 
 
@@ -197,10 +195,3 @@ def _draw_crops(figure: SubFigure, view: SplitView) -> None:
             axes.set(xticks=[], yticks=[])
             for spine in axes.spines.values():
                 spine.set(color=color, lw=1.5)
-
-
-def _draw_patterns(figure: Figure | SubFigure, view: SplitView) -> None:
-    """Refinement patterns, and their found shares of the squared error."""
-    for axes, (name, ranking) in zip(figure.subplots(2, 3).flat, view.rankings.items(), strict=True):
-        title = f"{name}: {found_share(*ranking.mse):.0%} of the squared error found"
-        show_picture(axes, pattern(ranking)[view.bounds], title, interpolation="antialiased")
