@@ -56,7 +56,17 @@ def patch_networks(named: Sequence[tuple[str, Path]], lookahead: int) -> tuple[P
             )
         if names.count(name) > 1:
             raise SettingError(f"Two networks are called {name!r}: give each a different name in --networks")
-    return tuple(_network(name, path, lookahead) for name, path in named)
+    found = []
+    for name, path in named:
+        weights = load_weights(path)
+        if weights.lookahead != lookahead:
+            raise SettingError(
+                f"Network {name!r} looks {weights.lookahead} levels ahead, the evaluation {lookahead}: give networks "
+                "of the same look-ahead by --networks or --weights"
+            )
+        octrees = frozenset(weights.metadata.get("octrees", {}).values())
+        found.append(PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees))
+    return tuple(found)
 
 
 def strategy_name(network: str, score: str) -> str:
@@ -85,17 +95,6 @@ def network_strategies(network: PatchNetwork) -> list[NetworkStrategy]:
         )
         for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY)
     ]
-
-
-def _network(name: str, path: Path, lookahead: int) -> PatchNetwork:
-    weights = load_weights(path)
-    if weights.lookahead != lookahead:
-        raise SettingError(
-            f"Network {name!r} looks {weights.lookahead} levels ahead, the evaluation {lookahead}: give networks "
-            "of the same look-ahead by --networks or --weights"
-        )
-    octrees = frozenset(weights.metadata.get("octrees", {}).values())
-    return PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees)
 
 
 def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = ()) -> dict[str, Strategy]:

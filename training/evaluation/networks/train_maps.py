@@ -135,7 +135,12 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
                 log.add(learner.step(crops))
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
-                _log_mean(log, learner)
+                (mean,) = log.means()
+                if mean != mean:
+                    raise PatchNetError(
+                        f"The loss is not finite after {learner.steps} steps: train again with a lower --rate"
+                    )
+                log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
             if time.monotonic() - saved > CHECKPOINT_S:
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
@@ -144,14 +149,6 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
         _save(learner, run, options, len(frames))
         raise
     return _save(learner, run, options, len(frames))
-
-
-def _log_mean(log: Log, learner: MapLearner) -> None:
-    """Write the mean loss since the last call; raises PatchNetError if it is not finite."""
-    (mean,) = log.means()
-    if mean != mean:
-        raise PatchNetError(f"The loss is not finite after {learner.steps} steps: train again with a lower --rate")
-    log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
 
 
 def _save(learner: MapLearner, run: dict[str, Any], options: RunOptions, frames: int) -> Path:
