@@ -47,7 +47,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     coded = drain(encode_octree(octree, load_weights(args.weights)))
     cameras = view_cameras(args) if args.view else [*views_of(octree, tuple(args.size)), camera_around(coded, 1)]
     card = CardOctree(device, octree)
-    upload_s = _seconds(lambda: _upload(card, coded), device)
+    upload_s = _seconds(lambda: [drain(card.upload(octree)), drain(card.upload_codes(coded))], device)
     compile_s = _seconds(lambda: _compile(card, cameras[0]), device)
     threads = args.threads or usable_cores()
     with limit_threads(threads):
@@ -75,11 +75,6 @@ def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
     run()
     device.finish()
     return time.perf_counter() - start
-
-
-def _upload(card: CardOctree, coded: CodedOctree) -> None:
-    drain(card.upload(coded.octree))
-    drain(card.upload_codes(coded))
 
 
 def _compile(card: CardOctree, camera: Camera) -> None:

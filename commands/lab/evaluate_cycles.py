@@ -52,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
 
     require()
     from ...training.encoders import load_weights
-    from ...training.evaluation.cycles_reference import cycles_results
+    from ...training.evaluation.cycles_reference import DIFFUSE, cycles_results, draw_cameras
+    from ...training.evaluation.figures import draw_budgets
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
@@ -68,7 +69,11 @@ def run(args: argparse.Namespace) -> int:
             steps = _measured(scene, octrees.get(scene.name), args, weights)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
             found[scene.name] = {"light": scene.light} | cycles_results(coded, EVALUATED, cameras)
-            _draw(scene, found[scene.name], cameras, args.out / FIGURES)
+            folder, truth = args.out / FIGURES, found[scene.name]["truths"][DIFFUSE]
+            levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
+            title = f"{scene.title}: error against Cycles"
+            draw_budgets(found[scene.name], folder, f"{scene.name}-cycles", title, levels)
+            draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
             _write(args, found)  # after each scene, since a scene takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
@@ -135,17 +140,6 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, samples: int) -> Step
     if scene.light == CYCLES:
         truths[COMBINED] = Truth.of_halves(first.combined, second.combined, exposure)
     return (yield from measure_camera(coded, camera, EVALUATED, truths))
-
-
-def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
-    """Draw error over budget against Cycles, and pictures of the cameras."""
-    from ...training.evaluation.cycles_reference import DIFFUSE, draw_cameras
-    from ...training.evaluation.figures import draw_budgets
-
-    truth = values["truths"][DIFFUSE]
-    levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
-    draw_budgets(values, folder, f"{scene.name}-cycles", f"{scene.title}: error against Cycles", levels)
-    draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
 
 
 def _write(args: argparse.Namespace, found: dict[str, Any]) -> None:
