@@ -11,12 +11,11 @@ their 2,880 weights unused.
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .frames import DISTANCE, MASK, NORMALS, SUBPIXELS
+from .frames import DISTANCE, MASK, SUBPIXELS
 from .map_network import MapBatch, MapNetwork
 
 _EPSILON = 1e-6
@@ -85,11 +84,6 @@ class WeissNet(nn.Module):
         return values[:, 0, border:-border, border:-border]
 
 
-def weiss_planes(planes: np.ndarray) -> np.ndarray:
-    """Input (5, H, W) of a G-buffer: mask, normal, distance."""
-    return np.concatenate([planes[MASK, None], planes[NORMALS], planes[DISTANCE, None]])
-
-
 def normalised(importance: Tensor) -> Tensor:
     """Map (B, h, w) as shares of samples: at least 0.01, 0.2 in the mean of each picture."""
     mean = importance.mean(dim=(1, 2), keepdim=True).clamp(min=1e-8)
@@ -125,7 +119,7 @@ WEISS = MapNetwork(
     description="Importance network on mask, normal and depth, trained through inpainted samples",
     quantity="importance",
     maximum=16.0,
-    planes=weiss_planes,
+    planes=lambda planes: planes[MASK : DISTANCE + 1],  # mask, normal, distance
     build=WeissNet,
     scores=_scores,
     loss=_loss,
