@@ -125,19 +125,14 @@ def _prepare(scene: bpy.types.Scene) -> bool:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
     scene.timeline_markers.clear()
     cycles.use_adaptive_sampling = False
-    cycles.use_denoising = can_denoise()
-    if cycles.use_denoising:
-        cycles.denoiser = "OPENIMAGEDENOISE"
-    return bool(cycles.use_denoising)
-
-
-def can_denoise() -> bool:
-    """Return whether this build of Cycles has Open Image Denoise."""
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:
-        return False
-    return bool(getattr(_cycles, "with_openimagedenoise", False))
+        _cycles = None
+    cycles.use_denoising = bool(getattr(_cycles, "with_openimagedenoise", False))
+    if cycles.use_denoising:
+        cycles.denoiser = "OPENIMAGEDENOISE"
+    return bool(cycles.use_denoising)
 
 
 def _timed(scene: bpy.types.Scene, cameras: Sequence[Camera], args: argparse.Namespace, found: Walk) -> Steps[None]:

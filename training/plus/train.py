@@ -135,10 +135,13 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
         for form in FORMS.values()
     ]
     for step in range(settings.steps):
+        # Linear warm-up, then half a cosine.
+        fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
+        rate = settings.rate * min(1.0, (step + 1) / _WARM_UP) * (_LAST_RATE + (1 - _LAST_RATE) * fall)
         rows = random.integers(len(table), size=settings.batch)
         windows = table.batch(rows, int(random.integers(SYMMETRIES)))
         for learner in learners:
-            learner.step(windows, table.errors[learner.form.shown][rows], rate_at(step, settings))
+            learner.step(windows, table.errors[learner.form.shown][rows], rate)
         if (step + 1) % options.log_steps == 0 or step + 1 == settings.steps:
             _log_means(log, learners, step + 1, time.monotonic() - began)
         yield Progress(step + 1, settings.steps, "Training")
@@ -146,13 +149,6 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
     extent = asdict(settings) | {"table": len(table), "minutes": round((time.monotonic() - began) / 60, 1)}
     save_estimators(Estimators(networks, options.notes | extent), options.out / ESTIMATORS)
     return options.out / ESTIMATORS
-
-
-def rate_at(step: int, settings: PlusSettings) -> float:
-    """Learning rate of a step: linear warm-up, then half a cosine."""
-    fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
-    rise = min(1.0, (step + 1) / _WARM_UP)
-    return settings.rate * rise * (_LAST_RATE + (1 - _LAST_RATE) * fall)
 
 
 def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
