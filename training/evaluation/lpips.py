@@ -40,26 +40,22 @@ class LpipsWeights:
 
         Raises WeightsFileError for a missing or different file.
         """
-        trunk = _trunk()
+        from torch import nn
+
+        # As torchvision numbers them.
+        trunk = nn.Sequential(
+            nn.Conv2d(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+            nn.Conv2d(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+            nn.Conv2d(192, 384, 3, 1, 1), nn.ReLU(),
+            nn.Conv2d(384, 256, 3, 1, 1), nn.ReLU(),
+            nn.Conv2d(256, 256, 3, 1, 1), nn.ReLU(),
+        )  # fmt: skip
         shapes = {name: value.shape for name, value in trunk.state_dict().items()}
         values = _read(trunk_path, {f"features.{name}": shape for name, shape in shapes.items()})
         trunk.load_state_dict(dict(zip(shapes, values, strict=True)))
         channels = [shape[0] for name, shape in shapes.items() if name.endswith("bias")]
         wanted = {f"lin{layer}.model.1.weight": (1, count, 1, 1) for layer, count in enumerate(channels)}
         return cls(trunk, tuple(_read(heads_path, wanted)))
-
-
-def _trunk() -> nn.Sequential:
-    """Layers as torchvision numbers them."""
-    from torch import nn
-
-    return nn.Sequential(
-        nn.Conv2d(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
-        nn.Conv2d(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
-        nn.Conv2d(192, 384, 3, 1, 1), nn.ReLU(),
-        nn.Conv2d(384, 256, 3, 1, 1), nn.ReLU(),
-        nn.Conv2d(256, 256, 3, 1, 1), nn.ReLU(),
-    )  # fmt: skip
 
 
 def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) -> np.ndarray:
