@@ -128,17 +128,12 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / WEIGHTS
     if not processes.is_first:  # only the first process writes
         return 0
-    _print_errors(args.out / LOG)
-    say_written(args.out, RUN_FILES)
-    say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
-    return 0
-
-
-def _print_errors(log: Path) -> None:
-    """Print the last errors on training data and on each validation set."""
-    curve, validations = read_log(log)
+    curve, validations = read_log(args.out / LOG)
     found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
     print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
     for name, errors in found.items():
         figures = [f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance") if key in errors]
         print(f"  {name:<24} {' '.join(figures)}")
+    say_written(args.out, RUN_FILES)
+    say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
+    return 0

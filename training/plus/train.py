@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -143,20 +142,15 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
         for learner in learners:
             learner.step(windows, table.errors[learner.form.shown][rows], rate)
         if (step + 1) % options.log_steps == 0 or step + 1 == settings.steps:
-            _log_means(log, learners, step + 1, time.monotonic() - began)
+            means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
+            for learner in learners:
+                learner.losses.clear()
+            if not all(map(math.isfinite, means.values())):
+                raise PatchNetError(f"The loss is not finite after {step + 1} steps: train again with a lower --rate")
+            rounded = {name: round(mean, 6) for name, mean in means.items()}
+            log.write({"step": step + 1, "loss": rounded, "seconds": round(time.monotonic() - began, 1)})
         yield Progress(step + 1, settings.steps, "Training")
     networks = {learner.form.name: learner.network() for learner in learners}
     extent = asdict(settings) | {"table": len(table), "minutes": round((time.monotonic() - began) / 60, 1)}
     save_estimators(Estimators(networks, options.notes | extent), options.out / ESTIMATORS)
     return options.out / ESTIMATORS
-
-
-def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
-    """Write the mean losses since the last call; raises PatchNetError if one is not finite."""
-    means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
-    for learner in learners:
-        learner.losses.clear()
-    if not all(map(math.isfinite, means.values())):
-        raise PatchNetError(f"The loss is not finite after {step} steps: train again with a lower --rate")
-    rounded = {name: round(mean, 6) for name, mean in means.items()}
-    log.write({"step": step, "loss": rounded, "seconds": round(seconds, 1)})
