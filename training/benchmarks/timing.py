@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping
 from statistics import median
 from typing import Any
 
@@ -20,20 +19,6 @@ def comparison(
     """
     ratio = None if not peer else ours / peer if higher_is_better else peer / max(ours, 1e-9)
     return {"name": name, "ours": ours, "peer": peer, "ratio": ratio, "unit": unit, **details}
-
-
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Bind this thread and its children to one core, where the system can (not macOS, Windows)."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(before)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, before)
 
 
 def timed(
@@ -50,13 +35,20 @@ def timed(
     """
     clock = time.perf_counter if threads > 1 else time.process_time
     seconds: dict[str, list[float]] = {who: [] for who in functions}
-    with nullcontext() if threads > 1 else one_core():
+    # A core for this thread and its children, where the system can (not macOS, Windows).
+    cores = os.sched_getaffinity(0) if threads == 1 and hasattr(os, "sched_setaffinity") else None
+    if cores is not None:
+        os.sched_setaffinity(0, {max(cores)})
+    try:
         for _ in range(repeats):
             for who, function in functions.items():
                 prepare()
                 start = clock()
                 function()
                 seconds[who].append(clock() - start)
+    finally:
+        if cores is not None:
+            os.sched_setaffinity(0, cores)
     runs = {name: [round(value, 4) for value in values] for name, values in seconds.items()}
     name_of_clock = "wall" if threads > 1 else "processor"
     details = {"threads": threads, "clock": name_of_clock, "repeats": repeats, "runs": runs}
