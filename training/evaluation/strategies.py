@@ -81,22 +81,6 @@ def network_name(strategy: str) -> str | None:
     return strategy.removeprefix(PREFIX).removesuffix(_ENDINGS[patchnet_behind.STRATEGY.name])
 
 
-def network_strategies(network: PatchNetwork) -> list[NetworkStrategy]:
-    """Strategies of a network, one for each of SCORES."""
-    return [
-        NetworkStrategy(
-            **vars(strategy)
-            | {
-                "name": strategy_name(network.name, strategy.name),
-                "title": f"{strategy.title}, {network.name}",
-                "description": f"{strategy.description}; by the network {network.name}",
-            },
-            network=network,
-        )
-        for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY)
-    ]
-
-
 def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = ()) -> dict[str, Strategy]:
     """Strategies by name: those of the registry, of the weights files `maps`, and of `networks`, in this order.
 
@@ -108,7 +92,15 @@ def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = (
         if strategy.name in found:
             raise SettingError(f"{path} is a second file of strategy {strategy.name!r}: give one file for each network")
         found[strategy.name] = strategy
-    return found | {strategy.name: strategy for network in networks for strategy in network_strategies(network)}
+    for network in networks:
+        for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY):
+            about = {
+                "name": strategy_name(network.name, strategy.name),
+                "title": f"{strategy.title}, {network.name}",
+                "description": f"{strategy.description}; by the network {network.name}",
+            }
+            found[about["name"]] = NetworkStrategy(**vars(strategy) | about, network=network)
+    return found
 
 
 def map_names(strategies: Iterable[Strategy]) -> list[str]:
