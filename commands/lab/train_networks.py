@@ -33,14 +33,13 @@ from ...training.benchmarks import markdown_table
 from ...training.encoders import ENCODERS
 from ...training.evaluation import WITHOUT
 from ...training.run.run_files import CHECKPOINT
-from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with
+from ...training.settings import LOSSES, PRESETS, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch
 from .scene_arguments import add_scenes, scenes_named
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.network.weights import Weights
     from ...training.data.dataset import Dataset
 
 TABLE = "errors.json"
@@ -88,6 +87,9 @@ def run(args: argparse.Namespace) -> int:
         raise SettingError("There is nothing to train: name --kinds of networks")
     check_outputs({args.out / TABLE: ERRORS}, args.octrees, folder=args.out)
     require_torch()
+    from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions, train
+
     args.device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
     settings = preset_with(args.preset, changes)
@@ -99,9 +101,14 @@ def run(args: argparse.Namespace) -> int:
         for lookahead in {plan.lookahead: None for plan in plans}:
             data[lookahead] = drain(_samples(args, octrees, lookahead), bars.show)
         for number, plan in enumerate(plans, 1):
-            steps = _training(args, plan, settings, data[plan.lookahead])
+            folder, sets = args.out / "networks" / plan.name, data[plan.lookahead]
+            own = replace(settings, encoder=plan.encoder, encoder_width=0)
+            options = RunOptions(folder, (folder / CHECKPOINT).exists())
+            options.device, options.threads = args.device, args.threads
+            options.notes = run_notes(args.device) | {"settings": asdict(own)}
+            steps = train([sets[scene] for scene in plan.scenes], own, options)
             weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), bars.show)
-            unseen = [each for scene, each in data[plan.lookahead].items() if scene not in plan.scenes]
+            unseen = [each for scene, each in sets.items() if scene not in plan.scenes]
             found[plan.name] = errors_of(weights, unseen, args.voxels)
     rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in names)] for name, each in found.items()]
     print(f"Errors of coverage (of luminance, over the voxel's own):\n{markdown_table(['network', *names], rows)}")
@@ -128,21 +135,6 @@ def _samples(args: argparse.Namespace, octrees: Mapping[str, Path], lookahead: i
         if found[scene].sample_settings != settings or not 0 <= more < settings.views:
             raise SettingError(f"{path} was drawn with other arguments: delete it, or choose another folder")
     return found
-
-
-def _training(
-    args: argparse.Namespace, plan: NetworkPlan, settings: TrainSettings, data: Mapping[str, Dataset]
-) -> Steps[Weights]:
-    """Train a network, from its checkpoint if there is one."""
-    from ...training.run.provenance import run_notes
-    from ...training.run.trainer import RunOptions, train
-
-    folder = args.out / "networks" / plan.name
-    settings = replace(settings, encoder=plan.encoder, encoder_width=0)
-    options = RunOptions(folder, (folder / CHECKPOINT).exists())
-    options.device, options.threads = args.device, args.threads
-    options.notes = run_notes(args.device) | {"settings": asdict(settings)}
-    return train([data[scene] for scene in plan.scenes], settings, options)
 
 
 def _cell(errors: Mapping[str, Any] | None) -> str:
