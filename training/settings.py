@@ -69,15 +69,10 @@ class TrainSettings:
             raise SettingError(f"The decoder of the network '{own.name}' is {own.width} wide: omit --decoder-width")
         if not self.encoder_width:
             object.__setattr__(self, "encoder_width", ENCODERS[self.encoder].width)
-        self._check_encoder_width()
-
-    def _check_encoder_width(self) -> None:
-        own = ENCODERS[self.encoder]
-        if isinstance(own, ConvolvingKind):
-            if self.encoder_width:
-                raise SettingError(f"The look-ahead determines the width of '{own.name}': omit --encoder-width")
-            return
-        bounds.ENCODER_WIDTH.check(self.encoder_width)
+        if not isinstance(ENCODERS[self.encoder], ConvolvingKind):
+            bounds.ENCODER_WIDTH.check(self.encoder_width)
+        elif self.encoder_width:
+            raise SettingError(f"The look-ahead determines the width of '{self.encoder}': omit --encoder-width")
         if self.encoder_width % MLP_WIDTH_STEP:
             step = MLP_WIDTH_STEP
             raise SettingError(f"Encoder width {self.encoder_width} is not a multiple of {step}: choose a multiple")

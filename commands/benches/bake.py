@@ -53,7 +53,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         grid = Grid.around(source.bounds_world, args.depth)
         texel, side = grid.voxel_size_world * args.texel_voxels, page_side(source.triangle_count)
         charts = drain(layout_charts(source, texel, samples=args.samples, page_side=side), bars.show)
-        cameras = drain(_cameras(source, grid), bars.show)
+        # In free space, found in a coarse octree with plain light.
+        steps = build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
+        cameras = drain(viewpoints(drain(steps, bars.show), _VIEWS, (64, 64)), bars.show)
         lit = has_light(bpy.context.evaluated_depsgraph_get())
         with nullcontext() if lit else daylight(bpy.context.scene):
             pages, renders = drain(_measured(bpy.context, source, charts, cameras), bars.show)
@@ -64,11 +66,8 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         "samples": args.samples,
         "texel_voxels": args.texel_voxels,
         "triangles": source.triangle_count,
-        "page_sizes": charts.page_size.tolist(),
-        "page_samples": charts.page_samples.tolist(),
         "atlas_use": float(own.sum() / charts.page_size.prod(axis=1).sum()),
         "paths_a_side": int((own * charts.page_samples[charts.page]).sum()),
-        "paths_a_side_without_sharing": int(own.sum() * args.samples),
         "pages": [turn._asdict() for turn in pages],
         "renders": [turn._asdict() for turn in renders],
         "clock": "processor",
@@ -83,18 +82,11 @@ def own_texels(charts: Charts) -> np.ndarray:
     return np.bincount(owners[owners >= 0], minlength=len(charts.page))
 
 
-def _cameras(source: SceneMesh, grid: Grid) -> Steps[list[Camera]]:
-    """Cameras in free space, found in a coarse octree with plain light."""
-    octree = yield from build_octree(source, replace(grid, depth=min(grid.depth, 8)), two_lights_shade(source))
-    return (yield from viewpoints(octree, _VIEWS, (64, 64)))
-
-
 class Turn(NamedTuple):
-    """Baked page or rendered picture: paths, processor and wall seconds of the whole call."""
+    """Baked page or rendered picture: paths, and processor seconds of the whole call."""
 
     paths: int
     processor_s: float
-    wall_s: float
 
 
 def rate(turns: Sequence[Turn]) -> float:
@@ -116,24 +108,19 @@ def _measured(
         baked = _timed(partial(drain, baker.page(page)))
         if not baker.paths_traced:
             continue
-        pages.append(Turn(baker.paths_traced, *baked))
+        pages.append(Turn(baker.paths_traced, baked))
         samples = int(charts.page_samples[page])
-        camera = _with_pixels(cameras[len(renders) % len(cameras)], baker.paths_traced / samples)
+        side = int(np.clip(round(float(np.sqrt(baker.paths_traced / samples))), _MIN_PX, _MAX_PX))
+        camera = cameras[len(renders) % len(cameras)].with_size(side, side)
         with prepared(context, camera, samples, page, Path()) as (scene, _):
             with interrupts_wait():
                 rendered = _timed(partial(bpy.ops.render.render, scene=scene.name))
-            renders.append(Turn(camera.pixel_count * samples, *rendered))
+            renders.append(Turn(camera.pixel_count * samples, rendered))
     return pages, renders
 
 
-def _timed(run: Callable[[], object]) -> tuple[float, float]:
-    """Processor and wall seconds of a call."""
-    wall, processor = time.perf_counter(), time.process_time()
+def _timed(run: Callable[[], object]) -> float:
+    """Processor seconds of a call."""
+    before = time.process_time()
     run()
-    return time.process_time() - processor, time.perf_counter() - wall
-
-
-def _with_pixels(camera: Camera, pixels: float) -> Camera:
-    """Camera with a square picture of about `pixels` pixels."""
-    side = int(np.clip(round(float(np.sqrt(pixels))), _MIN_PX, _MAX_PX))
-    return camera.with_size(side, side)
+    return time.process_time() - before

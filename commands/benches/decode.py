@@ -23,7 +23,7 @@ from ...patchnet_addon.network.weights import Weights, load_weights
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.render import first_hits
+from ...patchnet_addon.tracing.render import Hits, first_hits
 from ...training.benchmarks.timing import comparison, timed
 from .inputs import given_octree, use_threads
 
@@ -36,8 +36,16 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Rates over pictures from all around an octree; raises PatchNetError, also without look-ahead."""
     (octree, name), weights = given_octree(args), load_weights(args.weights)
     coded = drain(encode_octree(octree, weights))
-    cameras = cameras_around(coded, args.pixels)
-    views = [first_hits(octree, camera) for camera in cameras]
+    cameras: list[Camera] = []  # whose pictures together have so many pixels with look-ahead
+    views: list[Hits] = []
+    found = 0
+    while found < args.pixels:
+        cameras.append(camera_around(coded, len(cameras)))
+        views.append(first_hits(octree, cameras[-1]))
+        seen = np.count_nonzero(coded.rows_of(views[-1].node) >= 0)
+        if not seen:
+            raise SettingError("No pixel around this octree has look-ahead: give a deeper octree")
+        found += seen
     with use_threads(args.threads):
         decoded = sum(int(predict(coded, hits).look_ahead.sum()) for hits in views)  # also compiles
         runs: dict[str, Callable[[], Any]] = {
@@ -58,19 +66,6 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         "decoded_pixels": decoded,
     }
     return comparison("decode", rates["decode"], rates.get("torch"), details, "pixels per second")
-
-
-def cameras_around(coded: CodedOctree, pixels: int) -> list[Camera]:
-    """Cameras around an octree whose pictures together have so many pixels with look-ahead."""
-    cameras: list[Camera] = []
-    found = 0
-    while found < pixels:
-        cameras.append(camera_around(coded, len(cameras)))
-        seen = np.count_nonzero(coded.rows_of(first_hits(coded.octree, cameras[-1]).node) >= 0)
-        if not seen:
-            raise SettingError("No pixel around this octree has look-ahead: give a deeper octree")
-        found += seen
-    return cameras
 
 
 def camera_around(coded: CodedOctree, number: int) -> Camera:

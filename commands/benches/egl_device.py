@@ -26,6 +26,7 @@ class EglDevice:
             self._context = moderngl.create_context(require=_VERSION, standalone=True, **_EGL)
         except Exception as cause:  # moderngl raises Exception itself
             raise PatchNetError(f"EGL has no OpenGL 4.3 here ({cause}): install a driver with EGL") from cause
+        self._nearest = self._context.NEAREST, self._context.NEAREST
         self.name = str(self._context.info["GL_RENDERER"])
         self.version = str(self._context.info["GL_VERSION"])
 
@@ -75,10 +76,6 @@ class EglDevice:
     def finish(self) -> None:
         """Wait for all dispatched work."""
         self._context.finish()
-
-    @property
-    def _nearest(self) -> tuple[int, int]:
-        return self._context.NEAREST, self._context.NEAREST
 
 
 def _whole(shader: Shader) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...operators.gpu_view.card_octree import CardOctree, HitImages
+from ...operators.gpu_view.card_octree import CardOctree
 from ...operators.gpu_view.packing import world_words
 from ...operators.gpu_view.shaders import FLOATS, WORDS
 from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -47,7 +47,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     coded = drain(encode_octree(octree, load_weights(args.weights)))
     cameras = view_cameras(args) if args.view else [*views_of(octree, tuple(args.size)), camera_around(coded, 1)]
     card = CardOctree(device, octree)
-    upload_s = _seconds(lambda: _upload(card, coded), device)
+    upload_s = _seconds(lambda: [drain(card.upload(octree)), drain(card.upload_codes(coded))], device)
     compile_s = _seconds(lambda: _compile(card, cameras[0]), device)
     threads = args.threads or usable_cores()
     with limit_threads(threads):
@@ -77,97 +77,70 @@ def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
     return time.perf_counter() - start
 
 
-def _upload(card: CardOctree, coded: CodedOctree) -> None:
-    drain(card.upload(coded.octree))
-    drain(card.upload_codes(coded))
-
-
 def _compile(card: CardOctree, camera: Camera) -> None:
     """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
     drain(card.compile("picture", "hits", "decoder", *(("estimate",) if card.estimates else ()), "heat"))
-    passes = _Passes(card, camera.with_size(8, 8))
-    for run in (passes.trace, passes.decode, passes.estimate, passes.color):
-        run()
+    for work in _works(card, camera.with_size(8, 8))[0].values():
+        work()
 
 
-class _Passes:
-    """Passes over a view, with their images."""
+Work = Callable[[], Any]
 
-    def __init__(self, card: CardOctree, camera: Camera) -> None:
-        self.card, self._camera = card, camera_in_unit_cube(camera, card.grid)
-        size = camera.width_px, camera.height_px
-        self.hits: HitImages = card.hit_images(self._camera)
-        self.decoded, self.scored, *self._means = (card.device.image(*size, FLOATS) for _ in range(4))
-        words, side = world_words(BLACK)
-        self._world = card.device.texture(words), side
 
-    def trace(self) -> None:
-        self.card.trace(self._camera, self.hits)
-
-    def decode(self) -> None:
-        self.card.decode(self._camera, self.hits, self.decoded)
-
-    def estimate(self) -> None:
-        """Nothing where the weights have no estimator."""
-        if self.card.estimates:
-            self.card.estimate(self._camera, self.hits, self.decoded, self.scored)
-
-    def color(self) -> None:
-        before, mean = self._means
-        self.card.draw(self._camera, (before, mean), self._world)
+def _works(card: CardOctree, camera: Camera) -> tuple[dict[str, Work], tuple[Any, Any, Any]]:
+    """Works over a view by name; its images of nodes, of what the decoder writes, and of what the estimator writes."""
+    unit, device = camera_in_unit_cube(camera, card.grid), card.device
+    hits = card.hit_images(unit)
+    decoded, scored, *means = (device.image(camera.width_px, camera.height_px, FLOATS) for _ in range(4))
+    words, side = world_words(BLACK)
+    works: dict[str, Work] = {
+        "trace": partial(card.trace, unit, hits),
+        "decode": partial(card.decode, unit, hits, decoded),
+        "color": partial(card.draw, unit, tuple(means), (device.texture(words), side)),
+    }
+    if card.estimates:
+        works["estimate"] = partial(card.estimate, unit, hits, decoded, scored)
+    return works, (hits.node, decoded, scored)
 
 
 def _measured(
     card: CardOctree, device: EglDevice, coded: CodedOctree, camera: Camera, repeats: int, threads: int
 ) -> dict[str, Any]:
     """Rates of the card and of the CPU's kernels in a view, and differences, as plain values."""
-    passes, hits = _Passes(card, camera), first_hits(coded.octree, camera)
-    half = _Passes(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
+    works, images = _works(card, camera)
+    half, _ = _works(card, camera.with_size(max(camera.width_px // 2, 1), max(camera.height_px // 2, 1)))
+    runs: dict[str, Work] = {name: partial(_finished, device, work) for name, work in works.items()}
     # A viewport that moves draws colours, and the heatmap at half the resolution.
-    works = {
-        "trace": (passes.trace,),
-        "decode": (passes.decode,),
-        "estimate": (passes.estimate,),
-        "color": (passes.color,),
-        "frame": (passes.color, half.trace, half.decode, half.estimate),
-    }
-    runs: dict[str, Callable[[], Any]] = {name: partial(_finished, device, *work) for name, work in works.items()}
+    heat = [work for name, work in half.items() if name != "color"]
+    runs["frame"] = partial(_finished, device, works["color"], *heat)
     for run in runs.values():
         run()  # before they are timed
+    hits = first_hits(coded.octree, camera)
     predicted = predict(coded, hits)
-    equal = _compared(passes, coded, camera, hits, predicted.look_ahead)
+    node, decoded, scored = map(card.device.read, images, (WORDS, FLOATS, FLOATS))
+    equal = compare_with(coded, hits, predicted.look_ahead, node, decoded)
+    if card.estimates:
+        equal |= compare_estimates(coded, camera, scored)
     runs["cpu_trace"] = partial(first_hits, coded.octree, camera)
     runs["cpu_decode"] = partial(predict, coded, hits)
     seconds, _ = timed(runs, repeats, max(threads, 2))  # wall seconds: a card has no processor's
-    pixels, decoded = camera.pixel_count, int(predicted.look_ahead.sum())
-    of_card = {"trace": pixels, "decode": decoded, "estimate": pixels, "color": pixels}
+    pixels, ahead = camera.pixel_count, int(predicted.look_ahead.sum())
     return {
         "name": camera.name if camera.name != "Camera" else _AROUND,
         "size": [camera.width_px, camera.height_px],
         "hit_share": float(hits.hit.mean()),
-        "look_ahead_share": decoded / pixels,
-        "card": {name: count / seconds[name] for name, count in of_card.items()},
+        "look_ahead_share": ahead / pixels,
+        "card": {name: (ahead if name == "decode" else pixels) / seconds[name] for name in works},
         "frame_ms": 1e3 * seconds["frame"],
-        "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": decoded / seconds["cpu_decode"]},
+        "cpu": {"trace": pixels / seconds["cpu_trace"], "decode": ahead / seconds["cpu_decode"]},
         **equal,
     }
 
 
-def _finished(device: EglDevice, *work: Callable[[], None]) -> None:
-    for each in work:
-        each()
+def _finished(device: EglDevice, *works: Work) -> None:
+    for work in works:
+        work()
     device.finish()
-
-
-def _compared(
-    passes: _Passes, coded: CodedOctree, camera: Camera, hits: Hits, look_ahead: np.ndarray
-) -> dict[str, float | None]:
-    """Differences from the CPU's kernels: see `compare_with` and `compare_estimates`."""
-    read = passes.card.device.read
-    equal = compare_with(coded, hits, look_ahead, read(passes.hits.node, WORDS), read(passes.decoded, FLOATS))
-    if passes.card.estimates:
-        equal |= compare_estimates(coded, camera, read(passes.scored, FLOATS))
-    return equal
 
 
 def compare_with(

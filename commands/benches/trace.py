@@ -67,7 +67,10 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             raise SceneError(f"Scene file {args.scene} does not exist: check its path")
         triangles = read_triangles(args.scene)
         embree = EmbreeScene(triangles)
-    octree = _octree(args, triangles)
+    if triangles is None or args.file is not None:
+        octree = load_octree(args.file)
+    else:
+        octree = voxelized(TriangleMesh.from_arrays(triangles), args.depth)
     cameras = view_cameras(args) if args.view else views_of(octree, tuple(args.size))
     with limit_threads(args.threads):
         rows = [_view(octree, camera, embree, args.repeats, args.threads) for camera in cameras]
@@ -86,12 +89,6 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     ours = geometric_mean([row["rays_per_s"]["ours"] for row in rows])
     peer = None if embree is None else geometric_mean([row["rays_per_s"]["embree"] for row in rows])
     return comparison("trace", ours, peer, details, "rays per second")
-
-
-def _octree(args: argparse.Namespace, triangles: np.ndarray | None) -> Octree:
-    if triangles is None or args.file is not None:
-        return load_octree(args.file)
-    return voxelized(TriangleMesh.from_arrays(triangles), args.depth)
 
 
 def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:

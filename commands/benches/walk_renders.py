@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import tempfile
 import time
@@ -33,24 +34,6 @@ from ...patchnet_addon.tracing.camera import Camera
 ENGINE = "PATCHNET"
 FIT_EVERY = 10  # distance in frames of cameras that the octree is fitted to
 _TRUTH_SEED = 1
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Frames and samples of a fly-through.
-
-    cameras: of all frames. timed, cycles_timed: frames that are timed. judged: frames whose error is measured, and
-    flicker against the next frame. error_size: size in pixels for errors. samples: numbers of samples per pixel of
-    Cycles. truth: samples of the ground truth.
-    """
-
-    cameras: Sequence[Camera]
-    timed: Sequence[int]
-    cycles_timed: Sequence[int]
-    judged: Sequence[int]
-    error_size: tuple[int, int]
-    samples: Sequence[int]
-    truth: int
 
 
 @dataclass
@@ -89,44 +72,41 @@ class Walk:
     depth: int = 0
     leaves: int = 0
 
-    @property
-    def rival(self) -> int:
-        """Samples of Cycles' cheapest picture with at most PatchNet's error; the most samples if none has."""
-        good = (samples for samples in sorted(self.cycles) if self.cycles[samples].mean_mse <= self.ours.mean_mse)
-        return next(good, max(self.cycles))
-
-    @property
-    def ahead_from(self) -> int | None:
-        """Number of frames at which PatchNet with its bake breaks even with its rival; None if it never does."""
-        setup = sum(self.setup_s.values())
-        return frames_until_ahead(setup, self.ours.frame_s, self.cycles[self.rival].frame_s)
-
 
 def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | None:
     """Least N with setup + N ours <= N peer; None if there is none."""
     return max(1, math.ceil(setup_s / (peer_s - ours_s))) if ours_s < peer_s else None
 
 
-def walk(context: bpy.types.Context, settings: JobSettings, plan: Plan) -> Steps[Walk]:
-    """Bake and build for all frames, then render frames with both engines; raises PatchNetError.
+def walk(
+    context: bpy.types.Context, settings: JobSettings, cameras: Sequence[Camera], args: argparse.Namespace
+) -> Steps[Walk]:
+    """Bake and build for the cameras of all frames, then render frames with both engines; raises PatchNetError.
 
-    Both render through Blender as F12 does, including scene reading. The extension has to be registered.
+    args: of `patchnet bench walkthrough`. Both render through Blender as F12 does, including scene reading. The
+    extension has to be registered.
     """
     found = Walk()
     with scene_copy(context.scene) as scene, context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
-        yield from _set_up(bpy.context, settings, plan, found)
+        yield from _set_up(bpy.context, settings, cameras, found)
         found.denoised = _prepare(scene)
-        yield from _timed(scene, plan, found)
+        yield from _timed(scene, cameras, args, found)
         with tempfile.TemporaryDirectory(prefix="patchnet-") as folder:
-            yield from _judged(scene, plan, found, Path(folder))
+            yield from _judged(scene, cameras, args, found, Path(folder))
     return found
 
 
-def _set_up(context: bpy.types.Context, settings: JobSettings, plan: Plan, found: Walk) -> Steps[None]:
+def _spread(frames: int, count: int) -> list[int]:
+    """Frames in the middles of `count` equal parts of the fly-through."""
+    count = min(count, frames)
+    return [int((index + 0.5) * frames / count) for index in range(count)]
+
+
+def _set_up(context: bpy.types.Context, settings: JobSettings, cameras: Sequence[Camera], found: Walk) -> Steps[None]:
     """Build the octree and store it as the scene's result."""
     clock = StageClock()
-    cameras = [*plan.cameras[::FIT_EVERY], plan.cameras[-1]]
-    made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: cameras))
+    fitted = [*cameras[::FIT_EVERY], cameras[-1]]
+    made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: fitted))
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
     result = SceneResult(
         octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state
@@ -145,30 +125,25 @@ def _prepare(scene: bpy.types.Scene) -> bool:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
     scene.timeline_markers.clear()
     cycles.use_adaptive_sampling = False
-    cycles.use_denoising = can_denoise()
+    try:
+        import _cycles  # type: ignore[import-not-found]
+    except ImportError:
+        _cycles = None
+    cycles.use_denoising = bool(getattr(_cycles, "with_openimagedenoise", False))
     if cycles.use_denoising:
         cycles.denoiser = "OPENIMAGEDENOISE"
     return bool(cycles.use_denoising)
 
 
-def can_denoise() -> bool:
-    """Return whether this build of Cycles has Open Image Denoise."""
-    try:
-        import _cycles  # type: ignore[import-not-found]
-    except ImportError:
-        return False
-    return bool(getattr(_cycles, "with_openimagedenoise", False))
-
-
-def _timed(scene: bpy.types.Scene, plan: Plan, found: Walk) -> Steps[None]:
+def _timed(scene: bpy.types.Scene, cameras: Sequence[Camera], args: argparse.Namespace, found: Walk) -> Steps[None]:
     """Time frames; an untimed frame of PatchNet comes first, for one-time reading."""
-    found.cycles = {samples: Measured() for samples in plan.samples}
-    work = [(ENGINE, 0, frame, found.ours) for frame in plan.timed]
+    found.cycles = {samples: Measured() for samples in sorted(set(args.cycles_samples))}
+    work = [(ENGINE, 0, frame, found.ours) for frame in _spread(len(cameras), args.timed)]
     for samples, measured in found.cycles.items():
-        work += [("CYCLES", samples, frame, measured) for frame in plan.cycles_timed]
+        work += [("CYCLES", samples, frame, measured) for frame in _spread(len(cameras), args.cycles_timed)]
     for at, (engine, samples, frame, measured) in enumerate([(*work[0][:3], Measured()), *work]):
         yield Progress(at, len(work) + 1, f"Rendering with {engine}")
-        camera = plan.cameras[frame]
+        camera = cameras[frame]
         scene.render.resolution_x, scene.render.resolution_y = camera.width_px, camera.height_px
         scene.cycles.samples = samples or scene.cycles.samples
         with looking_through(scene, camera):
@@ -177,14 +152,17 @@ def _timed(scene: bpy.types.Scene, plan: Plan, found: Walk) -> Steps[None]:
             measured.seconds.append(time.perf_counter() - start)
 
 
-def _judged(scene: bpy.types.Scene, plan: Plan, found: Walk, folder: Path) -> Steps[None]:
+def _judged(
+    scene: bpy.types.Scene, track: Sequence[Camera], args: argparse.Namespace, found: Walk, folder: Path
+) -> Steps[None]:
     """Errors and flicker against the ground truth, of luminance in the octree's exposure, clipped to [0, 1]."""
     exposure = results.voxels_of(scene).octree.exposure
-    scene.render.resolution_x, scene.render.resolution_y = plan.error_size
+    scene.render.resolution_x, scene.render.resolution_y = args.error_size
     ways = {0: found.ours, **found.cycles}  # by Cycles' samples; 0 is PatchNet
+    judged = _spread(max(len(track) - 1, 1), args.judged)  # each with the next frame
     count = len(ways) + 1
-    for at, frame in enumerate(plan.judged):
-        cameras = plan.cameras[frame : frame + 2]
+    for at, frame in enumerate(judged):
+        cameras = track[frame : frame + 2]
 
         def pair(samples: int, cameras: Sequence[Camera] = cameras, **how: object) -> list[np.ndarray]:
             seen = []
@@ -195,10 +173,10 @@ def _judged(scene: bpy.types.Scene, plan: Plan, found: Walk, folder: Path) -> St
                     seen.append(np.clip(exposure * picture, 0.0, 1.0))
             return seen
 
-        yield Progress(at * count, len(plan.judged) * count, "Rendering the truth")
-        known = pair(plan.truth, use_denoising=False, seed=scene.cycles.seed + _TRUTH_SEED)
+        yield Progress(at * count, len(judged) * count, "Rendering the truth")
+        known = pair(args.truth, use_denoising=False, seed=scene.cycles.seed + _TRUTH_SEED)
         for number, (samples, measured) in enumerate(ways.items(), 1):
-            yield Progress(at * count + number, len(plan.judged) * count, "Measuring errors")
+            yield Progress(at * count + number, len(judged) * count, "Measuring errors")
             seen = pair(samples)
             measured.mse.append(float(np.mean((seen[0] - known[0]) ** 2)))
             if len(seen) == 2:

@@ -39,7 +39,7 @@ from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_renders import Plan, Walk, walk
+from .walk_renders import Walk, frames_until_ahead, walk
 
 _PATH_DEPTH = 8  # of the octree for path finding
 _VIEWS = 16  # candidates
@@ -60,13 +60,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         open_scene_of(args.scene)
         with _registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
-            timed, cycles = (_spread(args.frames, count) for count in (args.timed, args.cycles_timed))
-            judged = _spread(max(args.frames - 1, 1), args.judged)  # each with the next frame
-            samples = sorted(set(args.cycles_samples))
-            plan = Plan(cameras, timed, cycles, judged, tuple(args.error_size), samples, args.truth)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
             with nullcontext() if lit else daylight(bpy.context.scene):
-                found = drain(walk(bpy.context, settings, plan), bars.show)
+                found = drain(walk(bpy.context, settings, cameras, args), bars.show)
     return _compared(args, found)
 
 
@@ -100,15 +96,13 @@ def fly_through_keys(size: tuple[int, int]) -> list[Camera]:
     return sorted(cameras, key=lambda camera: -float(np.linalg.norm(np.asarray(camera.position_world) - middle)))
 
 
-def _spread(frames: int, count: int) -> list[int]:
-    """Frames in the middles of `count` equal parts of the fly-through."""
-    count = min(count, frames)
-    return [int((index + 0.5) * frames / count) for index in range(count)]
-
-
 def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
     ways = {"patchnet": found.ours, **{str(samples): each for samples, each in found.cycles.items()}}
-    setup, rival = sum(found.setup_s.values()), found.cycles[found.rival]
+    setup, cycles = sum(found.setup_s.values()), found.cycles
+    # Cycles' cheapest picture with at most PatchNet's error; the most samples if none has.
+    good = (samples for samples in sorted(cycles) if cycles[samples].mean_mse <= found.ours.mean_mse)
+    rival = next(good, max(cycles))
+    ours, peer = found.ours.frame_s, cycles[rival].frame_s
     details = {
         "scene": args.scene,
         "frames": args.frames,
@@ -122,14 +116,13 @@ def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
         },
         "mse": {name: each.mean_mse for name, each in ways.items()},
         "flicker": {name: fmean(each.flicker) if each.flicker else None for name, each in ways.items()},
-        "rival_samples": found.rival,
+        "rival_samples": rival,
         "denoised": found.denoised,
-        "ahead_from": found.ahead_from,
+        "ahead_from": frames_until_ahead(setup, ours, peer),
         "truth": args.truth,
         "error_size": list(args.error_size),
         "judged": len(found.ours.mse),
     }
-    ours, peer = found.ours.frame_s, rival.frame_s
     return comparison("walkthrough", ours, peer, details, "s per frame", higher_is_better=False)
 
 
@@ -164,8 +157,7 @@ def _sky(octree: Octree, place_world: np.ndarray) -> float:
 def _level(view: Camera) -> np.ndarray:
     """Horizontal direction (3,) of a view."""
     forward = np.array([*np.asarray(view.forward)[:2], 0.0])
-    result: np.ndarray = forward / max(float(np.linalg.norm(forward)), 1e-9)
-    return result
+    return forward / max(float(np.linalg.norm(forward)), 1e-9)
 
 
 def _way(space: FreeSpace, view: Camera) -> tuple[np.ndarray, np.ndarray]:

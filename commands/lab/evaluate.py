@@ -64,11 +64,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write results and print their path; returns 0; raises PatchNetError."""
+    from ...training.encoders import load_weights
     from ...training.evaluation import REPORTS, require
+    from ...training.evaluation.codes import EvaluationSettings
     from ...training.evaluation.evaluate import evaluate, evaluate_part, prepare
+    from ...training.evaluation.strategies import patch_networks
     from ..shared.progress_bars import ProgressBars
 
-    settings = _evaluation(args)
+    settings = EvaluationSettings(
+        frames=args.frames,
+        every=args.every,
+        size_px=tuple(args.size),
+        seed=args.seed,
+        weights=args.weights,
+        processes=args.processes,
+        lpips=None if args.lpips is None else tuple(args.lpips),
+        maps=tuple(args.maps),
+        networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
+    )
     if not args.scenes.strip(", ") and not args.octrees:
         raise SettingError("There is nothing to evaluate: name --scenes, or octree files")
     require([*(() if args.prepare or args.part else REPORTS), *(["torch"] if args.maps or args.lpips else [])])
@@ -91,25 +104,6 @@ def run(args: argparse.Namespace) -> int:
     _write_results(args, settings, scenes)
     say_result(f"{args.out / TABLES}: {counted(len(scenes), 'scene')}", file=args.out / TABLES, scenes=len(scenes))
     return 0
-
-
-def _evaluation(args: argparse.Namespace) -> EvaluationSettings:
-    """Settings of the evaluation; raises PatchNetError for conflicting networks."""
-    from ...training.encoders import load_weights
-    from ...training.evaluation.codes import EvaluationSettings
-    from ...training.evaluation.strategies import patch_networks
-
-    return EvaluationSettings(
-        frames=args.frames,
-        every=args.every,
-        size_px=tuple(args.size),
-        seed=args.seed,
-        weights=args.weights,
-        processes=args.processes,
-        lpips=None if args.lpips is None else tuple(args.lpips),
-        maps=tuple(args.maps),
-        networks=patch_networks(args.networks, load_weights(args.weights).lookahead),
-    )
 
 
 def _write_results(args: argparse.Namespace, settings: EvaluationSettings, scenes: Sequence[SceneResult]) -> None:

@@ -48,9 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate scene by scene, write results and print their path; returns 0; raises PatchNetError."""
-    from ...training.encoders import load_weights
     from ...training.evaluation import require
-    from ...training.evaluation.cycles_reference import cycles_results
+
+    require()
+    from ...training.encoders import load_weights
+    from ...training.evaluation.cycles_reference import DIFFUSE, cycles_results, draw_cameras
+    from ...training.evaluation.figures import draw_budgets
     from ...training.strategies.registry import EVALUATED
     from ..shared.progress_bars import ProgressBars
 
@@ -58,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
     inputs = [*octrees.values(), *filter(None, [args.weights])]
     check_outputs({args.out / name: kind for name, kind in OUTPUTS.items()}, inputs, folder=args.out)
     require_blender()
-    require()
     args.out.mkdir(parents=True, exist_ok=True)
     weights = load_weights(args.weights)
     found: dict[str, Any] = {}
@@ -66,8 +68,12 @@ def run(args: argparse.Namespace) -> int:
         for scene in scenes:
             steps = _measured(scene, octrees.get(scene.name), args, weights)
             coded, cameras = drain(labelled(steps, f"{scene.title}: {{}}"), bars.show)
-            found[scene.name] = {"light": scene.light} | cycles_results(scene.name, coded, EVALUATED, cameras)
-            _draw(scene, found[scene.name], cameras, args.out / FIGURES)
+            found[scene.name] = {"light": scene.light} | cycles_results(coded, EVALUATED, cameras)
+            folder, truth = args.out / FIGURES, found[scene.name]["truths"][DIFFUSE]
+            levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
+            title = f"{scene.title}: error against Cycles"
+            draw_budgets(found[scene.name], folder, f"{scene.name}-cycles", title, levels)
+            draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
             _write(args, found)  # after each scene, since a scene takes long
     say_result(f"{args.out / RESULTS}: {counted(len(found), 'scene')}", file=args.out / RESULTS, scenes=len(found))
     return 0
@@ -134,17 +140,6 @@ def _camera(coded: CodedOctree, camera: Any, scene: Scene, samples: int) -> Step
     if scene.light == CYCLES:
         truths[COMBINED] = Truth.of_halves(first.combined, second.combined, exposure)
     return (yield from measure_camera(coded, camera, EVALUATED, truths))
-
-
-def _draw(scene: Scene, values: dict[str, Any], cameras: list[CameraResult], folder: Path) -> None:
-    """Draw error over budget against Cycles, and pictures of the cameras."""
-    from ...training.evaluation.cycles_reference import DIFFUSE, draw_cameras
-    from ...training.evaluation.figures import draw_budgets
-
-    truth = values["truths"][DIFFUSE]
-    levels = {"octree, 32 x 32 rays": truth["bias"], "noise of Cycles": truth["noise"]}
-    draw_budgets(values, folder, f"{scene.name}-cycles", f"{scene.title}: error against Cycles", levels)
-    draw_cameras(cameras, folder, f"{scene.name}-cycles-views")
 
 
 def _write(args: argparse.Namespace, found: dict[str, Any]) -> None:

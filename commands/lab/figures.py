@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ..shared.arguments import add_out, named_file
@@ -24,13 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--octrees", type=Path, metavar="DIR", help="folder of octrees and codes, created if missing (OUT/octrees)"
     )
+    parser.add_argument("--weights", type=Path, help="weights file of split (the shipped one)")
     parser.add_argument(
-        "--weights", type=Path, nargs="+", default=(), metavar="FILE", help="weights files: split uses the first "
-        "(the shipped one), look-ahead shows each beside the exact scores",
-    )  # fmt: skip
-    parser.add_argument(
-        "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files of "
-        "train-networks for look-ahead, shown under their names, one for each look-ahead",
+        "--networks", type=named_file, nargs="+", default=(), metavar="NAME=FILE", help="weights files that look-ahead "
+        "shows beside the exact scores, under their names, one for each look-ahead",
     )  # fmt: skip
     add_out(parser, "folder for the figures", required=True)
 
@@ -39,10 +35,12 @@ def run(args: argparse.Namespace) -> int:
     """Draw figures and print their paths; returns 0; raises PatchNetError."""
     from ...training.encoders import load_weights
     from ...training.evaluation import require
+
+    require()
     from ...training.evaluation.catalogue import scene_octree
     from ...training.evaluation.figures_of_paper.figures import (
         SCENES,
-        check_look_aheads,
+        check_networks,
         figure_files,
         make_look_ahead,
         make_split,
@@ -51,31 +49,19 @@ def run(args: argparse.Namespace) -> int:
 
     names = FIGURES if args.only is None else (args.only,)
     files = {args.out / file: kind for name in names for file, kind in figure_files(name).items()}
-    shown = _networks(args)
-    check_outputs(files, [path for _, path in shown], folder=args.out)
-    require()
+    inputs = [*(path for _, path in args.networks), *filter(None, [args.weights])]
+    check_outputs(files, inputs, folder=args.out)
     args.out.mkdir(parents=True, exist_ok=True)
-    networks = {name: load_weights(path) for name, path in shown}  # raises before octrees are created
-    if LOOK_AHEAD in names:
-        check_look_aheads(networks.values())
+    # Raise before octrees are created.
+    first, networks = load_weights(args.weights), {name: load_weights(path) for name, path in args.networks}
+    check_networks(networks.values(), [name for name, _ in args.networks])
     octrees = args.octrees or args.out / "octrees"
     drawn: list[Path] = []
     with ProgressBars() as bars:
         paths = {name: scene_octree(SCENES[name], octrees) for name in names}
         if SPLIT in paths:
-            first = load_weights(args.weights[0] if args.weights else None)
             drawn += drain(make_split(paths[SPLIT], first, args.out), bars.show)
         if LOOK_AHEAD in paths:
             drawn += drain(make_look_ahead(paths[LOOK_AHEAD], networks, args.out), bars.show)
     say_result(f"{args.out}: {', '.join(path.name for path in drawn)}", file=args.out, figures=list(names))
     return 0
-
-
-def _networks(args: argparse.Namespace) -> list[tuple[str, Path]]:
-    """Names and files of the networks that look-ahead shows; raises SettingError for duplicate names."""
-    shown = [(f"weights {number}", path) for number, path in enumerate(args.weights, 1)] + list(args.networks)
-    names = [name for name, _ in shown]
-    for name in names:
-        if names.count(name) > 1:
-            raise SettingError(f"Two networks are called {name!r}: give each a different name in --networks")
-    return shown

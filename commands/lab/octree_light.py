@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
+from typing import Any
 
 import bpy
 import numpy as np
@@ -125,36 +126,15 @@ def _make_shine(tree: bpy.types.NodeTree, name: str, direction: np.ndarray) -> N
 
 def _shine(tree: bpy.types.NodeTree, node: bpy.types.Node, direction: np.ndarray) -> bpy.types.NodeSocket:
     """Shader output that emits a node's base color in Two Lights plus its emission, with the node's transparency."""
-    base = tree.nodes.new("ShaderNodeEmission")
-    _same(tree, node.inputs[_BASE[node.type]], base.inputs["Color"])
-    tree.links.new(_cosine(tree, direction), base.inputs["Strength"])
+    normal = _node(tree, "NewGeometry").outputs["True Normal"]
+    cosine = _node(tree, "VectorMath", normal, direction.tolist(), operation="DOT_PRODUCT").outputs["Value"]
+    strength = _node(tree, "Math", cosine, operation="ABSOLUTE").outputs[0]
+    base = _node(tree, "Emission", _given(node.inputs[_BASE[node.type]]), strength).outputs[0]
     if node.type != "BSDF_PRINCIPLED":
-        return base.outputs[0]
-    own, both = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeAddShader")
-    _same(tree, node.inputs["Emission Color"], own.inputs["Color"])
-    _same(tree, node.inputs["Emission Strength"], own.inputs["Strength"])
-    tree.links.new(base.outputs[0], both.inputs[0])
-    tree.links.new(own.outputs[0], both.inputs[1])
-    mix = mixed_with_transparent(tree, both.outputs[0])
-    _same(tree, node.inputs["Alpha"], mix.inputs[0])
-    return mix.outputs[0]
-
-
-def _cosine(tree: bpy.types.NodeTree, direction: np.ndarray) -> bpy.types.NodeSocket:
-    """Output |n . d| of the flat normal."""
-    geometry, dot = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeVectorMath")
-    dot.operation = "DOT_PRODUCT"
-    tree.links.new(geometry.outputs["True Normal"], dot.inputs[0])
-    dot.inputs[1].default_value = direction.tolist()
-    return _math(tree, "ABSOLUTE", dot.outputs["Value"], 0.0)
-
-
-def _same(tree: bpy.types.NodeTree, source: bpy.types.NodeSocket, target: bpy.types.NodeSocket) -> None:
-    """Copy an input's link or value to another input."""
-    if source.is_linked:
-        tree.links.new(source.links[0].from_socket, target)
-    else:
-        target.default_value = source.default_value
+        return base
+    own = _node(tree, "Emission", _given(node.inputs["Emission Color"]), _given(node.inputs["Emission Strength"]))
+    both = _node(tree, "AddShader", base, own.outputs[0]).outputs[0]
+    return _seen(tree, both, _given(node.inputs["Alpha"]))
 
 
 def _cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float) -> None:
@@ -162,33 +142,33 @@ def _cut(tree: bpy.types.NodeTree, axis: int, beyond_world: float) -> None:
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     if output is None or not output.inputs["Surface"].is_linked:
         return  # invisible anyway
-    geometry, parts = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeSeparateXYZ")
-    tree.links.new(geometry.outputs["Position"], parts.inputs[0])
-    within = _math(tree, "LESS_THAN", parts.outputs[axis], beyond_world)
-    less = _math(tree, "SUBTRACT", within, tree.nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"])
-    shown = _math(tree, "GREATER_THAN", less, -0.5)  # within - is_camera_ray > -1/2
-    mix = mixed_with_transparent(tree, output.inputs["Surface"].links[0].from_socket)
-    tree.links.new(shown, mix.inputs[0])
-    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    parts = _node(tree, "SeparateXYZ", _node(tree, "NewGeometry").outputs["Position"])
+    within = _node(tree, "Math", parts.outputs[axis], beyond_world, operation="LESS_THAN").outputs[0]
+    from_camera = _node(tree, "LightPath").outputs["Is Camera Ray"]
+    less = _node(tree, "Math", within, from_camera, operation="SUBTRACT").outputs[0]
+    shown = _node(tree, "Math", less, -0.5, operation="GREATER_THAN").outputs[0]  # within - is_camera_ray > -1/2
+    surface = output.inputs["Surface"]
+    tree.links.new(_seen(tree, surface.links[0].from_socket, shown), surface)
 
 
-def _math(
-    tree: bpy.types.NodeTree, operation: str, first: bpy.types.NodeSocket, second: bpy.types.NodeSocket | float
-) -> bpy.types.NodeSocket:
-    """Output of an arithmetic node."""
-    node = tree.nodes.new("ShaderNodeMath")
-    node.operation = operation
-    tree.links.new(first, node.inputs[0])
-    if isinstance(second, float):
-        node.inputs[1].default_value = second
-    else:
-        tree.links.new(second, node.inputs[1])
-    return node.outputs[0]
+def _seen(tree: bpy.types.NodeTree, shader: bpy.types.NodeSocket, share: Any) -> bpy.types.NodeSocket:
+    """Output of a share of a shader, transparent for the rest."""
+    return _node(tree, "MixShader", share, _node(tree, "BsdfTransparent").outputs[0], shader).outputs[0]
 
 
-def mixed_with_transparent(tree: bpy.types.NodeTree, shown: bpy.types.NodeSocket) -> bpy.types.Node:
-    """Mix node whose factor is the share of `shown`."""
-    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
-    tree.links.new(clear.outputs[0], mix.inputs[1])
-    tree.links.new(shown, mix.inputs[2])
-    return mix
+def _given(socket: bpy.types.NodeSocket) -> Any:
+    """Socket that an input is linked to, or its value."""
+    return socket.links[0].from_socket if socket.is_linked else socket.default_value
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, *inputs: Any, operation: str = "") -> bpy.types.Node:
+    """New node; its first inputs are linked to sockets, or have values."""
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    if operation:
+        node.operation = operation
+    for target, given in zip(node.inputs, inputs, strict=False):
+        if isinstance(given, bpy.types.NodeSocket):
+            tree.links.new(given, target)
+        else:
+            target.default_value = given
+    return node

@@ -104,7 +104,6 @@ def run(args: argparse.Namespace) -> int:
     check_run(args.out, [*files, *validation_files], resume=args.resume)
     require_torch()
     from ...patchnet_addon.network.devices import found_device
-    from ...patchnet_addon.network.weights import save_weights
     from ...training.data.dataset import fresh_datasets, load_dataset, why_not_held_out
     from ...training.run.processes import Processes
     from ...training.run.provenance import run_notes
@@ -118,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
         if reason := why_not_held_out(dataset, datasets):
             say_note(f"{dataset.name} is {reason}")
     settings = preset_with(args.preset, {each.name: getattr(args, each.name, None) for each in fields(TrainSettings)})
-    options = RunOptions(args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after)
+    options = RunOptions(args.out, args.resume, stop_after=args.stop_after)
     options.device, options.threads, options.validation = device, args.threads, validation
     options.tensorboard = args.tensorboard
     options.notes = run_notes(device) | {"settings": asdict(settings)}
@@ -129,18 +128,12 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / WEIGHTS
     if not processes.is_first:  # only the first process writes
         return 0
-    save_weights(weights, path)
-    _print_errors(args.out / LOG)
-    say_written(args.out, RUN_FILES)
-    say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
-    return 0
-
-
-def _print_errors(log: Path) -> None:
-    """Print the last errors on training data and on each validation set."""
-    curve, validations = read_log(log)
+    curve, validations = read_log(args.out / LOG)
     found = {"learned from": curve[-1]} | (validations[-1]["validation"] if validations else {})
     print("Mean absolute errors of coverage, of luminance, and of luminance as the voxel shows it:")
     for name, errors in found.items():
         figures = [f"{errors[key]:.4f}" for key in ("coverage", "luminance", "voxel_luminance") if key in errors]
         print(f"  {name:<24} {' '.join(figures)}")
+    say_written(args.out, RUN_FILES)
+    say_result(f"{path}: {weights.metadata['sample_passes']:,} sample passes", file=path)
+    return 0

@@ -64,8 +64,7 @@ def run(args: argparse.Namespace) -> int:
     settings = MapSettings(args.network, args.steps, args.batch or 0, args.crop or 0, args.rate, args.seed)
     tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
     options = RunOptions(
-        args.out, args.resume, args.checkpoint_minutes, stop_after=args.stop_after, device=device,
-        notes=run_notes(device),
+        args.out, args.resume, stop_after=args.stop_after, device=device, notes=run_notes(device)
     )  # fmt: skip
     with ProgressBars() as bars:
         frames, key = drain(rendered_frames(args.octrees, tracks, args.frames_folder or args.out / FRAMES), bars.show)

@@ -33,14 +33,13 @@ from ...training.benchmarks import markdown_table
 from ...training.encoders import ENCODERS
 from ...training.evaluation import WITHOUT
 from ...training.run.run_files import CHECKPOINT
-from ...training.settings import LOSSES, PRESETS, TrainSettings, preset_with
+from ...training.settings import LOSSES, PRESETS, preset_with
 from ..shared.arguments import add_device, add_number, add_out, check_octrees
 from ..shared.lines import say_result
 from ..shared.training_run import require_torch
 from .scene_arguments import add_scenes, scenes_named
 
 if TYPE_CHECKING:
-    from ...patchnet_addon.network.weights import Weights
     from ...training.data.dataset import Dataset
 
 TABLE = "errors.json"
@@ -66,7 +65,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--voxels", bounds.DATASET_SAMPLES, "voxels of a scene for errors", _VOXELS)
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
     add_number(parser, "--threads", bounds.THREADS, "threads of the CPU (all cores)")
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
     add_out(parser, "folder for octrees, samples and networks", required=True)
 
 
@@ -89,6 +87,9 @@ def run(args: argparse.Namespace) -> int:
         raise SettingError("There is nothing to train: name --kinds of networks")
     check_outputs({args.out / TABLE: ERRORS}, args.octrees, folder=args.out)
     require_torch()
+    from ...training.run.provenance import run_notes
+    from ...training.run.trainer import RunOptions, train
+
     args.device = found_device(args.device, "--device")
     changes = {"passes": args.passes, "seed": args.seed, "network": args.network, "loss": args.loss}
     settings = preset_with(args.preset, changes)
@@ -100,11 +101,17 @@ def run(args: argparse.Namespace) -> int:
         for lookahead in {plan.lookahead: None for plan in plans}:
             data[lookahead] = drain(_samples(args, octrees, lookahead), bars.show)
         for number, plan in enumerate(plans, 1):
-            steps = _training(args, plan, settings, data[plan.lookahead])
+            folder, sets = args.out / "networks" / plan.name, data[plan.lookahead]
+            own = replace(settings, encoder=plan.encoder, encoder_width=0)
+            options = RunOptions(folder, (folder / CHECKPOINT).exists())
+            options.device, options.threads = args.device, args.threads
+            options.notes = run_notes(args.device) | {"settings": asdict(own)}
+            steps = train([sets[scene] for scene in plan.scenes], own, options)
             weights = drain(labelled(steps, f"Training {plan.name} ({number} of {len(plans)})"), bars.show)
-            unseen = [each for scene, each in data[plan.lookahead].items() if scene not in plan.scenes]
+            unseen = [each for scene, each in sets.items() if scene not in plan.scenes]
             found[plan.name] = errors_of(weights, unseen, args.voxels)
-    print(f"Errors of coverage (of luminance, over the voxel's own):\n{_table(found, names)}")
+    rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in names)] for name, each in found.items()]
+    print(f"Errors of coverage (of luminance, over the voxel's own):\n{markdown_table(['network', *names], rows)}")
     write_errors(args.out / TABLE, found)
     say_result(f"{args.out}: {counted(len(plans), 'network')}", file=args.out, networks=len(plans))
     return 0
@@ -128,27 +135,6 @@ def _samples(args: argparse.Namespace, octrees: Mapping[str, Path], lookahead: i
         if found[scene].sample_settings != settings or not 0 <= more < settings.views:
             raise SettingError(f"{path} was drawn with other arguments: delete it, or choose another folder")
     return found
-
-
-def _training(
-    args: argparse.Namespace, plan: NetworkPlan, settings: TrainSettings, data: Mapping[str, Dataset]
-) -> Steps[Weights]:
-    """Train a network, from its checkpoint if there is one."""
-    from ...training.run.provenance import run_notes
-    from ...training.run.trainer import RunOptions, train
-
-    folder = args.out / "networks" / plan.name
-    settings = replace(settings, encoder=plan.encoder, encoder_width=0)
-    options = RunOptions(folder, (folder / CHECKPOINT).exists(), args.checkpoint_minutes)
-    options.device, options.threads = args.device, args.threads
-    options.notes = run_notes(args.device) | {"settings": asdict(settings)}
-    return train([data[scene] for scene in plan.scenes], settings, options)
-
-
-def _table(found: Mapping[str, Any], scenes: Sequence[str]) -> str:
-    """Markdown table with a row for each network and a column for each scene."""
-    rows = [[name, *(_cell(each["scenes"].get(scene)) for scene in scenes)] for name, each in found.items()]
-    return markdown_table(["network", *scenes], rows)
 
 
 def _cell(errors: Mapping[str, Any] | None) -> str:
@@ -196,16 +182,8 @@ def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | 
             plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each))
         for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
             plans.append(NetworkPlan(name, usual.scenes, name))
-    _check_names(plans)
     return plans
 
 
 def _without(scene: str, scenes: Sequence[str]) -> NetworkPlan:
     return NetworkPlan(WITHOUT + scene, tuple(other for other in scenes if other != scene))
-
-
-def _check_names(plans: Sequence[NetworkPlan]) -> None:
-    names = [plan.name for plan in plans]
-    for name in names:
-        if names.count(name) > 1:
-            raise SettingError(f"Two networks would be called {name!r}: rename the octree file of that scene")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet lab train-plus`: train the estimator of pixel errors that the strategies patchnet-plus rank by.
 
-Frames of camera tracks of the octrees are rendered, references once: give several runs the same --references-folder.
-All forms, and the same without the network, are trained at once, within minutes:
+Frames of camera tracks of the octrees are rendered, with references. All forms, and the same without the network, are
+trained at once, within minutes:
 
     patchnet lab train-plus OCTREE... --weights run/patchnet.safetensors --out plus
     patchnet run SCENE --weights plus/patchnet.safetensors
@@ -17,7 +17,6 @@ import argparse
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
@@ -32,9 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("octrees", nargs="+", type=Path, metavar="OCTREE", help="octree files to train on")
     parser.add_argument("--weights", type=Path, help="weights of PatchNet (the shipped ones)")
     add_out(parser, "folder for weights and log", required=True)
-    parser.add_argument(
-        "--references-folder", type=Path, metavar="FOLDER", help="folder of references (references in --out)"
-    )
     add_number(parser, "--steps", bounds.STOP_AFTER, "steps of training", 20_000)
     add_number(parser, "--batch", bounds.BATCH, "pixels per step", 2048)
     add_number(parser, "--pixels", bounds.FRAME_PIXELS, "pixels per frame", 2000)
@@ -48,8 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Render missing references, train, and print the path of the weights; returns 0; raises PatchNetError."""
     check_octrees(args.octrees)
-    if len({path.resolve() for path in args.octrees}) < len(args.octrees):
-        raise SettingError("An octree is named twice: name each file once")
     require_torch()
     import torch
 
@@ -57,8 +51,9 @@ def run(args: argparse.Namespace) -> int:
     from ...patchnet_addon.octree.file import load_octree, octree_hash
     from ...patchnet_addon.sampling.plus.weights import load_estimators, with_estimators
     from ...training.encoders import load_weights
-    from ...training.plus.frames import TrackSettings
-    from ...training.plus.train import REFERENCES, RUN_FILES, PlusSettings, pixels_of, train_plus
+    from ...training.evaluation.map_frames import FrameSettings
+    from ...training.plus.frames import PixelTable, pixels_of
+    from ...training.plus.train import RUN_FILES, PlusSettings, train_plus
     from ...training.run.provenance import describe_commit, run_notes
     from ...training.run.run_files import LOG, WEIGHTS, log_lines
     from ...training.run.trainer import RunOptions
@@ -69,12 +64,12 @@ def run(args: argparse.Namespace) -> int:
     torch.set_num_threads(args.threads)
     weights = load_weights(args.weights)
     settings = PlusSettings(args.steps, args.batch, args.pixels, args.rate, args.seed)
-    tracks = TrackSettings(args.frames, args.every, tuple(args.size), args.seed, args.rays)
+    tracks = FrameSettings(args.frames, args.every, tuple(args.size), args.seed)
     octrees = {path.name: octree_hash(load_octree(path)) for path in args.octrees}
     notes = run_notes() | {"commit": describe_commit(), "patchnet": weights.hash, "octrees": octrees}
-    folder = args.references_folder or args.out / REFERENCES
     with ProgressBars() as bars:
-        table = drain(pixels_of(args.octrees, weights, tracks, settings, folder), bars.show)
+        parts = [drain(pixels_of(path, weights, tracks, args.rays, args.pixels), bars.show) for path in args.octrees]
+        table = PixelTable.joined(parts)
         path = drain(train_plus(table, settings, RunOptions(args.out, log_steps=100, notes=notes)), bars.show)
     save_weights(with_estimators(weights, load_estimators(path)), args.out / WEIGHTS)
     losses = log_lines(args.out / LOG)[-1]["loss"]

@@ -69,7 +69,11 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
     add_device(parser, "device of the network's encoder; auto: a GPU if torch has one (auto)")
-    _add_cycles(parser)
+    group = parser.add_argument_group("pixels by Cycles")
+    text = "share of pixels, those of highest priority, that Cycles renders (none)"
+    add_number(group, "--cycles-budget", bounds.CYCLES_BUDGET, text, metavar="SHARE")
+    add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
+    group.set_defaults(cycles_samples=None, cycles_light=None)  # those of CyclesSettings
 
 
 def require_blender() -> None:
@@ -153,14 +157,6 @@ def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
     if not re.fullmatch(r"[+-]?\d+", text):
         raise SettingError(f"Depth {text!r} is neither a whole number nor {' or '.join(map(repr, others))}")
     return int(bounds.DEPTH.read(text))
-
-
-def _add_cycles(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("pixels by Cycles")
-    text = "share of pixels, those of highest priority, that Cycles renders (none)"
-    add_number(group, "--cycles-budget", bounds.CYCLES_BUDGET, text, metavar="SHARE")
-    add_settings(group, "cycles_samples", "cycles_light", "cycles_compare")
-    group.set_defaults(cycles_samples=None, cycles_light=None)  # those of CyclesSettings
 
 
 def _cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:

@@ -38,11 +38,11 @@ def say_note(text: str) -> None:
     event("warning", text, logging.WARNING)
 
 
-def say_error(text: str, exit_code: int, *, prefix: str = "patchnet: ") -> None:
+def say_error(text: str, exit_code: int) -> None:
     """Print the error that ends the command with `exit_code` to stderr."""
     text = with_flags(text)
     if not is_json():
-        print(f"{prefix}{text}", file=sys.stderr)
+        print(f"patchnet: {text}", file=sys.stderr)
     event("error", text.removeprefix("error: "), logging.ERROR, exit_code=exit_code)
 
 

@@ -14,7 +14,7 @@ from .arguments import add_device, add_number
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add --device, --threads, --resume, --stop-after and --checkpoint-minutes."""
+    """Add --device, --threads, --resume and --stop-after."""
     add_device(parser, "device for training; auto: a GPU if torch has one (auto)")
     text = "threads of the CPU that train, or gather batches for a GPU (all cores)"
     add_number(parser, "--threads", bounds.THREADS, text)
@@ -23,7 +23,6 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = "end early, leaving a checkpoint to resume from"
     add_number(parser, "--stop-after", bounds.STOP_AFTER, text, metavar="STEPS")
-    add_number(parser, "--checkpoint-minutes", bounds.CHECKPOINT_MINUTES, "time between checkpoints", 5.0)
 
 
 def require_torch() -> None:

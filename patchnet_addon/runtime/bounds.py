@@ -120,7 +120,6 @@ LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)
 DECODER_WIDTH = Bounds("Decoder width", 6, 78, True, "choose a multiple of 6 in this range")
 ENCODER_WIDTH = Bounds("Encoder width", 64, 1024, True, "choose a multiple of 64 in this range")
 STOP_AFTER = Bounds("Steps", 1, 10**15, True)
-CHECKPOINT_MINUTES = Bounds("Minutes between checkpoints", 0, 1e6)
 
 # Benchmarks.
 REPEATS = Bounds("Repeats", 1, 10_000, True)

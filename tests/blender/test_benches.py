@@ -57,6 +57,6 @@ def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
     baked = sum(turn["paths"] for turn in values["pages"])
     assert baked >= values["paths_a_side"] > 0.6 * values["atlas_use"] * 1000
     for page, render in zip(values["pages"], values["renders"], strict=True):
-        assert min(page["processor_s"], page["wall_s"], render["processor_s"], render["wall_s"]) > 0
+        assert min(page["processor_s"], render["processor_s"]) > 0
         assert 0.8 < render["paths"] / page["paths"] < 1.25
     assert 0.5 < values["atlas_use"] <= 1.0

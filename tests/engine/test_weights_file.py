@@ -41,11 +41,11 @@ def mixed_pixels():
 
 def test_mixture_with_torch(mixture, mixed_pixels):
     torch = pytest.importorskip("torch")
-    from patchnet.training.data.tensor_batch import TensorNearby
+    from patchnet.training.data.nearby import Nearby
     from patchnet.training.network.patchnet import PatchNet
 
     given = {name: torch.from_numpy(array) for name, array in vars(mixed_pixels).items()}
-    near = TensorNearby(*(given.pop(name) for name in ("view", "covered", "luminances")))
+    near = Nearby(*(given.pop(name) for name in ("view", "covered", "luminances")))
     with torch.no_grad():
         outputs = PatchNet(mixture).decode_mixture(near=near, **given).numpy()
     coverage, luminance = decode_mixture(mixture, mixed_pixels)

@@ -7,7 +7,7 @@ import numpy as np
 
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
-from patchnet.training.evaluation.curves import FrameErrors, TrackErrors, frame_errors, frame_orders
+from patchnet.training.evaluation.curves import TrackErrors, frame_errors, frame_orders
 
 NAMES = ("optimal", "random", "ss-variance")
 
@@ -26,14 +26,11 @@ def scores_of(buffers: PixelBuffers) -> dict[str, np.ndarray]:
     return {name: STRATEGIES[name].scores(buffers) for name in NAMES}
 
 
-def errors_of(buffers: PixelBuffers) -> FrameErrors:
-    return frame_errors(buffers, frame_orders(buffers, scores_of(buffers)))
+def track_of(views: list[PixelBuffers]) -> TrackErrors:
+    left = [frame_errors(buffers, frame_orders(buffers, scores_of(buffers))) for buffers in views]
+    return TrackErrors(NAMES, np.array([buffers.active.sum() for buffers in views]), np.array(left))
 
 
-def random_track(frames: int = 12, scene: str = "noise", seed: int = 0, **size: int) -> TrackErrors:
+def random_track(frames: int = 12, seed: int = 0, **size: int) -> TrackErrors:
     """Frames of different numbers of active pixels."""
-    return TrackErrors.of(
-        scene,
-        NAMES,
-        [errors_of(random_frame(seed + k, hits=0.02 + 0.4 * k / frames, **size)) for k in range(frames)],
-    )
+    return track_of([random_frame(seed + k, hits=0.02 + 0.4 * k / frames, **size) for k in range(frames)])

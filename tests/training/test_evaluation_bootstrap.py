@@ -14,7 +14,7 @@ RESAMPLES = 200
 @pytest.fixture(scope="module")
 def tracks() -> list[TrackErrors]:
     """Two tracks, the last blocks of which are shorter than the others."""
-    return [random_track(23, "hangar"), random_track(31, "attic", seed=500, height=9)]
+    return [random_track(23), random_track(31, seed=500, height=9)]
 
 
 def resampled_tracks(tracks: list[TrackErrors], seed: int) -> list[np.ndarray]:

@@ -33,7 +33,7 @@ CURVES = {
 def claims():
     """Claims of twenty equal frames of 50 pixels."""
     left = np.tile(50 * np.array(list(CURVES.values())), (20, 1, 1))
-    track = TrackErrors("yard", tuple(CURVES), np.full(20, 50), left)
+    track = TrackErrors(tuple(CURVES), np.full(20, 50), left)
     return claims_of({"yard": Bootstrap.of([track], 100)}, GROUPS)
 
 

@@ -4,16 +4,13 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refined_picture, refinement_order
-from patchnet.tests.training.frame_samples import NAMES, errors_of, random_frame, scores_of
+from patchnet.tests.training.frame_samples import NAMES, random_frame, scores_of, track_of
 from patchnet.training.evaluation.curves import (
     BUDGETS,
-    TrackErrors,
     area,
     crossing,
     excess_area,
-    frame_orders,
     pooled_mse,
     random_line,
 )
@@ -33,7 +30,7 @@ def composed_errors(name: str, budget: float) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("row, name", list(enumerate(NAMES)))
 def test_curves_are_those_of_composed_pictures(row: int, name: str) -> None:
-    track = TrackErrors.of("noise", NAMES, [errors_of(buffers) for buffers in FRAMES])
+    track = track_of(FRAMES)
     assert len(set(track.active)) == 3, "frames weigh differently"
     pooled = pooled_mse([track])[row]
     for budget in range(101):
@@ -66,12 +63,3 @@ def test_crossing_by_hand() -> None:
     assert np.isinf(crossing(np.zeros(101), np.zeros((1, 101))))
     both = crossing(np.stack([mine, touched]), np.stack([others, others]))
     np.testing.assert_array_equal(both, [0.13, 0.41])
-
-
-def test_bad_scores_are_named() -> None:
-    buffers = FRAMES[1]
-    scores = scores_of(buffers)
-    with pytest.raises(SettingError, match=r"'random'.*\(3,\)"):
-        frame_orders(buffers, scores | {"random": np.zeros(3)})
-    with pytest.raises(SettingError, match=r"'random'.*NaN"):
-        frame_orders(buffers, scores | {"random": np.full_like(scores["random"], np.nan)})

@@ -8,7 +8,7 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.runtime.errors import OutputError, PatchNetError, SettingError, WeightsFileError
+from patchnet.patchnet_addon.runtime.errors import OutputError, SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -77,7 +77,7 @@ def buffers(octree):
 
 def trained(frames, name, out, **others):
     """Train on frames for a few steps; returns the weights file."""
-    options = {key: others.pop(key) for key in ("resume", "stop_after", "checkpoint_minutes") if key in others}
+    options = {key: others.pop(key) for key in ("resume", "stop_after") if key in others}
     settings = train_maps.MapSettings(name, **({"steps": 4, "batch": 1, "crop": 16, "rate": 1e-3} | others))
     return drain(train_maps.train_maps(*frames, settings, train_maps.RunOptions(out, **options)))
 
@@ -109,11 +109,6 @@ def test_a_resumed_run_ends_with_the_same_weights(name, frames, maps, tmp_path):
     (tmp_path / "checkpoint.pt").write_bytes((tmp_path / "checkpoint.pt").read_bytes()[:5000])
     with pytest.raises(OutputError, match="is not a checkpoint"):
         trained(frames, name, tmp_path, resume=True)
-
-
-def test_nothing_to_learn_from_is_refused(tmp_path):
-    with pytest.raises(PatchNetError, match="nothing to train on"):
-        trained(([], "key"), "unet", tmp_path)
 
 
 @pytest.mark.parametrize("name", NAMES)

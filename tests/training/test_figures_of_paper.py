@@ -174,5 +174,5 @@ def test_what_is_missing_is_named(scenes, capsys):
     assert "ldraw_space_shuttle.glb" in capsys.readouterr().err
     assert main([*words, "--weights", str(scenes / "none.safetensors")]) == 2
     assert "none.safetensors" in capsys.readouterr().err
-    assert main([*words, "--weights", str(WEIGHTS), str(WEIGHTS)]) == 2
+    assert main([*words, "--networks", f"one={WEIGHTS}", f"other={WEIGHTS}"]) == 2
     assert "Two weights files look 2 levels ahead" in capsys.readouterr().err

@@ -16,11 +16,11 @@ from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
 from patchnet.training.data.dataset import Dataset, why_not_held_out
-from patchnet.training.data.forest import voxel_luminance
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import validation_sets
 
 pytest.importorskip("torch")
+from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.corpus import corpus_of
 from patchnet.training.network.patchnet import PatchNet
 from patchnet.training.run.validation import validate
@@ -91,7 +91,7 @@ def test_errors_stand_beside_those_of_guesses(upright: Dataset) -> None:
     errors = validate(PatchNet(Weights.random(0)), corpus)
     coverage, luminance = corpus.views[..., 10] / 4096, corpus.views[..., 11] / 65535
     seen = coverage > 0
-    own = voxel_luminance(corpus.forest, corpus.tree, corpus.voxel)[:, None]
+    own = corpus.batch(np.arange(len(seen)), Augmentation.none(len(seen))).own[:, None]
     wanted = {
         "constant_coverage": np.abs(coverage - np.median(coverage)).mean(),
         "constant_luminance": np.abs(luminance[seen] - np.median(luminance[seen])).mean(),

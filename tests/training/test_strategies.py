@@ -160,4 +160,3 @@ def test_any_entropic_index_is_a_strategy():
     picture = noise(2)
     found = tsallis(0.8).scores(view(picture)).reshape(picture.shape)
     np.testing.assert_allclose(found, by_pixel(picture, weighed(plain_tsallis(0.8))), rtol=1e-6, atol=2e-8)
-    np.testing.assert_array_equal(tsallis(1).scores(view(picture)), EVALUATED["entropy"].scores(view(picture)))

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping
 from statistics import median
 from typing import Any
 
@@ -22,27 +21,13 @@ def comparison(
     return {"name": name, "ours": ours, "peer": peer, "ratio": ratio, "unit": unit, **details}
 
 
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Bind this thread and its children to one core, where the system can (not macOS, Windows)."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(before)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, before)
-
-
-def take_turns(
+def timed(
     functions: Mapping[str, Callable[[], Any]],
     repeats: int,
     threads: int = 1,
     prepare: Callable[[], Any] = lambda: None,
-) -> dict[str, list[float]]:
-    """Seconds of `repeats` runs of each function, in turns.
+) -> tuple[dict[str, float], dict[str, Any]]:
+    """Median seconds of `repeats` runs of each function, in turns, and the conditions, for the JSON.
 
     A single thread is bound to a core and measured in processor seconds, which other programs' load affects least;
     several threads are measured in wall seconds. Run all functions once before, so that compilation is not timed.
@@ -50,25 +35,21 @@ def take_turns(
     """
     clock = time.perf_counter if threads > 1 else time.process_time
     seconds: dict[str, list[float]] = {who: [] for who in functions}
-    with nullcontext() if threads > 1 else one_core():
+    # A core for this thread and its children, where the system can (not macOS, Windows).
+    cores = os.sched_getaffinity(0) if threads == 1 and hasattr(os, "sched_setaffinity") else None
+    if cores is not None:
+        os.sched_setaffinity(0, {max(cores)})
+    try:
         for _ in range(repeats):
             for who, function in functions.items():
                 prepare()
                 start = clock()
                 function()
                 seconds[who].append(clock() - start)
-    return seconds
-
-
-def timed(
-    functions: Mapping[str, Callable[[], Any]],
-    repeats: int,
-    threads: int = 1,
-    prepare: Callable[[], Any] = lambda: None,
-) -> tuple[dict[str, float], dict[str, Any]]:
-    """Median seconds of each function by `take_turns`, and the conditions, for the JSON."""
-    seconds = take_turns(functions, repeats, threads, prepare)
+    finally:
+        if cores is not None:
+            os.sched_setaffinity(0, cores)
     runs = {name: [round(value, 4) for value in values] for name, values in seconds.items()}
-    clock = "wall" if threads > 1 else "processor"
-    details = {"threads": threads, "clock": clock, "repeats": repeats, "runs": runs}
+    name_of_clock = "wall" if threads > 1 else "processor"
+    details = {"threads": threads, "clock": name_of_clock, "repeats": repeats, "runs": runs}
     return {name: median(values) for name, values in seconds.items()}, details

@@ -8,11 +8,11 @@ indices of each corner's patch. The kernels are serial, since several threads ga
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Generic
+from typing import Any
 
 import numpy as np
 
-from ...patchnet_addon.codes.brick import Brick, empty_brick, fill_blocks, nodes_around
+from ...patchnet_addon.codes.brick import MIDDLE, Brick, empty_brick, fill_blocks, nodes_around
 from ...patchnet_addon.codes.mixture_inputs import nearby_order
 from ...patchnet_addon.codes.outer_cells import mask_geometry
 from ...patchnet_addon.network.kinds import COVERING, MIXED, VIEW
@@ -23,7 +23,7 @@ from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
 from .augmentation import Augmentation, cube_symmetries
 from .forest import Forest, tree_nodes
-from .nearby import Array, Nearby, NearbyOf, gather_nearby
+from .nearby import Nearby, gather_nearby
 from .samples import COVERAGE_SCALE, SIGNED, UNIT
 
 BLOCK_POSITION = np.array(
@@ -33,29 +33,28 @@ BLOCK_POSITION = np.array(
 
 
 @dataclass(frozen=True, eq=False)
-class BatchOf(Generic[Array]):
-    """V voxels with R views each.
+class Batch:
+    """V voxels with R views each, in arrays of NumPy or tensors of torch.
 
     blocks: (M + 1, B) float32, an empty block and the M occupied ones of all voxels; cells z, y, x of occupancy,
     luminance, normal, B = 320 for a look-ahead of two levels. For networks that mix luminances, which see shape alone,
     luminance is left out, B = 256.
     rows: (8 V, 8) int64, the blocks of each corner's patch, octants x fastest; 0 where the octant is empty.
-    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32.
+    entry, direction, up: (V, R, 3) float32. ratio, coverage, luminance: (V, R) float32. own: (V,) float32, luminance of
+    the voxels themselves, without augmentation.
     nearby: for networks that mix luminances.
     """
 
-    blocks: Array
-    rows: Array
-    entry: Array
-    direction: Array
-    up: Array
-    ratio: Array
-    coverage: Array
-    luminance: Array
-    nearby: NearbyOf[Array] | None = field(default=None, kw_only=True)
-
-
-Batch = BatchOf[np.ndarray]
+    blocks: Any
+    rows: Any
+    entry: Any
+    direction: Any
+    up: Any
+    ratio: Any
+    coverage: Any
+    luminance: Any
+    own: Any
+    nearby: Nearby | None = field(default=None, kw_only=True)
 
 
 def block_values(lookahead: int, *, nearby: bool) -> int:
@@ -75,25 +74,43 @@ def gather_batch(
 ) -> Batch:
     """Batch of voxels (V, 4) of octrees `tree` (V,) with their stored views (V, R, 12), drawn `lookahead` levels
     ahead; `nearby`: with the luminances that a mixture needs."""
-    stored = np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), np.ascontiguousarray(views)
-    blocks, rows, rays, near = _gather(
+    unit, symmetries = np.float32(UNIT), cube_symmetries(lookahead)
+    entry, ratio, luminance = views[..., :3] / unit, views[..., 9] / unit, views[..., 11] / unit
+    direction, up = (views[..., at : at + 3].astype(np.int16) / np.float32(SIGNED) for at in (3, 6))
+    blocks, moved, around, linear, near = _gather(
         (forest.nodes, forest.light, forest.normal, forest.root),
-        stored,
-        (augmentation.remap, augmentation.symmetry, cube_symmetries(lookahead)),
+        (np.ascontiguousarray(tree, np.int32), np.ascontiguousarray(voxel, np.uint16), (entry, direction, up, ratio)),
+        (augmentation.remap, augmentation.symmetry, symmetries),
         (lookahead, block_values(lookahead, nearby=nearby), nearby),
-        (BLOCK_POSITION, mask_geometry(), nearby_order()),
+        (mask_geometry(), nearby_order()),
     )
-    return Batch(blocks, rows, *rays, nearby=Nearby(*near) if nearby else None)
+    axis, sign = (table[augmentation.symmetry][:, None] for table in (symmetries.axis, symmetries.sign))  # (V, 1, 3)
+    half = np.float32(0.5)
+    centred, direction, up = (sign * np.take_along_axis(each, axis, axis=2) for each in (entry - half, direction, up))
+    return Batch(
+        blocks,
+        moved[:, BLOCK_POSITION].reshape(-1, 8),
+        centred + half,
+        direction,
+        up,
+        ratio,
+        views[..., 10] / np.float32(COVERAGE_SCALE),
+        luminance * linear[:, :1] + linear[:, 1:],
+        forest.luminance[around[:, MIDDLE]] / np.float32(LUMINANCE_SCALE),
+        nearby=Nearby(*near) if nearby else None,
+    )
 
 
 @kernel
 def _gather(forest, stored, augmentation, how, tables):
-    """Gather a batch in one call: Python between several calls would evict code and data from the caches."""
+    """Blocks of a batch; of each voxel the rows of its blocks, their nodes, and its linear map; cells near its rays.
+
+    It is one call: Python between several calls would evict code and data from the caches.
+    """
     nodes, light_of, normal, root = forest
-    trees, voxels, views = stored
-    _, symmetry, symmetries = augmentation
+    trees, voxels, rays = stored
     lookahead, width, nearby = how
-    position, geometry, orders = tables
+    geometry, orders = tables
     count = len(trees)
     tree, voxel = trees.astype(np.int64), voxels.astype(np.int32)
     linear = np.empty((count, 2), np.float32)  # gain and offset of luminance
@@ -103,18 +120,15 @@ def _gather(forest, stored, augmentation, how, tables):
     where, cells_of = (root, tree, voxel), (light_of.luminance, normal)
     found, how_blocks = (moved, around, linear), (lookahead, not nearby)
     used = _gather_blocks(nodes, cells_of, where, augmentation, how_blocks, blocks, found)
-    entry, direction, up, ratio, coverage, light = _read_views(views)
-    near_views = views.shape[1] if nearby else 0
+    near_views = rays[3].shape[1] if nearby else 0
     near = (
         np.empty((count, near_views, VIEW), np.float32),
         np.empty((count, near_views, COVERING), np.float32),
         np.empty((count, near_views, MIXED), np.float32),
     )
     if nearby:
-        rays = entry, direction, up, ratio
         gather_nearby(nodes, light_of, (tree, around, linear), rays, (geometry, orders), near)
-    _turn_views((entry, direction, up), light, (symmetry, symmetries), linear)
-    return blocks[:used], _corner_rows(moved, position), (entry, direction, up, ratio, coverage, light), near
+    return blocks[:used], moved, around, linear, near
 
 
 @device
@@ -194,55 +208,3 @@ def _write_block(own, cells_of, nodes, light, turned, values):
         values[at] = sx * normal[node, ax]
         values[at + 1] = sy * normal[node, ay]
         values[at + 2] = sz * normal[node, az]
-
-
-@device
-def _corner_rows(moved, position):
-    """Rows (8 V, 8) of the blocks of each corner's patch, see `Batch`."""
-    rows = np.empty((8 * len(moved), 8), np.int64)
-    for v in range(len(moved)):
-        for corner in range(8):
-            for octant in range(8):
-                rows[8 * v + corner, octant] = moved[v, position[corner, octant]]
-    return rows
-
-
-@device
-def _read_views(views):
-    """Entry, direction, up (V, R, 3), ratio, coverage, luminance (V, R), float32, of stored views (V, R, 12)."""
-    voxels, count = views.shape[:2]
-    entry, direction = np.empty((voxels, count, 3), np.float32), np.empty((voxels, count, 3), np.float32)
-    up, ratio = np.empty((voxels, count, 3), np.float32), np.empty((voxels, count), np.float32)
-    coverage, luminance = np.empty((voxels, count), np.float32), np.empty((voxels, count), np.float32)
-    unit, signed = np.float32(UNIT), np.float32(SIGNED)
-    for v in range(voxels):
-        for r in range(count):
-            for axis in range(3):
-                entry[v, r, axis] = np.float32(views[v, r, axis]) / unit
-                direction[v, r, axis] = np.float32(np.int16(views[v, r, 3 + axis])) / signed
-                up[v, r, axis] = np.float32(np.int16(views[v, r, 6 + axis])) / signed
-            ratio[v, r] = np.float32(views[v, r, 9]) / unit
-            coverage[v, r] = np.float32(views[v, r, 10]) / np.float32(COVERAGE_SCALE)
-            luminance[v, r] = np.float32(views[v, r, 11]) / unit
-    return entry, direction, up, ratio, coverage, luminance
-
-
-@device
-def _turn_views(vectors, luminance, turned, linear):
-    """Rotate entry, direction and up (V, R, 3) of views by the symmetry of their voxel, and map luminance (V, R).
-
-    turned: numbers (V,) of symmetries, and their tables. linear: (V, 2) gain and offset of luminance.
-    """
-    entry, direction, up = vectors
-    symmetry, symmetries = turned
-    before, half = np.empty((3, 3), np.float32), np.float32(0.5)
-    for v in range(entry.shape[0]):
-        axis, sign = symmetries.axis[symmetry[v]], symmetries.sign[symmetry[v]]
-        for r in range(entry.shape[1]):
-            before[0], before[1], before[2] = entry[v, r], direction[v, r], up[v, r]
-            for k in range(3):
-                source, s = axis[k], sign[k]
-                entry[v, r, k] = s * (before[0, source] - half) + half
-                direction[v, r, k] = s * before[1, source]
-                up[v, r, k] = s * before[2, source]
-            luminance[v, r] = luminance[v, r] * linear[v, 0] + linear[v, 1]

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..settings import SAMPLES, VALIDATION_VOXELS, VIEWS
@@ -54,8 +53,6 @@ class Corpus:
 
 def corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tuple[Corpus, dict[str, Corpus]]:
     """All training voxels, and the held-out ones by data set; raises PatchNetError if there are none."""
-    if not datasets:
-        raise SettingError("There is nothing to train on: name at least one sample file")
     views = {dataset.samples.views.shape[1] for dataset in datasets}
     if len(views) != 1:
         raise SettingError(f"The sample files have {sorted(views)} views per voxel: draw them with the same number")
@@ -117,8 +114,6 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
     Their own samples are ignored. Levels are as frequent as in sample files of default size. nearby: as in `Corpus`.
     Raises PatchNetError if there is nothing to draw.
     """
-    if not datasets:
-        raise SettingError("There is nothing to train on: name at least one octree")
     settings = [dataset.sample_settings for dataset in datasets]
     free: list[list[np.ndarray]] = []
     held_out = {}
@@ -126,15 +121,10 @@ def fresh_corpus_of(datasets: Sequence[Dataset], *, nearby: bool = False) -> tup
         training, validation = candidates(dataset.octree, how)
         free.append(training)
         if sum(map(len, validation)):
-            held_out[dataset.name] = _held_out_samples(dataset.octree, validation, how, nearby)
+            # As many as a validation uses.
+            own = FreshCorpus(concatenate([dataset.octree]), VoxelLists.of([validation], VALIDATION_VOXELS), how)
+            drawn = own.draw(how.seed, _HELD_OUT, slice(0, VALIDATION_VOXELS))
+            held_out[dataset.name] = Corpus(own.forest, *drawn, how.lookahead, nearby)
     lists = VoxelLists.of(free, SAMPLES // VIEWS // len(datasets))
     forest = concatenate([dataset.octree for dataset in datasets])
     return FreshCorpus(forest, lists, settings[0], nearby), held_out
-
-
-def _held_out_samples(octree: Octree, voxels: Sequence[np.ndarray], settings: SampleSettings, nearby: bool) -> Corpus:
-    """Samples of held-out voxels, as many as a validation uses."""
-    forest = concatenate([octree])
-    corpus = FreshCorpus(forest, VoxelLists.of([voxels], VALIDATION_VOXELS), settings)
-    drawn = corpus.draw(settings.seed, _HELD_OUT, slice(0, VALIDATION_VOXELS))
-    return Corpus(forest, *drawn, settings.lookahead, nearby)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +49,7 @@ class Dataset:
     @property
     def sample_settings(self) -> SampleSettings:
         """Settings that samples are drawn with; the defaults if the file has none."""
-        known = {field.name for field in fields(SampleSettings)}
-        stated = self.metadata.get("settings", {})
-        return SampleSettings(**{name: value for name, value in stated.items() if name in known})
+        return SampleSettings(**self.metadata.get("settings", {}))
 
 
 def fresh_datasets(paths: Sequence[Path], seed: int) -> list[Dataset]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, POPCOUNT, Nodes, Octree
+from ...patchnet_addon.octree.octree import Nodes, Octree
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device
@@ -73,16 +73,3 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
         luminance=np.concatenate([octree.luminance for octree in octrees]),
         normal=np.concatenate([octree.normal for octree in octrees]),
     )
-
-
-def voxel_luminance(forest: Forest, tree: np.ndarray, voxel: np.ndarray) -> np.ndarray:
-    """Luminance (V,) float32 in [0, 1] of existing voxels (V, 4) level, x, y, z of octrees `tree` (V,)."""
-    node = forest.root[tree]
-    level, cell = voxel[:, 0].astype(np.int64), voxel[:, 1:].astype(np.int64)
-    for step in range(int(level.max(initial=0))):
-        below = level > step
-        bits = cell >> np.maximum(level - 1 - step, 0)[:, None] & 1
-        octant = bits @ np.array([1, 2, 4])
-        before = POPCOUNT[forest.nodes.child_mask[node] & ((1 << octant) - 1)]
-        node = np.where(below, forest.nodes.first_child[node].astype(np.int64) + before, node)
-    return (forest.luminance[node] / np.float32(LUMINANCE_SCALE)).astype(np.float32)

@@ -6,8 +6,7 @@ They are in the frame of each ray, which is invariant to rotations of voxel and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,23 +22,16 @@ from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
 from ...patchnet_addon.runtime.kernels import device, lean_device
 from .forest import tree_nodes
 
-Array = TypeVar("Array")
-"""Array of NumPy's, or tensor of torch's."""
 
-
-@dataclass(frozen=True, eq=False)
-class NearbyOf(Generic[Array]):
-    """Cells near V voxels in R views each, float32, see `MixtureInputs`.
+class Nearby(NamedTuple):
+    """Cells near V voxels in R views each, float32 arrays or tensors, see `MixtureInputs`.
 
     view: (V, R, 9). covered: (V, R, 64). luminances: (V, R, 65).
     """
 
-    view: Array
-    covered: Array
-    luminances: Array
-
-
-Nearby = NearbyOf[np.ndarray]
+    view: Any
+    covered: Any
+    luminances: Any
 
 
 @device

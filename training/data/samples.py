@@ -105,12 +105,6 @@ def _mix(state):
 
 
 @device
-def _begin_random(state, start, number):
-    """Initialize the random state (1,) uint64 of item `number` for the seed `start`, uint64."""
-    state[0] = _mix(_mix(start + np.uint64(number)))
-
-
-@device
 def _uniform(state):
     """Next random number of [0, 1); `state` is (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
@@ -207,7 +201,7 @@ def _draw(first, last, how, octrees, lists, tree, voxel, views):
     candidates, starts, below = lists
     state = np.empty(1, np.uint64)
     for place in range(first, last):
-        _begin_random(state, start, offset + place)
+        state[0] = _mix(_mix(start + np.uint64(offset + place)))  # of the place, for the seed
         octree = min(np.int64(_uniform(state) * len(root)), len(root) - 1)
         tree[place] = -1
         for _ in range(_VOXELS):

@@ -8,23 +8,17 @@ import torch
 from torch import Tensor
 
 from ...patchnet_addon.network.devices import CPU
-from .batches import Batch, BatchOf
-from .nearby import NearbyOf
-
-TensorBatch = BatchOf[Tensor]
-TensorNearby = NearbyOf[Tensor]
+from .batches import Batch
+from .nearby import Nearby
 
 
-def tensor_batch(batch: Batch, device: torch.device | str = CPU) -> TensorBatch:
-    """Batch on a device; on the CPU without a copy."""
+def tensor_batch(batch: Batch, device: torch.device | str = CPU) -> Batch:
+    """Batch of tensors on a device; on the CPU without a copy."""
     device = torch.device(device)
-    near = None if batch.nearby is None else TensorNearby(**_tensors(batch.nearby, device))
-    return TensorBatch(**_tensors(batch, device), nearby=near)
 
+    def there(array: np.ndarray) -> Tensor:
+        tensor = torch.from_numpy(array)
+        return tensor if device.type == CPU else tensor.pin_memory().to(device, non_blocking=True)
 
-def _tensors(arrays: object, device: torch.device) -> dict[str, Tensor]:
-    """Arrays of a dataclass on a device, by name."""
-    found = {name: torch.from_numpy(array) for name, array in vars(arrays).items() if isinstance(array, np.ndarray)}
-    if device.type == CPU:
-        return found
-    return {name: tensor.pin_memory().to(device, non_blocking=True) for name, tensor in found.items()}
+    arrays = {name: there(array) for name, array in vars(batch).items() if name != "nearby"}
+    return Batch(**arrays, nearby=batch.nearby and Nearby(*map(there, batch.nearby)))

@@ -30,7 +30,7 @@ from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample, supersample_pixels
-from ..benchmarks.timing import take_turns
+from ..benchmarks.timing import timed
 from .codes import SceneCodes
 from .curves import BUDGETS
 from .strategies import PatchNetwork
@@ -65,8 +65,8 @@ def measure_costs(
             runs = _runs(codes, camera, strategies)
             for run in runs.values():
                 run()  # also compiles
-            for key, seconds in take_turns(runs, repeats).items():
-                times.setdefault(key, []).append(1e3 * median(seconds))
+            for key, seconds in timed(runs, repeats)[0].items():
+                times.setdefault(key, []).append(1e3 * seconds)
     ms = {key: median(each) for key, each in times.items()}
     by_budget = {
         name: np.interp(BUDGETS, _MEASURED, [ms[f"{name} {budget}"] for budget in _MEASURED]).tolist()

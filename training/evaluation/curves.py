@@ -4,12 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple
 
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling import errors, optimal
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
@@ -21,63 +19,35 @@ BUDGETS = np.arange(101) / 100  # methods 7.25
 BUDGETS.setflags(write=False)
 
 
-@dataclass(frozen=True, eq=False)
-class FrameErrors:
-    """Errors of one frame under S strategies, for pooling.
-
-    active: A, number of active pixels. left: (S, 101) float64, sum over them of the remaining squared errors after each
-    budget of BUDGETS.
-    """
-
-    active: int
-    left: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class TrackErrors:
+class TrackErrors(NamedTuple):
     """Errors of the F frames of a camera track through a scene, in the order of time, under S named strategies.
 
-    scene: its name. active: (F,) int64, left: (F, S, 101) float64, as in `FrameErrors`.
+    active: (F,) int64, number of active pixels. left: (F, S, 101) float64, see `frame_errors`.
     """
 
-    scene: str
     strategies: tuple[str, ...]
     active: np.ndarray
     left: np.ndarray
 
-    @classmethod
-    def of(cls, scene: str, strategies: Sequence[str], frames: Sequence[FrameErrors]) -> Self:
-        """Join one or more frames, whose errors are in the order of `strategies`."""
-        active = np.array([frame.active for frame in frames], np.int64)
-        return cls(scene, tuple(strategies), active, np.stack([frame.left for frame in frames]).astype(np.float64))
-
 
 def frame_orders(buffers: PixelBuffers, scores: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the only sort of a frame.
-
-    Raises SettingError for scores of another shape or NaN.
-    """
-    pixels = buffers.height * buffers.width
-    for name, score in scores.items():
-        if score.shape != (pixels,):
-            raise SettingError(
-                f"Strategy {name!r} has scores of shape {score.shape}: give one for each of {pixels} pixels"
-            )
-        if np.isnan(score).any():
-            raise SettingError(f"Strategy {name!r} has scores that are NaN: check its divisions")
+    """Refinement order (A,) int64 of the active pixels by each strategy's `scores` (P,): the only sort of a frame."""
     return {name: refinement_order(buffers, score) for name, score in scores.items()}
 
 
-def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> FrameErrors:
-    """Errors of a frame under strategies with `orders` (A,); the view has a reference, and no importance."""
+def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Squared errors (S, 101) float64 of a frame, summed over active pixels, after each budget of BUDGETS.
+
+    orders: (A,) of S strategies. The view has a reference, and no importance.
+    """
     assert buffers.reference is not None and buffers.importance is None
     budgets = BUDGETS.tolist()
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
-    return FrameErrors(int(np.count_nonzero(buffers.active)), np.array(left).reshape(len(orders), len(budgets)))
+    return np.array(left).reshape(len(orders), len(budgets))
 
 
-def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
-    """Add the errors of staged strategies to `measured`, which has those of all by a single order.
+def rank_staged(left: np.ndarray, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
+    """Write the errors of staged strategies into `left` (S, 101), which has those of all by a single order.
 
     Each budget has its own stages. The view must contain all inputs of the strategies.
     """
@@ -85,7 +55,7 @@ def rank_staged(measured: FrameErrors, buffers: PixelBuffers, strategies: Mappin
         if isinstance(strategy, StagedStrategy):
             for index, budget in enumerate(BUDGETS.tolist()):
                 order = refinement_order(buffers, strategy.scores_within(buffers, budget))
-                measured.left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]
+                left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]
 
 
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.tone import gray
@@ -27,12 +28,9 @@ from .bootstrap import finite
 from .curves import (
     BUDGETS,
     OPTIMAL,
-    FrameErrors,
-    TrackErrors,
     excess_area,
     frame_errors,
     frame_orders,
-    pooled_mse,
     rank_staged,
 )
 from .panels import save_figure, show_picture, show_values
@@ -67,15 +65,20 @@ class CameraResult:
     """Results of one camera.
 
     buffers: the view, with 32x32 rays of the octree as its reference. truths: by name. errors: against the octree and
-    against each of the truths, by name. bias, noise: sums over active pixels, by truth.
+    against each of the truths, by name, see `frame_errors`. bias, noise: sums over active pixels, by truth.
     """
 
     camera: Camera
     buffers: PixelBuffers
     truths: Mapping[str, Truth]
-    errors: Mapping[str, FrameErrors]
+    errors: Mapping[str, np.ndarray]
     bias: Mapping[str, float]
     noise: Mapping[str, float]
+
+    @property
+    def active(self) -> int:
+        """Number of active pixels."""
+        return int(np.count_nonzero(self.buffers.active))
 
 
 def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
@@ -89,10 +92,7 @@ def spread_cameras(track: Sequence[Camera], count: int) -> list[Camera]:
 def measure_camera(
     coded: CodedOctree, camera: Camera, strategies: Mapping[str, Strategy], truths: Mapping[str, Truth]
 ) -> Steps[CameraResult]:
-    """Measure all strategies through one camera. Scores are the same for all truths, except of oracles.
-
-    Raises SettingError for a truth of another size.
-    """
+    """Measure all strategies through one camera. Scores are the same for all truths, except of oracles."""
     buffers = yield from trace_view(coded.octree, camera, list(strategies.values()), coded=coded)
     assert buffers.reference is not None
     scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
@@ -100,8 +100,6 @@ def measure_camera(
     rank_staged(errors[OCTREE], buffers, strategies)
     bias, noise = {}, {}
     for name, truth in truths.items():
-        if truth.luminance.shape != buffers.reference.shape:
-            raise SettingError(f"Truth {name!r} has another size than the camera's picture: render it with this camera")
         seen = replace(buffers, reference=truth.luminance)
         known = {key: each.scores(seen) for key, each in strategies.items() if REFERENCE in each.needs}
         errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
@@ -112,18 +110,17 @@ def measure_camera(
 
 
 def cycles_results(
-    scene: str, coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
+    coded: CodedOctree, strategies: Mapping[str, Strategy], results: Sequence[CameraResult]
 ) -> dict[str, Any]:
     """Results of a scene's cameras as plain JSON values: mean squared errors over all active pixels (methods 5).
 
     `mse` is against the diffuse light; `truths` has the same of each truth, with bias and noise.
     """
     names = list(strategies)
-    active = max(sum(result.errors[OCTREE].active for result in results), 1)
+    active = max(sum(result.active for result in results), 1)
     truths: dict[str, Any] = {}
     for truth in results[0].errors:
-        track = TrackErrors.of(f"{scene}, {truth}", names, [result.errors[truth] for result in results])
-        mse = pooled_mse([track])
+        mse = np.sum([result.errors[truth] for result in results], axis=0) / active
         areas = excess_area(mse, mse[names.index(OPTIMAL)])
         truths[truth] = {
             "mse": {name: mse[row].tolist() for row, name in enumerate(names)},
@@ -138,7 +135,6 @@ def cycles_results(
         "budgets": BUDGETS.tolist(),
         "mse": truths[DIFFUSE]["mse"],
         "truths": truths,
-        "cameras": [_camera(result) for result in results],
         "active_pixels": active,
         "depth": coded.octree.depth,
         "octree_hash": octree_hash(coded.octree),
@@ -147,24 +143,8 @@ def cycles_results(
     }
 
 
-def _camera(result: CameraResult) -> dict[str, Any]:
-    active = max(result.errors[OCTREE].active, 1)
-    return {
-        "name": result.camera.name,
-        "position_world": result.camera.position_world.tolist(),
-        "forward": result.camera.forward.tolist(),
-        "active_pixels": result.errors[OCTREE].active,
-        "lookahead_share": result.buffers.lookahead_share,
-        "mse_unrefined": {name: float(errors.left[0, 0]) / active for name, errors in result.errors.items()},
-        "bias": {name: value / active for name, value in result.bias.items()},
-        "noise": {name: value / active for name, value in result.noise.items()},
-    }
-
-
 def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> None:
     """Draw a row of pictures for each camera; raises PatchNetError if it cannot be written."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(2.6 * len(_TITLES), 2.8 * len(results)), dpi=100, layout="constrained")
     rows = figure.subplots(len(results), len(_TITLES), squeeze=False)
     for axes, result in zip(rows, results, strict=True):
@@ -172,7 +152,7 @@ def draw_cameras(results: Sequence[CameraResult], folder: Path, name: str) -> No
         assert buffers.reference is not None
         for each, title, values in zip(axes, _TITLES, (buffers.preview, buffers.reference, cycles), strict=False):
             show_picture(each, gray(buffers.picture(values)), f"{result.camera.name}: {title}")
-        bias = 1e4 * result.bias[DIFFUSE] / max(result.errors[DIFFUSE].active, 1)
+        bias = 1e4 * result.bias[DIFFUSE] / max(result.active, 1)
         difference = buffers.picture(np.abs(buffers.reference - cycles))
         show_values(axes[-1], difference, 0.5, f"{_TITLES[-1]}, bias {bias:.1f}e-4")
     save_figure(figure, folder / f"{name}.png")

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
-from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import octree_hash
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
@@ -23,7 +22,7 @@ from ...patchnet_addon.runtime.threads import usable_cores
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.uniform import SIDES
 from ..encoders import load_weights
-from .codes import EvaluationSettings, SceneCodes, scene_codes
+from .codes import EvaluationSettings, scene_codes
 from .costs import Costs, measure_costs, read_costs, write_costs
 from .frames import BlockResult, FrameBlock, evaluate_block, load_block
 from .networks.maps import map_hash
@@ -65,7 +64,17 @@ def prepare(octrees: Mapping[str, Path], settings: EvaluationSettings, out: Path
     weights = load_weights(settings.weights)
     scenes = {}
     for name, path in octrees.items():
-        scenes[name] = yield from _prepare(path, settings, weights, out / "scenes" / name)
+        folder = out / "scenes" / name
+        octree = (yield from scene_codes(path, folder, settings)).coded.octree
+        track = yield from camera_track(
+            octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
+        )
+        cameras = track[:: settings.every]
+        key = _key(settings, octree_hash(octree), weights.whole_hash)
+        scenes[name] = [
+            FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
+            for first in range(0, len(cameras), _BLOCK)
+        ]
     return scenes
 
 
@@ -80,19 +89,6 @@ def evaluate_part(
     mine = [block for blocks in scenes.values() for block in blocks][part - 1 :: parts]
     yield from _run(mine, settings.processes or usable_cores())
     return len(mine)
-
-
-def _prepare(path: Path, settings: EvaluationSettings, weights: Weights, folder: Path) -> Steps[list[FrameBlock]]:
-    octree = (yield from scene_codes(path, folder, settings)).coded.octree
-    track = yield from camera_track(
-        octree, frames=settings.frames, size_px=settings.size_px, lookahead=weights.lookahead, seed=settings.seed
-    )
-    cameras = track[:: settings.every]
-    key = _key(settings, octree_hash(octree), weights.whole_hash)
-    return [
-        FrameBlock(path, folder, settings, cameras[first : first + _BLOCK], first, key)
-        for first in range(0, len(cameras), _BLOCK)
-    ]
 
 
 def _key(settings: EvaluationSettings, octree: str, weights: str) -> str:
@@ -130,17 +126,11 @@ def _run(blocks: Sequence[FrameBlock], processes: int) -> Steps[None]:
 def _result(name: str, blocks: Sequence[FrameBlock], strategies: Mapping[str, Strategy]) -> SceneResult:
     found = [block for block in map(load_block, blocks) if block is not None]
     codes = drain(scene_codes(blocks[0].octree, blocks[0].folder, blocks[0].settings))
-    return SceneResult(name, strategies, BlockResult.joined(found), _costs(blocks, codes, strategies), codes.coded)
-
-
-def _costs(blocks: Sequence[FrameBlock], codes: SceneCodes, strategies: Mapping[str, Strategy]) -> Costs:
-    """Costs from their file, or measured on frames all over the track and stored."""
     path, key = blocks[0].folder / "costs.json", blocks[0].key
-    kept = read_costs(path, key)
-    if kept is not None:
-        return kept
-    cameras = [camera for block in blocks for camera in block.cameras]
-    step = max(len(cameras) // _COST_FRAMES, 1)
-    costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
-    write_costs(costs, path, key)
-    return costs
+    costs = read_costs(path, key)
+    if costs is None:  # measured on frames all over the track
+        cameras = [camera for block in blocks for camera in block.cameras]
+        step = max(len(cameras) // _COST_FRAMES, 1)
+        costs = measure_costs(codes, cameras[::step][:_COST_FRAMES], strategies, _COST_REPEATS)
+        write_costs(costs, path, key)
+    return SceneResult(name, strategies, BlockResult.joined(found), costs, codes.coded)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.tracing.camera import Camera
-from .poses import Pose, Seen, Surroundings, step_of, turn_of
+from .poses import Pose, Surroundings, none_seen, step_of, turn_of
 
 MAX_STEP = 0.01  # cube sides from frame to frame
 MAX_TURN = float(np.radians(3.0))  # from frame to frame
@@ -37,13 +37,12 @@ def catmull_rom(times: np.ndarray, points: np.ndarray, wanted: np.ndarray) -> np
     piece = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
     length = (times[piece + 1] - times[piece])[:, None]
     s = (wanted - times[piece])[:, None] / length
-    result: np.ndarray = (
+    return np.asarray(
         (2 * s**3 - 3 * s**2 + 1) * points[piece]
         + (s**3 - 2 * s**2 + s) * length * tangents[piece]
         + (3 * s**2 - 2 * s**3) * points[piece + 1]
         + (s**3 - s**2) * length * tangents[piece + 1]
     )
-    return result
 
 
 class Explorations:
@@ -54,23 +53,21 @@ class Explorations:
         self._side = around.side_world
         self._poses = around.find_poses(random)
         self._max_leg = max(_MAX_LEG, _MAX_LEG_NEAR * around.near_world / self._side)
-        self._seen = Seen()
+        self._seen = none_seen()
 
     def shot(self, number: int, frames: int) -> list[Camera]:
         """Frames of exploration `number`, or the best one found if none is long enough or has the wanted look-ahead.
 
         Raises SceneError if there is no room for any.
         """
-        starts = sorted(self._poses, key=self._seen.gain, reverse=True)[:_TRIED_SHOTS]
-        for speed in _SPEEDS:
-            best = self._best(starts, frames, f"Exploration {number}", speed)
-            if best is not None:
-                break
+        starts = sorted(self._poses, key=lambda pose: pose.gain(self._seen), reverse=True)[:_TRIED_SHOTS]
+        tried = (self._best(starts, frames, f"Exploration {number}", speed) for speed in _SPEEDS)
+        best = next(filter(None, tried), None)
         if best is None:
             raise SceneError("No flight through the octree's free space was found: choose another seed or more depth")
         cameras, walk = best
         for pose in walk:
-            self._seen.add(pose)
+            self._seen[pose.cells] += 1
         return cameras
 
     def _best(self, starts: list[Pose], frames: int, name: str, speed: float) -> tuple[list[Camera], list[Pose]] | None:
@@ -98,20 +95,20 @@ class Explorations:
         """Successive poses for at least `frames` frames, fewer without a continuation."""
         walk = [start]
         seen = self._seen.copy()
-        seen.add(start)
+        seen[start.cells] += 1
         while self._times(walk)[-1] < frames:
             following = self._next(walk, seen)
             if following is None:
                 break
             walk.append(following)
-            seen.add(following)
+            seen[following.cells] += 1
         return walk
 
-    def _next(self, walk: list[Pose], seen: Seen) -> Pose | None:
+    def _next(self, walk: list[Pose], seen: np.ndarray) -> Pose | None:
         """Pose with most unseen cells among those with a straight and free way with look-ahead."""
         here = walk[-1]
         near = [pose for pose in self._poses if self._is_near(here, pose) and not any(pose is old for old in walk)]
-        for pose in sorted(near, key=seen.gain, reverse=True)[:_TRIED_LEGS]:
+        for pose in sorted(near, key=lambda pose: pose.gain(seen), reverse=True)[:_TRIED_LEGS]:
             if self._is_open(here, pose):
                 return pose
         return None

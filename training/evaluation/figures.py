@@ -5,16 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 
 from .costs import CYCLES_MS_PER_PIXEL, total_ms
 from .panels import BLUE, GRAY, GREEN, ORANGE, PURPLE, save_panels
 from .strategies import network_name
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _LIGHT = "0.75"
 Style = tuple[str, str]  # color and line
@@ -51,8 +51,6 @@ def draw_budgets(
     The first four further networks have their own lines. levels: errors that do not depend on strategies, as horizontal
     lines, by label. Returns the files.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
     panels = figure.subplots(1, len(_PANELS), sharey=True)
@@ -70,8 +68,6 @@ def draw_budgets(
 
 def draw_overview(scenes: Mapping[str, Any], folder: Path, name: str) -> list[Path]:
     """Draw error over budget of all scenes, a diagram each, with the highlighted strategies; returns the files."""
-    from matplotlib.figure import Figure
-
     rows = -(-len(scenes) // _COLUMNS)
     figure = Figure(figsize=(3.2 * _COLUMNS, 2.9 * rows + 0.8), dpi=100, layout="constrained")
     panels = figure.subplots(rows, _COLUMNS, squeeze=False, sharex=True).ravel()
@@ -94,8 +90,6 @@ def draw_times(values: dict[str, Any], folder: Path, name: str, title: str) -> l
     Left, samples are 32x32 rays of the octree in each refined pixel; right, 64 paths of Cycles at a stated cost.
     Pictures with the same number of rays in every pixel are points. Returns the files.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(12, 5.2), dpi=100, layout="constrained")
     figure.suptitle(title, fontsize=12)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -167,9 +161,6 @@ def draw_generalisation(found: Mapping[str, Any], folder: Path) -> list[Path]:
 
     Returns the files, none without networks; raises PatchNetError if one cannot be written.
     """
-    from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
-
     matrices = {score: values["networks"] for score, values in found.items() if values["networks"]}
     if not matrices:
         return []

@@ -10,10 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.predict import predict
-from ...patchnet_addon.runtime.errors import FileFormatError
-from ...patchnet_addon.runtime.files import read_arrays, write_arrays
+from ...patchnet_addon.runtime.files import write_arrays
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling import patchnet_behind
@@ -24,8 +22,9 @@ from ...patchnet_addon.sampling.refine import refinement_order
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
+from . import kept_arrays
 from .codes import EvaluationSettings, SceneCodes, scene_codes
-from .curves import BUDGETS, TrackErrors, frame_errors, frame_orders, rank_staged
+from .curves import BUDGETS, frame_errors, frame_orders, rank_staged
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
 
@@ -76,10 +75,6 @@ class BlockResult:
         names = cls.__dataclass_fields__
         return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in names))
 
-    def track(self, scene: str, strategies: Sequence[str]) -> TrackErrors:
-        """Errors of the track."""
-        return TrackErrors(scene, tuple(strategies), self.active, self.left)
-
 
 def evaluate_block(block: FrameBlock) -> None:
     """Evaluate the frames of a block on one thread and write them."""
@@ -92,18 +87,22 @@ def evaluate_block(block: FrameBlock) -> None:
             wanted = list(strategies.values())
             traced = drain(trace_view(coded.octree, camera, wanted, coded=coded, unrefined=PREDICTED))
             buffers = replace(traced, unrefined=PREVIEW)  # as in the paper
-            views = _views(buffers, codes)
+            # Each further network decodes once, at the same hits.
+            others = {
+                each: replace(buffers, prediction=predict(each, buffers.hits)) for each in codes.networks.values()
+            }
+            views = {coded: buffers} | others
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
-            errors = frame_errors(buffers, orders)
-            rank_staged(errors, buffers, strategies)
+            left = frame_errors(buffers, orders)
+            rank_staged(left, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
             quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
             prediction = buffers.prediction
             ahead = 0 if prediction is None else int(np.count_nonzero(prediction.look_ahead & buffers.hit))
             uniform = [drain(uniform_error(coded.octree, camera, buffers, side)) for side in SIDES]
             pictures = uniform, predicted_left(views.values())
-            rows.append((errors.active, errors.left, int(buffers.hit.sum()), ahead, *pictures, quality))
+            rows.append((int(buffers.active.sum()), left, int(buffers.hit.sum()), ahead, *pictures, quality))
     names = BlockResult.__dataclass_fields__
     arrays = {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
     block.path.parent.mkdir(parents=True, exist_ok=True)
@@ -111,21 +110,9 @@ def evaluate_block(block: FrameBlock) -> None:
 
 
 def load_block(block: FrameBlock) -> BlockResult | None:
-    """Results of a block from its file; None if they are missing, damaged, or have another key."""
-    if not block.path.is_file():
-        return None
-    try:
-        arrays, metadata = read_arrays(block.path, KIND)
-    except FileFormatError:
-        return None
-    return BlockResult(**arrays) if metadata.get("key") == block.key else None
-
-
-def _views(buffers: PixelBuffers, codes: SceneCodes) -> dict[CodedOctree, PixelBuffers]:
-    """View with the codes of each prediction; each further network decodes once, at the same hits."""
-    return {codes.coded: buffers} | {
-        coded: replace(buffers, prediction=predict(coded, buffers.hits)) for coded in codes.networks.values()
-    }
+    """Results of a block from its file, see `kept_arrays`."""
+    arrays = kept_arrays(block.path, KIND, block.key)
+    return None if arrays is None else BlockResult(**arrays)
 
 
 @lru_cache(maxsize=1)

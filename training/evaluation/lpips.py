@@ -7,6 +7,7 @@ Zhang, Isola, Efros, Shechtman, Wang, "The Unreasonable Effectiveness of Deep Fe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -39,32 +40,22 @@ class LpipsWeights:
 
         Raises WeightsFileError for a missing or different file.
         """
-        trunk_file, heads_file = _read(trunk_path), _read(heads_path)
-        trunk = _trunk()
-        state = {
-            name: _entry(trunk_file, f"features.{name}", value.shape, trunk_path)
-            for name, value in trunk.state_dict().items()
-        }
-        trunk.load_state_dict(state)
-        channels = [len(value) for name, value in state.items() if name.endswith("bias")]
-        heads = [
-            _entry(heads_file, f"lin{layer}.model.1.weight", (1, count, 1, 1), heads_path)
-            for layer, count in enumerate(channels)
-        ]
-        return cls(trunk, tuple(heads))
+        from torch import nn
 
-
-def _trunk() -> nn.Sequential:
-    """Layers as torchvision numbers them."""
-    from torch import nn
-
-    return nn.Sequential(
-        nn.Conv2d(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
-        nn.Conv2d(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
-        nn.Conv2d(192, 384, 3, 1, 1), nn.ReLU(),
-        nn.Conv2d(384, 256, 3, 1, 1), nn.ReLU(),
-        nn.Conv2d(256, 256, 3, 1, 1), nn.ReLU(),
-    )  # fmt: skip
+        # As torchvision numbers them.
+        trunk = nn.Sequential(
+            nn.Conv2d(3, 64, 11, 4, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+            nn.Conv2d(64, 192, 5, 1, 2), nn.ReLU(), nn.MaxPool2d(3, 2),
+            nn.Conv2d(192, 384, 3, 1, 1), nn.ReLU(),
+            nn.Conv2d(384, 256, 3, 1, 1), nn.ReLU(),
+            nn.Conv2d(256, 256, 3, 1, 1), nn.ReLU(),
+        )  # fmt: skip
+        shapes = {name: value.shape for name, value in trunk.state_dict().items()}
+        values = _read(trunk_path, {f"features.{name}": shape for name, shape in shapes.items()})
+        trunk.load_state_dict(dict(zip(shapes, values, strict=True)))
+        channels = [shape[0] for name, shape in shapes.items() if name.endswith("bias")]
+        wanted = {f"lin{layer}.model.1.weight": (1, count, 1, 1) for layer, count in enumerate(channels)}
+        return cls(trunk, tuple(_read(heads_path, wanted)))
 
 
 def lpips(weights: LpipsWeights, pictures: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -98,23 +89,25 @@ def _features(weights: LpipsWeights, gray: np.ndarray) -> list[torch.Tensor]:
     return features
 
 
-def _read(path: Path) -> Any:
-    """Read a state dict without executing its contents."""
+def _read(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> list[torch.Tensor]:
+    """Tensors of a state dict by name, without executing the file's contents.
+
+    Raises WeightsFileError if one is missing, has another shape, or is not finite.
+    """
     from pickle import UnpicklingError
 
     import torch
 
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        found = torch.load(path, map_location="cpu", weights_only=True)
     except (UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as cause:
         raise WeightsFileError(f"{path} cannot be read as a state dict of torch: fetch the file again") from cause
-
-
-def _entry(found: Any, name: str, shape: tuple[int, ...], path: Path) -> torch.Tensor:
-    """Tensor of a state dict; raises WeightsFileError if it is missing, has another shape, or is not finite."""
-    value: Any = found.get(name) if isinstance(found, dict) else None
-    if getattr(value, "shape", None) != shape or not value.isfinite().all():
-        raise WeightsFileError(
-            f"{path} has no finite {name!r} of shape {shape}: give AlexNet's weights, then LPIPS v0.1's heads"
-        )
-    return value.float()
+    values = []
+    for name, shape in shapes.items():
+        value: Any = found.get(name) if isinstance(found, dict) else None
+        if getattr(value, "shape", None) != shape or not value.isfinite().all():
+            raise WeightsFileError(
+                f"{path} has no finite {name!r} of shape {shape}: give AlexNet's weights, then LPIPS v0.1's heads"
+            )
+        values.append(value.float())
+    return values

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...patchnet_addon.octree.file import load_octree, octree_hash
+from ...patchnet_addon.runtime.files import read_arrays, write_arrays
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
 from ...patchnet_addon.runtime.source_hash import source_hash
-from .networks.frames import RenderedFrame, render_frame
+from . import kept_arrays
+from .networks.frames import KIND, RenderedFrame, render_frame
 from .tracks import camera_track
 
 _CODE = "training.evaluation.map_frames"  # renders the frames
@@ -44,9 +46,8 @@ def rendered_frames(
         for number, camera in enumerate(cameras):
             yield Progress(number, len(cameras), "Rendering training frames")
             file = folder / f"{key[:16]}-{number:05}.safetensors"
-            if (frame := RenderedFrame.load(file, key)) is None:
-                drain(render_frame(octree, camera)).save(file, key)
-                frame = RenderedFrame.load(file, key)  # mapped into memory, as existing ones
-            assert frame is not None
-            frames.append(frame)
+            if (kept := kept_arrays(file, KIND, key)) is None:
+                write_arrays(file, vars(drain(render_frame(octree, camera))), {"key": key}, KIND)
+                kept = read_arrays(file, KIND)[0]  # mapped into memory, as existing ones
+            frames.append(RenderedFrame(**kept))
     return frames, hashlib.sha256(keys.encode()).hexdigest()[:32]

@@ -4,19 +4,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.image.heatmap import tint
 from ...patchnet_addon.runtime.file_kinds import PNG, SVG
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.sampling.ranking import Ranking
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _KINDS = {".png": PNG, ".svg": SVG}
 # Safe for color vision deficiency (Okabe and Ito).

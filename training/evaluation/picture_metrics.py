@@ -124,7 +124,8 @@ def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
     x, y = pictures.astype(np.float64), reference.astype(np.float64)
     luminance, contrast = _parts(x, y)
     similarity = luminance * contrast
-    weights = SCALE_WEIGHTS[: _scales(min(reference.shape))]
+    scales = sum(min(reference.shape) >= SIDE_PX * 2**scale for scale in range(len(SCALE_WEIGHTS)))
+    weights = SCALE_WEIGHTS[: max(scales, 1)]
     value = np.ones(len(x))
     for number, weight in enumerate(weights):
         if number:
@@ -133,11 +134,6 @@ def structure_of(pictures: np.ndarray, reference: np.ndarray) -> Structure:
         term = luminance * contrast if number == len(weights) - 1 else contrast
         value *= np.maximum(_inner_mean(term), 0.0) ** (weight / sum(weights))
     return Structure(similarity, _inner_mean(similarity), value, len(weights))
-
-
-def _scales(side_px: int) -> int:
-    """Number of scales, at least 1 and at most 5, that a side is wide enough for."""
-    return max(sum(side_px >= SIDE_PX * 2**scale for scale in range(len(SCALE_WEIGHTS))), 1)
 
 
 def _parts(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

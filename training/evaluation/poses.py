@@ -80,6 +80,10 @@ class Pose:
     quality: float
     cells: np.ndarray
 
+    def gain(self, seen: np.ndarray) -> float:
+        """Value of its cells, each 1 / (1 + times it was shown, see `none_seen`), times its quality."""
+        return self.quality * float(np.sum(1.0 / (1.0 + seen[self.cells])))
+
     @property
     def forward(self) -> np.ndarray:
         """Unit viewing direction (3,)."""
@@ -87,25 +91,9 @@ class Pose:
         return along / np.linalg.norm(along)
 
 
-class Seen:
-    """Number of times that each cell of the cube was shown, to prefer views of other surface."""
-
-    def __init__(self) -> None:
-        self._times = np.zeros(_CELLS**3, np.int64)
-
-    def add(self, pose: Pose) -> None:
-        """Count the cells of a pose."""
-        self._times[pose.cells] += 1
-
-    def copy(self) -> Seen:
-        """Copy for a tentative plan."""
-        result = Seen()
-        result._times = self._times.copy()
-        return result
-
-    def gain(self, pose: Pose) -> float:
-        """Value of a pose's cells, each 1 / (1 + times it was shown), times the pose's quality."""
-        return pose.quality * float(np.sum(1.0 / (1.0 + self._times[pose.cells])))
+def none_seen() -> np.ndarray:
+    """Number of times (n,) that each cell of the cube was shown, to prefer views of other surface."""
+    return np.zeros(_CELLS**3, np.int64)
 
 
 class Surroundings:

@@ -36,8 +36,8 @@ def results_of(
     scenes: Sequence[SceneResult], networks: Sequence[PatchNetwork] = (), *, resamples: int = 2000
 ) -> dict[str, Any]:
     """Results of scenes and of all pooled; networks: for generalisation. Raises SettingError for a single frame."""
-    tracks = [scene.frames.track(scene.name, tuple(scene.strategies)) for scene in scenes]
-    draws = {track.scene: Bootstrap.of([track], resamples) for track in tracks}
+    tracks = [TrackErrors(tuple(scene.strategies), scene.frames.active, scene.frames.left) for scene in scenes]
+    draws = {scene.name: Bootstrap.of([track], resamples) for scene, track in zip(scenes, tracks, strict=True)}
     results: dict[str, Any] = {
         "scenes": {
             scene.name: _scene(scene, track, draws[scene.name]) for scene, track in zip(scenes, tracks, strict=True)
@@ -143,7 +143,8 @@ def claims_of(draws: Mapping[str, Bootstrap], groups: Mapping[str, Group]) -> di
 
 def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    others = _references(draw, groups)
+    # Strategies that the paper compares with: they use the screen or the octree, without further rays.
+    others = [name for name in draw.strategies if groups[name] in _REFERENCES and name not in _NOT_IN_THE_PAPER]
     if not others:
         return found
     errors = np.array([draw.mse(other).value for other in others])
@@ -155,11 +156,6 @@ def _lowest(draw: Bootstrap, groups: Mapping[str, Group]) -> dict[str, Any]:
             "share_of_budgets": float(lowest[(BUDGETS >= LOWEST_FROM) & (BUDGETS < 1)].mean()),
         }
     return found
-
-
-def _references(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:
-    """Strategies that the paper compares with: they use the screen or the octree, without further rays."""
-    return [name for name in draw.strategies if groups[name] in _REFERENCES and name not in _NOT_IN_THE_PAPER]
 
 
 def _asked(draw: Bootstrap, groups: Mapping[str, Group]) -> list[str]:

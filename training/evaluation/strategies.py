@@ -56,7 +56,17 @@ def patch_networks(named: Sequence[tuple[str, Path]], lookahead: int) -> tuple[P
             )
         if names.count(name) > 1:
             raise SettingError(f"Two networks are called {name!r}: give each a different name in --networks")
-    return tuple(_network(name, path, lookahead) for name, path in named)
+    found = []
+    for name, path in named:
+        weights = load_weights(path)
+        if weights.lookahead != lookahead:
+            raise SettingError(
+                f"Network {name!r} looks {weights.lookahead} levels ahead, the evaluation {lookahead}: give networks "
+                "of the same look-ahead by --networks or --weights"
+            )
+        octrees = frozenset(weights.metadata.get("octrees", {}).values())
+        found.append(PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees))
+    return tuple(found)
 
 
 def strategy_name(network: str, score: str) -> str:
@@ -71,33 +81,6 @@ def network_name(strategy: str) -> str | None:
     return strategy.removeprefix(PREFIX).removesuffix(_ENDINGS[patchnet_behind.STRATEGY.name])
 
 
-def network_strategies(network: PatchNetwork) -> list[NetworkStrategy]:
-    """Strategies of a network, one for each of SCORES."""
-    return [
-        NetworkStrategy(
-            **vars(strategy)
-            | {
-                "name": strategy_name(network.name, strategy.name),
-                "title": f"{strategy.title}, {network.name}",
-                "description": f"{strategy.description}; by the network {network.name}",
-            },
-            network=network,
-        )
-        for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY)
-    ]
-
-
-def _network(name: str, path: Path, lookahead: int) -> PatchNetwork:
-    weights = load_weights(path)
-    if weights.lookahead != lookahead:
-        raise SettingError(
-            f"Network {name!r} looks {weights.lookahead} levels ahead, the evaluation {lookahead}: give networks "
-            "of the same look-ahead by --networks or --weights"
-        )
-    octrees = frozenset(weights.metadata.get("octrees", {}).values())
-    return PatchNetwork(name, path, weights.hash, weights.metadata.get("sample_passes", 0), octrees)
-
-
 def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = ()) -> dict[str, Strategy]:
     """Strategies by name: those of the registry, of the weights files `maps`, and of `networks`, in this order.
 
@@ -109,7 +92,15 @@ def strategies_in_use(maps: Sequence[Path], networks: Sequence[PatchNetwork] = (
         if strategy.name in found:
             raise SettingError(f"{path} is a second file of strategy {strategy.name!r}: give one file for each network")
         found[strategy.name] = strategy
-    return found | {strategy.name: strategy for network in networks for strategy in network_strategies(network)}
+    for network in networks:
+        for strategy in (patchnet.STRATEGY, patchnet_behind.STRATEGY):
+            about = {
+                "name": strategy_name(network.name, strategy.name),
+                "title": f"{strategy.title}, {network.name}",
+                "description": f"{strategy.description}; by the network {network.name}",
+            }
+            found[about["name"]] = NetworkStrategy(**vars(strategy) | about, network=network)
+    return found
 
 
 def map_names(strategies: Iterable[Strategy]) -> list[str]:

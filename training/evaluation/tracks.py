@@ -19,7 +19,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.render import first_hits
 from .explorations import Explorations
-from .poses import Pose, Seen, Surroundings
+from .poses import Pose, Surroundings, none_seen
 
 FAR = 3.0  # cube sides from the target
 _MIN_SHARE = 0.95  # of a frame's hits with look-ahead, at its end
@@ -55,7 +55,7 @@ class Approaches:
         self._around = around
         self._random = random
         self._far_world = FAR * around.side_world
-        self._seen = Seen()
+        self._seen = none_seen()
         self._azimuths: list[float] = []
 
     def shot(self, number: int, total: int, frames: int) -> list[Camera]:
@@ -68,8 +68,8 @@ class Approaches:
         if not lines:
             raise SceneError("The octree is invisible from far away: give one of a scene with more surface")
         ends = [self._end(line) for line in lines]
-        best = max(range(len(lines)), key=lambda index: self._seen.gain(ends[index]))
-        self._seen.add(ends[best])
+        best = max(range(len(lines)), key=lambda index: ends[index].gain(self._seen))
+        self._seen[ends[best].cells] += 1
         self._azimuths.append(lines[best].azimuth)
         distances = np.geomspace(self._far_world, self._nearest(lines[best], name), frames)
         return [self._camera(lines[best], distance, name) for distance in distances]

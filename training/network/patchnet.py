@@ -15,7 +15,8 @@ from ...patchnet_addon.network.encoders import CHANNELS, LUMINANCE, EncoderKind
 from ...patchnet_addon.network.harmonics import harmonic_terms
 from ...patchnet_addon.network.kinds import OUTPUT_LOW, OUTPUT_RANGE, SIDE_BY_SIDE
 from ...patchnet_addon.network.weights import MODULATED, Weights
-from ..data.tensor_batch import TensorBatch, TensorNearby
+from ..data.batches import Batch
+from ..data.nearby import Nearby
 from ..encoders import MAXIMUM, Branch, ConvolvingKind
 
 _SHAPE = [channel for channel in range(CHANNELS) if channel != LUMINANCE]  # channels of a cell's shape
@@ -25,7 +26,7 @@ _FIRST = "encoder.0.weight"
 class PatchNet(nn.Module):
     """Encoder of patches, trilinear interpolation of the eight corners' codes, decoder (methods 7.9 to 7.15, 11.1).
 
-    A patch is eight blocks of cells, octants x fastest, as in `TensorBatch`: the columns of the first matrix are in
+    A patch is eight blocks of cells, octants x fastest, as in `Batch`: the columns of the first matrix are in
     that order. A luminance mixture encodes shape only: its blocks and first matrix have no luminance.
     """
 
@@ -63,7 +64,7 @@ class PatchNet(nn.Module):
         """Device of its parameters."""
         return self.decoder[0].weight.device  # type: ignore[return-value,union-attr]
 
-    def forward(self, batch: TensorBatch, dtype: torch.dtype = torch.float32) -> Tensor:
+    def forward(self, batch: Batch, dtype: torch.dtype = torch.float32) -> Tensor:
         """Coverage and luminance (V, R, 2), see `decode`; codes and decoder are float32 for any `dtype` of the encoder.
         The batch is on the network's device.
         """
@@ -82,8 +83,7 @@ class PatchNet(nn.Module):
         """
         with torch.autocast(patches.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             values = self._hidden(patches)
-        codes: Tensor = self.encoder[-1](values.float())
-        return codes
+        return self.encoder[-1](values.float())
 
     def _hidden(self, patches: Tensor) -> Tensor:
         """Input (C, width) of the encoder's last layer."""
@@ -102,7 +102,7 @@ class PatchNet(nn.Module):
         return _bounded(_run_layers(self.decoder, _ray_inputs(codes, direction, up, ratio)))
 
     def decode_mixture(
-        self, codes: Tensor, corner_codes: Tensor, near: TensorNearby, direction: Tensor, up: Tensor, ratio: Tensor
+        self, codes: Tensor, corner_codes: Tensor, near: Nearby, direction: Tensor, up: Tensor, ratio: Tensor
     ) -> Tensor:
         """Coverage in [-1, 2] and luminance (..., 2), see `decode`, of a luminance mixture (methods 11.1).
 
@@ -176,5 +176,4 @@ def _encoder_layers(encoder: EncoderKind, lookahead: int) -> list[nn.Module]:
 def _run_layers(layers: nn.ModuleList, values: Tensor) -> Tensor:
     for layer in layers[:-1]:
         values = torch.relu(layer(values))
-    result: Tensor = layers[-1](values)
-    return result
+    return layers[-1](values)

@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Training frames of the error estimator on camera tracks, and the table of their pixels, in augmented batches.
-
-References are rendered once and stored.
-"""
+"""Training frames of the error estimator on camera tracks, and the table of their pixels, in augmented batches."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,12 +11,8 @@ import numpy as np
 
 from ...patchnet_addon.codes.encode import encode_octree
 from ...patchnet_addon.network.weights import Weights
-from ...patchnet_addon.octree.file import load_octree, octree_hash
-from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.errors import FileFormatError
-from ...patchnet_addon.runtime.files import read_arrays, write_arrays
+from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.runtime.progress import Progress, Steps, drain
-from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.sampling.patchnet_plus import NEEDS
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.plus.features import windows_of
@@ -29,14 +20,11 @@ from ...patchnet_addon.sampling.plus.forms import Plane
 from ...patchnet_addon.sampling.plus_planes import view_planes
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
-from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample
 from ..evaluation.map_frames import FrameSettings
 from ..evaluation.tracks import camera_track
 from ..network.research_encoder import research_encoder
 
-KIND = "track-references"
-_CODE = ("patchnet_addon.tracing.supersample", "training.evaluation.tracks")
 SYMMETRIES = 8  # symmetries of a square
 _RAYS = slice(Plane.RAY_0, Plane.RAY_3 + 1)
 _INPUTS = Strategy(
@@ -44,53 +32,23 @@ _INPUTS = Strategy(
 )
 
 
-@dataclass(frozen=True)
-class TrackSettings(FrameSettings):
-    """Settings of each octree's frames; side: rays along a pixel's side of the reference."""
+def pixels_of(path: Path, weights: Weights, settings: FrameSettings, side: int, pixels: int) -> Steps[PixelTable]:
+    """Table of up to `pixels` active pixels of each frame of an octree's track, chosen by its seed.
 
-    every: int = 40
-    side: int = 16
-
-
-def views_of(path: Path, weights: Weights, settings: TrackSettings, folder: Path) -> Steps[Iterator[PixelBuffers]]:
-    """Views of an octree's track with all inputs of estimators, and their references.
-
-    References in `folder` are not rendered again. Views are traced on demand. Raises OctreeFileError, and SettingError
-    or SceneError as `camera_track`.
+    side: rays along a pixel's side of the reference. Raises OctreeFileError, and SettingError or SceneError as
+    `camera_track`.
     """
     octree = load_octree(path)
     cameras = yield from camera_track(octree, frames=settings.frames, size_px=settings.size_px, seed=settings.seed)
     cameras = cameras[settings.every // 2 :: settings.every] or cameras[:1]
-    references = yield from _references(octree, cameras, settings, folder)
     coded = yield from encode_octree(octree, weights, encoder=research_encoder(weights))
-
-    def views() -> Iterator[PixelBuffers]:
-        for camera, reference in zip(cameras, references, strict=True):
-            steps = trace_view(octree, camera, [_INPUTS], coded=coded, reference=False)
-            yield replace(drain(steps), reference=reference)
-
-    return views()
-
-
-def _references(octree: Octree, cameras: Sequence[Camera], settings: TrackSettings, folder: Path) -> Steps[np.ndarray]:
-    """References (F, P) float32 of the cameras, from `folder` if they exist."""
-    parts = octree_hash(octree), settings, source_hash(*_CODE)
-    key = hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
-    path = folder / f"{key[:16]}.safetensors"
-    try:
-        arrays, metadata = read_arrays(path, KIND)
-    except FileFormatError:
-        arrays, metadata = {}, {}
-    if metadata.get("key") == key:
-        return arrays["references"]
-    found = []
+    parts = []
     for number, camera in enumerate(cameras):
-        yield Progress(number, len(cameras), "Rendering references")
-        found.append(drain(supersample(octree, camera, settings.side)).luminance)
-    references = np.array(found, np.float32)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_arrays(path, {"references": references}, {"key": key}, KIND)
-    return references
+        yield Progress(number, len(cameras), "Gathering pixels")
+        view = drain(trace_view(octree, camera, [_INPUTS], coded=coded, reference=False))
+        view = replace(view, reference=drain(supersample(octree, camera, side)).luminance)
+        parts.append(PixelTable.of(view, pixels, np.random.default_rng([settings.seed, number])))
+    return PixelTable.joined(parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +63,15 @@ class PixelTable:
     errors: dict[Plane, np.ndarray]
 
     @classmethod
-    def of(cls, views: Iterable[PixelBuffers], pixels: int, seed: int) -> PixelTable:
-        """Table of up to `pixels` active pixels of each view with its reference; chosen by the seed."""
-        parts = [_pixels_of(view, pixels, np.random.default_rng([seed, number])) for number, view in enumerate(views)]
-        return cls.joined(parts)
+    def of(cls, view: PixelBuffers, pixels: int, random: np.random.Generator) -> PixelTable:
+        """Table of up to `pixels` random active pixels of a view with its reference."""
+        assert view.reference is not None and view.predicted is not None
+        active = np.flatnonzero(view.active)
+        chosen = np.sort(random.choice(active, min(pixels, len(active)), replace=False))
+        windows = windows_of(view_planes(view, tuple(Plane)))[:, :, chosen]
+        shown = {Plane.LUMINANCE: view.preview, Plane.PREDICTED: view.predicted}
+        errors = {name: (picture[chosen] - view.reference[chosen]) ** 2 for name, picture in shown.items()}
+        return cls(np.ascontiguousarray(windows.transpose(2, 0, 1)), errors)
 
     @classmethod
     def joined(cls, parts: list[PixelTable]) -> PixelTable:
@@ -138,13 +101,3 @@ def symmetries() -> tuple[tuple[np.ndarray, np.ndarray], ...]:
         tuple(np.rot90(grid.T if number >= 4 else grid, number % 4).ravel() for grid in grids)  # type: ignore[misc]
         for number in range(SYMMETRIES)
     )
-
-
-def _pixels_of(view: PixelBuffers, pixels: int, random: np.random.Generator) -> PixelTable:
-    assert view.reference is not None and view.predicted is not None
-    active = np.flatnonzero(view.active)
-    chosen = np.sort(random.choice(active, min(pixels, len(active)), replace=False))
-    windows = windows_of(view_planes(view, tuple(Plane)))[:, :, chosen]
-    shown = {Plane.LUMINANCE: view.preview, Plane.PREDICTED: view.predicted}
-    errors = {name: (picture[chosen] - view.reference[chosen]) ** 2 for name, picture in shown.items()}
-    return PixelTable(np.ascontiguousarray(windows.transpose(2, 0, 1)), errors)

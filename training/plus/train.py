@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,7 +15,6 @@ import numpy as np
 import torch
 from torch import nn
 
-from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
 from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
@@ -27,10 +25,9 @@ from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, Network, l
 from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions
-from .frames import SYMMETRIES, PixelTable, TrackSettings, views_of
+from .frames import SYMMETRIES, PixelTable
 
 ESTIMATORS = "plus.safetensors"
-REFERENCES = "references"  # folder of references
 RUN_FILES = {WEIGHTS: WEIGHTS_KIND, ESTIMATORS: arrays_kind(KIND), LOG: TRAINING_LOG}
 """The weights file contains PatchNet's weights and the estimator."""
 _WARM_UP = 200  # steps
@@ -120,18 +117,6 @@ class FormLearner:
         return (mean + inputs @ self.skip) ** 2 + torch.exp(variance.clamp(LOWEST, HIGHEST))
 
 
-def pixels_of(
-    octrees: Sequence[Path], weights: Weights, tracks: TrackSettings, settings: PlusSettings, folder: Path
-) -> Steps[PixelTable]:
-    """Table of pixels of all octrees' tracks; raises as `views_of`."""
-    parts = []
-    for number, path in enumerate(octrees):
-        views = yield from views_of(path, weights, tracks, folder)
-        yield Progress(number, len(octrees), "Gathering pixels")
-        parts.append(PixelTable.of(views, settings.pixels, settings.seed))
-    return PixelTable.joined(parts)
-
-
 def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -> Steps[Path]:
     """Train the networks of all forms on a table, and return the path of their weights.
 
@@ -149,32 +134,23 @@ def train_plus(table: PixelTable, settings: PlusSettings, options: RunOptions) -
         for form in FORMS.values()
     ]
     for step in range(settings.steps):
+        # Linear warm-up, then half a cosine.
+        fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
+        rate = settings.rate * min(1.0, (step + 1) / _WARM_UP) * (_LAST_RATE + (1 - _LAST_RATE) * fall)
         rows = random.integers(len(table), size=settings.batch)
         windows = table.batch(rows, int(random.integers(SYMMETRIES)))
         for learner in learners:
-            learner.step(windows, table.errors[learner.form.shown][rows], rate_at(step, settings))
+            learner.step(windows, table.errors[learner.form.shown][rows], rate)
         if (step + 1) % options.log_steps == 0 or step + 1 == settings.steps:
-            _log_means(log, learners, step + 1, time.monotonic() - began)
+            means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
+            for learner in learners:
+                learner.losses.clear()
+            if not all(map(math.isfinite, means.values())):
+                raise PatchNetError(f"The loss is not finite after {step + 1} steps: train again with a lower --rate")
+            rounded = {name: round(mean, 6) for name, mean in means.items()}
+            log.write({"step": step + 1, "loss": rounded, "seconds": round(time.monotonic() - began, 1)})
         yield Progress(step + 1, settings.steps, "Training")
     networks = {learner.form.name: learner.network() for learner in learners}
     extent = asdict(settings) | {"table": len(table), "minutes": round((time.monotonic() - began) / 60, 1)}
     save_estimators(Estimators(networks, options.notes | extent), options.out / ESTIMATORS)
     return options.out / ESTIMATORS
-
-
-def rate_at(step: int, settings: PlusSettings) -> float:
-    """Learning rate of a step: linear warm-up, then half a cosine."""
-    fall = 0.5 * (1 + math.cos(math.pi * step / settings.steps))
-    rise = min(1.0, (step + 1) / _WARM_UP)
-    return settings.rate * rise * (_LAST_RATE + (1 - _LAST_RATE) * fall)
-
-
-def _log_means(log: Log, learners: Sequence[FormLearner], step: int, seconds: float) -> None:
-    """Write the mean losses since the last call; raises PatchNetError if one is not finite."""
-    means = {learner.form.name: float(np.mean(learner.losses)) for learner in learners}
-    for learner in learners:
-        learner.losses.clear()
-    if not all(map(math.isfinite, means.values())):
-        raise PatchNetError(f"The loss is not finite after {step} steps: train again with a lower --rate")
-    rounded = {name: round(mean, 6) for name, mean in means.items()}
-    log.write({"step": step, "loss": rounded, "seconds": round(seconds, 1)})

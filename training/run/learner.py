@@ -17,7 +17,7 @@ from ...patchnet_addon.network.devices import CPU
 from ...patchnet_addon.network.torch_encode import float32_products
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ..data.tensor_batch import TensorBatch
+from ..data.batches import Batch
 from ..network.patchnet import PatchNet
 from ..settings import SQUARED, TF32, TrainSettings
 
@@ -52,7 +52,7 @@ class Learner(Resumable):
         self.optimizer = torch.optim.Adam(self.model.parameters(), settings.learning_rate, fused=True)
         super().__init__(model=self.model, mean=self.mean, optimizer=self.optimizer)
 
-    def differentiate(self, batch: TensorBatch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
+    def differentiate(self, batch: Batch, dtype: torch.dtype, share: float = 1.0) -> tuple[list[Tensor], Tensor]:
         """Gradients of a batch's loss by all parameters, and sums (3,) for `mean_errors`.
 
         share: of the batch in the step; both are scaled by it, so that those of all parts sum up. The encoder's
@@ -84,9 +84,7 @@ class Learner(Resumable):
                 mean.lerp_(parameter, 1.0 - decay)
 
 
-def batch_loss(
-    predicted: Tensor, batch: TensorBatch, *, squared: bool, luminance_weight: float
-) -> tuple[Tensor, Tensor]:
+def batch_loss(predicted: Tensor, batch: Batch, *, squared: bool, luminance_weight: float) -> tuple[Tensor, Tensor]:
     """Loss of coverage and luminance (V, R, 2), and sums (3,) for `mean_errors`.
 
     Sums are the mean absolute errors of coverage and of luminance, 0 in views without coverage, and the share of views

@@ -19,7 +19,7 @@ from ...patchnet_addon.network.devices import CPU, enough_memory
 from ..data.augmentation import Augmentation
 from ..data.batches import Batch
 from ..data.corpus import Corpus, FreshCorpus
-from ..data.tensor_batch import TensorBatch, tensor_batch
+from ..data.tensor_batch import tensor_batch
 from ..settings import TrainSettings
 from .processes import Processes
 
@@ -58,11 +58,11 @@ class StepPlan:
 
 def batches_ahead(
     plan: StepPlan, first: int, end: int, device: torch.device, threads: int
-) -> Generator[TensorBatch, None, None]:
+) -> Generator[Batch, None, None]:
     """Batches of steps `first` to `end` on a device, prefetched by one thread on the CPU, `threads` for a GPU."""
     ahead = 1 if device.type == CPU else min(threads, _MOST_AHEAD)
 
-    def gathered(step: int) -> TensorBatch:
+    def gathered(step: int) -> Batch:
         with enough_memory(BATCHES):
             return tensor_batch(plan.batch(step), device)
 

@@ -37,6 +37,8 @@ from .run_log import Log
 from .steps import BATCHES, AnyCorpus, StepPlan, batches_ahead
 from .validation import ValidationSet, validate, validation_sets
 
+CHECKPOINT_S = 300.0  # time between checkpoints
+
 
 @dataclass
 class RunOptions:
@@ -49,7 +51,6 @@ class RunOptions:
 
     out: Path
     resume: bool = False
-    checkpoint_minutes: float = 5.0
     log_steps: int = 50
     validate_steps: int = 2000
     stop_after: int | None = None  # stop after this many steps with a checkpoint
@@ -84,7 +85,8 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     options.out.mkdir(parents=True, exist_ok=True)
     run = asdict(settings) | {"data": list(notes["octrees"].values()), "lookahead": corpus.lookahead}
     # Identity of the samples without a hash, which would take as long as reading them.
-    run["samples"] = [] if settings.fresh else [_draw_of(dataset) for dataset in datasets]
+    draws = [[*each.samples.views.shape, *asdict(each.sample_settings).values()] for each in datasets]
+    run["samples"] = [] if settings.fresh else draws
     if options.resume:
         load_checkpoint(options.out / CHECKPOINT, learner, run)
         notes |= {name: run[name] for name in run if name == "extended_from"}
@@ -114,11 +116,6 @@ def train(datasets: Sequence[Dataset], settings: TrainSettings, options: RunOpti
     return learner.mean.to_weights(notes | _extent(learner, per_step))
 
 
-def _draw_of(dataset: Dataset) -> list[Any]:
-    """Identity of a draw of an octree's samples."""
-    return [*dataset.samples.views.shape, *asdict(dataset.sample_settings).values()]
-
-
 @dataclass
 class _Keeper:
     """Files of a run in progress: log, validations, checkpoints."""
@@ -146,7 +143,7 @@ class _Keeper:
             errors = {name: validate(learner.mean, each.corpus) for name, each in self.sets.items()}
             why = {name: each.not_held_out for name, each in self.sets.items() if each.not_held_out}
             self._log.write({"step": learner.steps, "passes": passes, "validation": errors, "not_held_out": why})
-        if time.monotonic() - self._saved > 60 * options.checkpoint_minutes:
+        if time.monotonic() - self._saved > CHECKPOINT_S:
             self.save()
 
     def save(self) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,7 +15,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ..data.augmentation import Augmentation
 from ..data.corpus import Corpus
 from ..data.dataset import Dataset, check_names, why_not_held_out
-from ..data.forest import concatenate, voxel_luminance
+from ..data.forest import concatenate
 from ..data.tensor_batch import tensor_batch
 from ..network.patchnet import PatchNet
 from ..settings import VALIDATION_VOXELS
@@ -41,12 +41,11 @@ def _predicted(model: PatchNet, corpus: Corpus, rows: np.ndarray) -> np.ndarray:
     batch = corpus.batch(rows, Augmentation.none(len(rows)))
     with torch.no_grad(), float32_products(model.device):
         predicted = model(tensor_batch(batch, model.device)).clamp(0, 1).cpu().numpy()
-    own = np.repeat(voxel_luminance(corpus.forest, corpus.tree[rows], corpus.voxel[rows]), corpus.views.shape[1])
+    own = np.repeat(batch.own, corpus.views.shape[1])
     return np.stack([batch.coverage.ravel(), batch.luminance.ravel(), *predicted.reshape(-1, 2).T, own])
 
 
-@dataclass(frozen=True, eq=False)
-class ValidationSet:
+class ValidationSet(NamedTuple):
     """Voxels for validation; not_held_out: reason why their scene is not held out, or empty."""
 
     corpus: Corpus

@@ -100,10 +100,8 @@ def entropy_contrast(distribution: WindowDistribution) -> np.ndarray:
 def tsallis_contrast(distribution: WindowDistribution, q: float) -> np.ndarray:
     """Tsallis contrast 1 - H_q / H_q_max of each window (H, W), in [0, 1]; H_q = (1 - sum p^q) / (q - 1).
 
-    q: entropic index above 0; 1 is the limit, the contrast of Shannon's entropy. A window of one pixel has contrast 0.
+    q: entropic index above 0, not 1, the limit of Shannon's entropy. A window of one pixel has contrast 0.
     """
-    if q == 1.0:
-        return entropy_contrast(distribution)
     # The definition with p = r / N, without cancellation: exactly 0 for uniform r = 1.
     most = distribution.count ** (q - 1.0) - 1.0
     contrast = (distribution.average(distribution.ratio**q) - 1.0) / np.where(most != 0, most, 1.0)
@@ -126,10 +124,6 @@ def luminance_contrast(buffers: PixelBuffers, contrast: Contrast) -> np.ndarray:
     """Contrast times mean luminance of each window of the preview, (H, W); black windows count as uniform."""
     distribution = WindowDistribution.of(buffers.picture(buffers.preview), EPSILON)
     return distribution.mean * contrast(distribution)
-
-
-def _hit_variance(buffers: PixelBuffers) -> np.ndarray:
-    return np.where(buffers.hit, ss_variance.STRATEGY.score(buffers), 0.0)
 
 
 def _mitchell(buffers: PixelBuffers) -> np.ndarray:
@@ -156,7 +150,7 @@ def _by_contrast(name: str, title: str, words: str, contrast: Contrast, maximum:
 
 
 def tsallis(q: float) -> Strategy:
-    """Tsallis strategy of an entropic index q above 0, called `tsallis-q`: mean luminance times contrast."""
+    """Tsallis strategy of an entropic index q, called `tsallis-q`: mean luminance times contrast."""
     title = f"Tsallis entropy, q = {q:g}"
     words = "Tsallis entropy contrast of luminance"
     return _by_contrast(f"tsallis-{q:g}", title, words, lambda seen: tsallis_contrast(seen, q), 0.2)
@@ -174,7 +168,7 @@ STRATEGIES = (
         "Screen-space variance of hits",
         "Variance of luminance in the 3x3 pixels around; 0 in pixels without a hit",
         frozenset(),
-        _hit_variance,
+        lambda buffers: np.where(buffers.hit, ss_variance.STRATEGY.score(buffers), 0.0),
         "variance of luminance",
         0.05,
     ),

@@ -43,8 +43,7 @@ def _one(buffers: PixelBuffers) -> np.ndarray:
 def _mean_of_four(buffers: PixelBuffers) -> np.ndarray:
     assert buffers.fine_rays is not None
     first, second, third, fourth = buffers.fine_rays.T  # faster than NumPy's mean over a short axis
-    mean: np.ndarray = ((first + second) + (third + fourth)) * np.float32(0.25)
-    return mean
+    return ((first + second) + (third + fourth)) * np.float32(0.25)
 
 
 def _with_variance(strategy: Strategy, name: str, title: str) -> Strategy:

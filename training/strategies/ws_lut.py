@@ -43,7 +43,10 @@ def child_areas(directions: np.ndarray) -> np.ndarray:
         members = centres[[child for child in range(CHILDREN) if mask >> child & 1]]
         low, high = members.max(axis=0) - half_width, members.min(axis=0) + half_width
         shared[mask] = _area_of_slabs(directions, low, high)
-    return _inclusion_exclusion() @ shared
+    # Signs (256, 256) of the area shared by each set of children in the area of the union of each mask.
+    masks = np.arange(MASKS)
+    signs = np.where((masks & ~masks[:, None]) == 0, np.where(POPCOUNT % 2 == 1, 1.0, -1.0), 0.0)
+    return signs @ shared
 
 
 def _area_of_slabs(directions: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -64,13 +67,6 @@ def _area_of_slabs(directions: np.ndarray, low: np.ndarray, high: np.ndarray) ->
 
     area = (below(high[:, 2]) - below(low[:, 2])) / np.abs(z)
     return np.where((low < high).all(axis=1), area, 0.0)
-
-
-def _inclusion_exclusion() -> np.ndarray:
-    """Signs (256, 256) of the area shared by each set of children in the area of the union of each mask."""
-    masks = np.arange(MASKS)
-    sign = np.where(POPCOUNT % 2 == 1, 1.0, -1.0)
-    return np.where((masks & ~masks[:, None]) == 0, sign, 0.0)
 
 
 def fibonacci_directions(count: int) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Vector
 
 from ....operators.demo_scene.courtyard import build_light
-from ....operators.demo_scene.geometry import Shape, add_object, box, join, place
+from ....operators.demo_scene.geometry import add_object, box, join, place
 from ....operators.demo_scene.materials import principled
 from ....patchnet_addon.runtime.errors import OutputError
 from ....patchnet_addon.runtime.file_kinds import FileKind
@@ -121,13 +121,10 @@ def build_stool(
     height = float(back[:, 2].min())
     if height < _LOWEST:
         return None
-    return place(collection, name, _stool(back, height), material)
-
-
-def _stool(back: np.ndarray, height: float) -> Shape:
     (x0, y0, _), (x1, y1, _) = back.min(axis=0), back.max(axis=0)
     legs = [box((x, y, 0.0), (x + 0.03, y + 0.03, height - 0.04)) for x in (x0, x1 - 0.03) for y in (y0, y1 - 0.03)]
-    return join([box((x0, y0, height - 0.04), (x1, y1, height)), *legs])
+    shape = join([box((x0, y0, height - 0.04), (x1, y1, height)), *legs])
+    return place(collection, name, shape, material)
 
 
 def save_composed(path: Path, kind: FileKind) -> None:

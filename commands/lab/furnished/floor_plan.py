@@ -71,24 +71,21 @@ class FloorPlan:
         """Box of the whole plan."""
         return Box((-self.width / 2, -self.depth / 2, 0.0), (self.width / 2, self.depth / 2, self.height))
 
-    def has_room(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
-        """Return whether all placements fit within the plan without intersecting present pieces."""
+    def add(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
+        """Add all placements, if they fit within the plan without intersecting present pieces, otherwise none.
+
+        Returns whether they were added.
+        """
         taken = self.kept_free + [placement.box() for placement in self.placements]
         bounds = self.bounds()
         for placement in placements:
             wide = placement.box(gap)
             if not bounds.holds(placement.box()) or any(wide.meets(box) for box in taken):
                 return False
-        return True
-
-    def add(self, placements: Sequence[Placement], gap: float = GAP) -> bool:
-        """Add all placements if they fit, otherwise none; returns whether they were added."""
-        if not self.has_room(placements, gap):
-            return False
         self.placements += placements
         return True
 
-    def at_wall(self, piece: Piece, wall: int, along: float, gap: float = GAP) -> Placement:
+    def at_wall(self, piece: Piece, wall: int, along: float) -> Placement:
         """Place a piece with its back to a wall; its front is towards -y at angle 0.
 
         wall: 0 at +y, 1 at -x, 2 at -y, 3 at +x. along: position (-1 to 1) within the free length of the wall.
@@ -97,8 +94,8 @@ class FloorPlan:
         inward = np.array([math.sin(angle), -math.cos(angle)]).round(12)
         tangent = np.array([-inward[1], inward[0]])
         across, length = (self.depth, self.width) if wall % 2 == 0 else (self.width, self.depth)
-        middle = -inward * (across / 2 - piece.size[1] / 2 - gap)
-        middle = middle + tangent * along * max((length - piece.size[0]) / 2 - gap, 0.0)
+        middle = -inward * (across / 2 - piece.size[1] / 2 - GAP)
+        middle = middle + tangent * along * max((length - piece.size[0]) / 2 - GAP, 0.0)
         return Placement(piece, (float(middle[0]), float(middle[1]), piece.elevation), angle)
 
 
@@ -163,21 +160,22 @@ def sitting_group(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> li
     if sofa is None:
         alone = place_at_walls(plan, table, rng)
         return [] if alone is None else [alone]
-    for _ in range(TRIES):
-        placed = plan.at_wall(sofa, int(rng.integers(4)), float(rng.uniform(-1, 1)))
-        before = [] if table is None else [beside(placed, table, 0, gap=0.4)]
-        if plan.add([placed, *before]):
-            return before
-    return []
+    return _wall_group(plan, sofa, table, rng, 0.4)[1:]
 
 
 def desk_group(plan: FloorPlan, stock: Stock, rng: np.random.Generator) -> list[Placement]:
     """Add a desk at a wall with a chair in front; returns the desk."""
     desk, chair = stock.draw(kinds.DESK), stock.draw(kinds.CHAIR)
-    for _ in range(TRIES if desk is not None else 0):
-        assert desk is not None
-        placed = plan.at_wall(desk, int(rng.integers(4)), float(rng.uniform(-1, 1)))
-        before = [] if chair is None else [beside(placed, chair, 0)]
-        if plan.add([placed, *before]):
-            return [placed]
+    return [] if desk is None else _wall_group(plan, desk, chair, rng, GAP)[:1]
+
+
+def _wall_group(
+    plan: FloorPlan, piece: Piece, front: Piece | None, rng: np.random.Generator, gap: float
+) -> list[Placement]:
+    """Add a piece at a random wall with another one in front; returns both, none without room."""
+    for _ in range(TRIES):
+        placed = plan.at_wall(piece, int(rng.integers(4)), float(rng.uniform(-1, 1)))
+        group = [placed] if front is None else [placed, beside(placed, front, 0, gap=gap)]
+        if plan.add(group):
+            return group
     return []

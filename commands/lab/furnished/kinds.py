@@ -28,21 +28,17 @@ _OUTDOOR = {"outdoor", "garden", "exterior"}
 _FLAT = 0.02  # metres; excludes road markings and the like
 
 
-def _is_between(low: float, value: float, high: float) -> bool:
-    return low <= value <= high
-
-
 # The first matching rule counts.
 _RULES: tuple[tuple[str, _Test], ...] = (
     (RESTING, lambda words, piece: "human" in words and piece.size[2] < 1.1),
     (SITTING, lambda words, piece: "human" in words and "sitting" in words),
     (STANDING, lambda words, piece: "human" in words and piece.size[2] < 2.2),
     (HANGING_LAMP, lambda words, piece: "lights" in words and bool(words & {"hanging", "pendant"})),
-    (FLOOR_LAMP, lambda words, piece: _is_indoor_lamp(words, piece) and _is_between(0.9, piece.size[2], 2.1)),
+    (FLOOR_LAMP, lambda words, piece: _is_indoor_lamp(words, piece) and 0.9 <= piece.size[2] <= 2.1),
     (TABLE_LAMP, lambda words, piece: _is_indoor_lamp(words, piece) and piece.size[2] < 0.9),
-    (TREE, lambda words, piece: _is_grown(words) and _is_between(1.6, piece.size[2], 15.0)),
+    (TREE, lambda words, piece: _is_grown(words) and 1.6 <= piece.size[2] <= 15.0),
     (BUSH, lambda words, piece: "exterior" in words and bool(words & {"bush", "hedge", "flower"})),
-    (PLANT, lambda words, piece: bool(words & _PLANTS) and _is_between(0.15, piece.size[2], 1.6)),
+    (PLANT, lambda words, piece: bool(words & _PLANTS) and 0.15 <= piece.size[2] <= 1.6),
     (SOFA, lambda words, piece: bool(words & {"sofa", "couch"}) and _is_inside(words, piece, 2.6, 1.3)),
     (BED, lambda words, piece: words >= {"bed", "bedroom"} and _is_inside(words, piece, 2.4, 1.4)),
     (ARMCHAIR, lambda words, piece: "armchair" in words and _is_inside(words, piece, 1.1, 1.2)),
@@ -52,7 +48,7 @@ _RULES: tuple[tuple[str, _Test], ...] = (
     (CHAIR, lambda words, piece: bool(words & _SEATS) and _is_inside(words, piece, 0.75, 1.1)),
     (SHELF, lambda words, piece: bool(words & _CUPBOARDS) and _is_inside(words, piece, 2.6, 2.3)),
     (GARDEN, lambda words, piece: bool(words & _OUTDOOR) and piece.size[2] > _FLAT and max(piece.size) < 3.0),
-    (DEVICE, lambda words, piece: "appliance" in words and _is_between(0.5, piece.size[2], 2.0)),
+    (DEVICE, lambda words, piece: "appliance" in words and 0.5 <= piece.size[2] <= 2.0),
     (SMALL, lambda words, piece: max(piece.size) < 0.45 and min(piece.size[:2]) > 0.03),
 )
 

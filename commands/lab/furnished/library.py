@@ -102,12 +102,6 @@ _ESCAPE = re.compile(r"\\(u[0-9a-fA-F]{4}|\n[ \t\f]*|.)", re.DOTALL)
 _LETTERS = {"t": "\t", "n": "\n", "r": "\r", "f": "\f"}
 
 
-def read_properties(data: bytes) -> dict[str, str]:
-    """Values by key of a properties file, which is Latin-1 with escapes; a missing value is empty."""
-    text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    return {_plain(key): _plain(value).strip() for key, value in _ENTRY.findall(text)}
-
-
 def _plain(text: str) -> str:
     return _ESCAPE.sub(lambda found: _letter(found[1]), text)
 
@@ -170,7 +164,9 @@ def read_library(path: Path) -> Library:
         members = set(archive.namelist())
         if CATALOGUE not in members:
             raise LibraryFileError(f"{path} has no {CATALOGUE}: it is not a furniture library (.sh3f)")
-        properties = read_properties(archive.read(CATALOGUE))
+        text = archive.read(CATALOGUE).decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    # Values by key of a properties file, which is Latin-1 with escapes; a missing value is empty.
+    properties = {_plain(key): _plain(value).strip() for key, value in _ENTRY.findall(text)}
     head = {key: properties.get(key, "") for key in ("id", "name", "description", "provider", "license")}
     check_touchable(path, *head.values())
     pieces = []

@@ -72,8 +72,12 @@ def _imported(piece: Piece, path: Path) -> bpy.types.Mesh:
     if not np.isfinite(points).all() or not np.ptp(points, axis=0).any():
         raise _damaged(piece)
     for material in mesh.materials:
-        if material is not None:
-            _pack_images(material)
+        nodes = [] if material is None else material.node_tree.nodes
+        for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
+            if node.image is not None and node.image.size[0]:
+                node.image.pack()
+            else:  # it cannot be read
+                nodes.remove(node)
     repair_mesh(mesh)
     fit_mesh(mesh, piece.size, _Z_UP @ np.array(piece.rotation).reshape(3, 3))
     mesh.name = piece.name
@@ -85,16 +89,6 @@ def _damaged(piece: Piece) -> LibraryFileError:
         f"Furniture library {piece.library} has no surface in {piece.model!r}, the model of {piece.name!r}: fetch it "
         "again, or choose another --seed"
     )
-
-
-def _pack_images(material: bpy.types.Material) -> None:
-    """Pack the images of a material; images that cannot be read are removed."""
-    nodes = material.node_tree.nodes
-    for node in [node for node in nodes if node.type == "TEX_IMAGE"]:
-        if node.image is not None and node.image.size[0]:
-            node.image.pack()
-        else:
-            nodes.remove(node)
 
 
 _MOST_TURNED = 0.02  # share of the edges between two faces
@@ -114,7 +108,9 @@ def repair_mesh(mesh: bpy.types.Mesh) -> None:
     shape.from_mesh(mesh)
     doubles = _doubles(shape, vertices_of(mesh))
     bmesh.ops.delete(shape, geom=doubles, context="FACES")
-    turned = _turned_share(shape) > _MOST_TURNED
+    shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
+    opposite = sum(not edge.is_contiguous for edge in shared)  # edges between two faces that turn against each other
+    turned = opposite / max(len(shared), 1) > _MOST_TURNED
     if turned:
         bmesh.ops.recalc_face_normals(shape, faces=shape.faces[:])
     if doubles or turned:
@@ -135,9 +131,3 @@ def _doubles(shape: bmesh.types.BMesh, points: np.ndarray) -> list[bmesh.types.B
             doubles.append(face)
         seen.add(corners)
     return doubles
-
-
-def _turned_share(shape: bmesh.types.BMesh) -> float:
-    """Share of the edges between two faces whose orientations are opposite."""
-    shared = [edge for edge in shape.edges if len(edge.link_faces) == 2]
-    return sum(not edge.is_contiguous for edge in shared) / max(len(shared), 1)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +61,15 @@ def make_look_ahead(octree: Path, networks: Mapping[str, Weights], out: Path) ->
     return [*paths, _write(LOOK_AHEAD, octree_hash(tree), networks, {"distances": values, "shown": shown_values}, out)]
 
 
-def check_look_aheads(networks: Iterable[Weights]) -> None:
-    """Raise SettingError if two networks have the same look-ahead: the figure has one column for each."""
+def check_networks(networks: Iterable[Weights], names: Sequence[str]) -> None:
+    """Raise SettingError if two networks have the same name or look-ahead: the figure has one column for each."""
+    for each in names:
+        if names.count(each) > 1:
+            raise SettingError(f"Two networks are called {each!r}: give each a different name in --networks")
     levels = [network.lookahead for network in networks]
-    for each in levels:
-        if levels.count(each) > 1:
-            raise SettingError(f"Two weights files look {each} levels ahead: give one file for each look-ahead")
+    for level in levels:
+        if levels.count(level) > 1:
+            raise SettingError(f"Two weights files look {level} levels ahead: give one file for each look-ahead")
 
 
 def _title(scene: Scene) -> str:

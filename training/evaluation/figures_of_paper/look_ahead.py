@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
@@ -21,15 +23,13 @@ from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.errors import sum_left_after
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.refine import refinement_order
+from ....patchnet_addon.sampling.strategy import Strategy
 from ....patchnet_addon.sampling.trace import trace_view
 from ....patchnet_addon.tracing.camera import Camera
 from ...strategies.registry import EVALUATED
 from ..catalogue import SCENES, TWO_LIGHTS
 from ..panels import BLUE, GRAY, GREEN, ORANGE, PATTERN_BUDGET, PURPLE, save_panels, show_picture, show_values
 from .split import found_share
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 BOX_WORLD = np.array([[11.705, -8.33, 0.488], [13.325, -6.71, 0.699]])
 """Bounding box of the cloth, object `Tela Mesa A` of the file."""
@@ -133,38 +133,26 @@ def distance_view(
     scores = {strategy.name: strategy.scores(buffers) for strategy in plain}
     hits = buffers.hits.node[buffers.hit]
     shares = {}
+    # Pixels and reference are the same for all look-aheads, so they are not rendered again.
     for lookahead in LOOKAHEADS:
-        yield from _add_scores(scores, EXACT, buffers, trace_view(
-            octree, camera, [EVALUATED[name] for name in EXACT], reference=False, lookahead=lookahead
-        ), lookahead)  # fmt: skip
+        exact = [EVALUATED[name] for name in EXACT]
+        view = yield from trace_view(octree, camera, exact, reference=False, lookahead=lookahead)
+        scores |= _scores(exact, replace(view, reference=buffers.reference), lookahead)
         shares[lookahead] = float(octree.look_ahead(lookahead)[hits].mean()) if len(hits) else 0.0
     for each in coded:
-        yield from _add_scores(scores, NETWORK, buffers, trace_view(
-            octree, camera, [EVALUATED[name] for name in NETWORK], coded=each, reference=False
-        ), each.weights.lookahead)  # fmt: skip
+        network = [EVALUATED[name] for name in NETWORK]
+        view = yield from trace_view(octree, camera, network, coded=each, reference=False)
+        scores |= _scores(network, replace(view, reference=buffers.reference), each.weights.lookahead)
     levels = octree.level_of(hits)
     voxel = octree.grid.side_world * 2.0 ** -float(np.median(levels)) if len(levels) else float("nan")
-    return DistanceView(camera, buffers, scores, _region(camera, buffers, box_world, voxel), shares, voxel)
+    seen = buffers.hits
+    points = camera.position_world + seen.direction * np.where(seen.hit, seen.t_world, 0.0)[:, None]
+    inside = (points >= box_world[0] - voxel) & (points <= box_world[1] + voxel)
+    return DistanceView(camera, buffers, scores, seen.hit & inside.all(axis=1), shares, voxel)
 
 
-def _region(camera: Camera, buffers: PixelBuffers, box_world: np.ndarray, margin_world: float) -> np.ndarray:
-    hits = buffers.hits
-    points = camera.position_world + hits.direction * np.where(hits.hit, hits.t_world, 0.0)[:, None]
-    inside = (points >= box_world[0] - margin_world) & (points <= box_world[1] + margin_world)
-    return np.asarray(hits.hit & inside.all(axis=1))
-
-
-def _add_scores(
-    scores: dict[str, np.ndarray],
-    names: Sequence[str],
-    seen: PixelBuffers,
-    steps: Steps[PixelBuffers],
-    lookahead: int,
-) -> Steps[None]:
-    """Score a view of another look-ahead; its pixels and reference are the same, so they are not rendered again."""
-    buffers = replace((yield from steps), reference=seen.reference)
-    for name in names:
-        scores[named(name, lookahead)] = EVALUATED[name].scores(buffers)
+def _scores(strategies: Sequence[Strategy], view: PixelBuffers, lookahead: int) -> dict[str, np.ndarray]:
+    return {named(strategy.name, lookahead): strategy.scores(view) for strategy in strategies}
 
 
 def pooled_values(views: Sequence[DistanceView]) -> dict[str, Any]:
@@ -196,15 +184,7 @@ def _errors(views: Sequence[DistanceView], masks: Sequence[np.ndarray]) -> dict[
     pixels = max(sum(int(np.count_nonzero(mask)) for mask in masks), 1)
     before = _left(views, masks, PLAIN[0], 0.0) / pixels
     left = {name: _left(views, masks, name, PATTERN_BUDGET) / pixels for name in views[0].scores}
-    variance = left[PLAIN[0]]
-    found = {
-        name: {
-            "mse": mse,
-            "found": found_share(before, mse),
-            "over_ss_variance": mse / variance if variance > 0 else None,
-        }
-        for name, mse in left.items()
-    }
+    found = {name: {"mse": mse, "found": found_share(before, mse)} for name, mse in left.items()}
     return {"pixels": pixels, "mse": before, "strategies": found}
 
 
@@ -230,8 +210,6 @@ def draw_look_ahead(
     Scores of networks form a row below the exact ones of the same look-ahead. values: of `pooled_values` for all
     distances. shown_values: for each view alone. Returns the files; raises PatchNetError if one cannot be written.
     """
-    from matplotlib.figure import Figure
-
     kinds = [kind[0] for kind in (EXACT, NETWORK) if not shown[0].scores.keys().isdisjoint(_names(kind[0]))]
     columns, rows = _PICTURES + len(LOOKAHEADS), len(kinds) * len(shown)
     size = _PANEL * columns + 1.4, (_PANEL + 0.3) * rows + 3.6

@@ -6,9 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Rectangle
 
 from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.image.tone import gray
@@ -26,10 +29,6 @@ from ...strategies.registry import EVALUATED
 from ..panels import BLUE, ORANGE, PATTERN_BUDGET, Crop, crops_of_difference, pattern, save_panels, show_picture
 from ..poses import Surroundings
 from ..tracks import Approaches
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
 
 APPROACHES = 5  # as in a camera track of an evaluation
 _FRAMES = 200  # of each
@@ -97,7 +96,13 @@ class SplitView:
         before = next(iter(self.rankings.values())).mse[0]
         lefts = {name: ranking.mse[1] for name, ranking in self.rankings.items()}
         return {
-            "viewpoint": _viewpoint(self.camera),
+            "viewpoint": {
+                "name": self.camera.name,
+                "position": [float(value) for value in self.camera.position_world],
+                "forward": [float(value) for value in self.camera.forward],
+                "fov_degrees": float(np.degrees(2 * np.arctan(self.camera.half_y))),
+                "size": [self.camera.width_px, self.camera.height_px],
+            },
             "budget": PATTERN_BUDGET,
             "look_ahead_share": self.buffers.lookahead_share,
             "active_pixels": int(np.count_nonzero(self.buffers.active)),
@@ -141,20 +146,8 @@ def _bounds(there: np.ndarray) -> slice:
     return slice(max(int(found[0]) - _MARGIN_PX, 0), min(int(found[-1]) + 1 + _MARGIN_PX, len(there)))
 
 
-def _viewpoint(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "position": [float(value) for value in camera.position_world],
-        "forward": [float(value) for value in camera.forward],
-        "fov_degrees": float(np.degrees(2 * np.arctan(camera.half_y))),
-        "size": [camera.width_px, camera.height_px],
-    }
-
-
 def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Path]:
     """Draw a view; returns the files, raises PatchNetError if one cannot be written."""
-    from matplotlib.figure import Figure
-
     rows, columns = view.bounds
     aspect = (rows.stop - rows.start) / (columns.stop - columns.start)
     wide, small = _WIDE * _INCHES, _INCHES / 3
@@ -166,14 +159,14 @@ def draw_split(view: SplitView, folder: Path, name: str, title: str) -> list[Pat
     left, right = above.subfigures(1, 2, width_ratios=(_WIDE, 1.0 - _WIDE))
     _draw_stripes(left.subplots(), view)
     _draw_crops(right, view)
-    _draw_patterns(below, view)
+    for axes, (name_of, ranking) in zip(below.subplots(2, 3).flat, view.rankings.items(), strict=True):
+        found = f"{name_of}: {found_share(*ranking.mse):.0%} of the squared error found"
+        show_picture(axes, pattern(ranking)[view.bounds], found, interpolation="antialiased")
     return save_panels(figure, folder, name)
 
 
 def _draw_stripes(axes: Axes, view: SplitView) -> None:
     """Stripes with lines between them and their names below, and frames around the crops."""
-    from matplotlib.patches import Rectangle
-
     stripes = view.stripes()
     height, width = stripes.shape[:2]
     show_picture(axes, stripes, f"{PATTERN_BUDGET:.0%} of the pixels refined", interpolation="antialiased")
@@ -202,10 +195,3 @@ def _draw_crops(figure: SubFigure, view: SplitView) -> None:
             axes.set(xticks=[], yticks=[])
             for spine in axes.spines.values():
                 spine.set(color=color, lw=1.5)
-
-
-def _draw_patterns(figure: Figure | SubFigure, view: SplitView) -> None:
-    """Refinement patterns, and their found shares of the squared error."""
-    for axes, (name, ranking) in zip(figure.subplots(2, 3).flat, view.rankings.items(), strict=True):
-        title = f"{name}: {found_share(*ranking.mse):.0%} of the squared error found"
-        show_picture(axes, pattern(ranking)[view.bounds], title, interpolation="antialiased")

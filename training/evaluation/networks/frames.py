@@ -11,15 +11,11 @@ luminance, and 0 in every other plane.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Self
 
 import numpy as np
 
 from ....patchnet_addon.octree.octree import POPCOUNT, Octree
 from ....patchnet_addon.runtime.bounds import MAX_DEPTH
-from ....patchnet_addon.runtime.errors import FileFormatError
-from ....patchnet_addon.runtime.files import read_arrays, write_arrays
 from ....patchnet_addon.runtime.progress import Steps
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import CHILD_MASK, CUBE_SIDE, NORMAL, Strategy
@@ -44,26 +40,21 @@ _INPUTS = Strategy(
 def gbuffer(buffers: PixelBuffers) -> np.ndarray:
     """Planes (9, H, W) float32 of a view, in the order of PLANES; the view must have everything in NEEDS."""
     assert buffers.child_mask is not None and buffers.cube_side_world is not None  # required by NEEDS
+    assert buffers.normal is not None
     hits, hit = buffers.hits, buffers.hit
     planes = np.zeros((len(PLANES), len(hit)), np.float32)
     planes[LUMINANCE] = buffers.preview
     planes[MASK] = hit
-    planes[NORMALS] = _normals(buffers)
+    # Normals in the frames of the rays, facing the viewer.
+    axes = np.stack([np.cross(hits.direction, hits.up), hits.up, -hits.direction])  # (3, P, 3)
+    turned = np.einsum("apc,pc->ap", axes, buffers.normal)
+    planes[NORMALS] = np.where(turned[2] < 0.0, -turned, turned)
     planes[DISTANCE] = np.where(hit, hits.t_world, 0.0) / buffers.cube_side_world
     planes[LEVEL] = hits.level / MAX_DEPTH
     planes[RATIO] = hits.ratio
     planes[CHILDREN] = POPCOUNT[buffers.child_mask] / 8
     planes[MASK:, ~hit] = 0.0
     return planes.reshape(len(PLANES), buffers.height, buffers.width)
-
-
-def _normals(buffers: PixelBuffers) -> np.ndarray:
-    """Normals (3, P) in the frames of the rays, facing the viewer."""
-    assert buffers.normal is not None
-    forward, up = buffers.hits.direction, buffers.hits.up
-    axes = np.stack([np.cross(forward, up), up, -forward])  # (3, P, 3)
-    turned = np.einsum("apc,pc->ap", axes, buffers.normal)
-    return np.where(turned[2] < 0.0, -turned, turned)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,19 +68,6 @@ class RenderedFrame:
     planes: np.ndarray
     pictures: np.ndarray
     fine: np.ndarray
-
-    @classmethod
-    def load(cls, path: Path, key: str) -> Self | None:
-        """Frame of a file, mapped into memory; None if it is missing, damaged, or has another key."""
-        try:
-            arrays, metadata = read_arrays(path, KIND)
-        except FileFormatError:
-            return None
-        return cls(**arrays) if metadata.get("key") == key else None
-
-    def save(self, path: Path, key: str) -> None:
-        """Write the frame; key: hash of all dependencies."""
-        write_arrays(path, {"planes": self.planes, "pictures": self.pictures, "fine": self.fine}, {"key": key}, KIND)
 
 
 def render_frame(octree: Octree, camera: Camera) -> Steps[RenderedFrame]:

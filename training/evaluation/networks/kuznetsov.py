@@ -83,13 +83,6 @@ class SampledPicture(torch.autograd.Function):
         return gradient * (reference - picture) / samples, None, None
 
 
-def picture_loss(picture: Tensor, reference: Tensor) -> Tensor:
-    """Mean relative difference of pictures (B, h, w), and of their edges, in logarithms."""
-    found, wanted = torch.log1p(picture)[:, None], torch.log1p(reference)[:, None]
-    edges = _edges(found) - _edges(wanted)
-    return ((found - wanted).abs() / (wanted + _EPSILON)).mean() + (edges.abs() / (wanted + _EPSILON)).mean()
-
-
 def _edges(pictures: Tensor) -> Tensor:
     """Laplacian of Gaussian, after a Gaussian, of pictures (B, 1, h, w); borders are continued."""
     for kernel in _kernels():
@@ -107,14 +100,13 @@ def _kernels() -> tuple[Tensor, Tensor]:
     return (gauss / gauss.sum())[None, None], (laplace - laplace.mean())[None, None]
 
 
-def _scores(network: nn.Module, planes: Tensor) -> Tensor:
-    return sampling_map(network(planes))
-
-
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
+    """Mean relative difference of the sampled pictures, and of their edges, in logarithms."""
     samples = sampling_map(network(batch.planes)).clamp(min=1.0)
     picture: Tensor = SampledPicture.apply(samples, batch.pictures, batch.reference)  # type: ignore[no-untyped-call]
-    return picture_loss(picture, batch.reference)
+    found, wanted = torch.log1p(picture)[:, None], torch.log1p(batch.reference)[:, None]
+    edges = _edges(found) - _edges(wanted)
+    return ((found - wanted).abs() / (wanted + _EPSILON)).mean() + (edges.abs() / (wanted + _EPSILON)).mean()
 
 
 KUZNETSOV = MapNetwork(
@@ -126,7 +118,7 @@ KUZNETSOV = MapNetwork(
     maximum=32.0,
     planes=kuznetsov_planes,
     build=lambda: UNet(INPUTS),
-    scores=_scores,
+    scores=lambda network, planes: sampling_map(network(planes)),
     loss=_loss,
     batch=6,
     crop=96,

@@ -25,7 +25,7 @@ from ....patchnet_addon.sampling.pixel_buffers import active_pixels
 from ...run.learner import Resumable
 from ...run.run_files import CHECKPOINT, LOG, check_run
 from ...run.run_log import Log
-from ...run.trainer import RunOptions, load_checkpoint, write_checkpoint
+from ...run.trainer import CHECKPOINT_S, RunOptions, load_checkpoint, write_checkpoint
 from .frames import MASK, SUBPIXELS, RenderedFrame
 from .map_network import MapBatch, MapNetwork
 from .maps import MAP, RUN_FILES, map_networks, save_map
@@ -110,11 +110,9 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
     """Train a map network on frames of one size, and return the path of its weights.
 
     key: of the frames, so that a run is not resumed on others. Updates `checkpoint.pt`, `sampling_map.safetensors` and
-    `log.jsonl` in `options.out`. Raises PatchNetError without frames or if the loss is not finite, and as
+    `log.jsonl` in `options.out`. Raises PatchNetError if the loss is not finite, and as
     `check_run` and `load_checkpoint`.
     """
-    if not frames:
-        raise PatchNetError("There is nothing to train on: name at least one octree")
     check_run(options.out, resume=options.resume, kinds=RUN_FILES)
     options.out.mkdir(parents=True, exist_ok=True)
     with enough_memory("training"):
@@ -137,8 +135,13 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
                 log.add(learner.step(crops))
             learner.seconds = time.monotonic() - before
             if learner.steps % options.log_steps == 0 or learner.steps == end:
-                _log_mean(log, learner)
-            if time.monotonic() - saved > 60 * options.checkpoint_minutes:
+                (mean,) = log.means()
+                if mean != mean:
+                    raise PatchNetError(
+                        f"The loss is not finite after {learner.steps} steps: train again with a lower --rate"
+                    )
+                log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
+            if time.monotonic() - saved > CHECKPOINT_S:
                 _save(learner, run, options, len(frames))
                 saved = time.monotonic()
             yield Progress(learner.steps, end, "Training")
@@ -146,14 +149,6 @@ def train_maps(frames: Sequence[RenderedFrame], key: str, settings: MapSettings,
         _save(learner, run, options, len(frames))
         raise
     return _save(learner, run, options, len(frames))
-
-
-def _log_mean(log: Log, learner: MapLearner) -> None:
-    """Write the mean loss since the last call; raises PatchNetError if it is not finite."""
-    (mean,) = log.means()
-    if mean != mean:
-        raise PatchNetError(f"The loss is not finite after {learner.steps} steps: train again with a lower --rate")
-    log.write({"step": learner.steps, "loss": round(mean, 8), "seconds": round(learner.seconds, 1)})
 
 
 def _save(learner: MapLearner, run: dict[str, Any], options: RunOptions, frames: int) -> Path:

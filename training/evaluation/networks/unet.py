@@ -12,14 +12,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .frames import CHILDREN, DISTANCE, LEVEL, LUMINANCE, NORMALS, RATIO
+from .frames import MASK, PLANES
 from .map_network import MapBatch, MapNetwork
 
 _WIDTHS = (32, 43, 57, 76, 101)
 _LAST = (128, 64)
 _SLOPE = 0.1  # of LeakyReLU
 MULTIPLE = 2 ** len(_WIDTHS)  # of pictures' sides, in pixels
-INPUTS = 8
+INPUTS = len(PLANES) - 1  # all but the mask
 
 
 class _Pair(nn.Module):
@@ -63,17 +63,6 @@ class UNet(nn.Module):
         return self.output(values)[:, 0, :height, :width]
 
 
-def unet_planes(planes: np.ndarray) -> np.ndarray:
-    """Input (8, H, W) of a G-buffer: luminance, normal, distance, level, ratio, number of children."""
-    others = planes[[DISTANCE, LEVEL, RATIO, CHILDREN]]
-    return np.concatenate([planes[LUMINANCE, None], planes[NORMALS], others])
-
-
-def _scores(network: nn.Module, planes: Tensor) -> Tensor:
-    result: Tensor = network(planes)
-    return result
-
-
 def _loss(network: nn.Module, batch: MapBatch) -> Tensor:
     return functional.mse_loss(network(batch.planes), (batch.pictures[:, 0] - batch.reference).abs())
 
@@ -85,9 +74,9 @@ UNET = MapNetwork(
     description="U-Net that predicts |L1 - L32| from luminance, depth, normal, level, ratio and number of children",
     quantity="luminance difference",
     maximum=0.5,
-    planes=unet_planes,
+    planes=lambda planes: np.delete(planes, MASK, axis=0),
     build=lambda: UNet(INPUTS),
-    scores=_scores,
+    scores=lambda network, planes: network(planes),
     loss=_loss,
     batch=6,
     crop=96,

@@ -11,12 +11,11 @@ their 2,880 weights unused.
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .frames import DISTANCE, MASK, NORMALS, SUBPIXELS
+from .frames import DISTANCE, MASK, SUBPIXELS
 from .map_network import MapBatch, MapNetwork
 
 _EPSILON = 1e-6
@@ -60,8 +59,7 @@ class _Block(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         """(B, 64, H, W) of the same."""
-        result: Tensor = values + self.second(functional.relu(self.first(values)))
-        return result
+        return values + self.second(functional.relu(self.first(values)))
 
 
 class WeissNet(nn.Module):
@@ -84,11 +82,6 @@ class WeissNet(nn.Module):
         values = functional.softplus(self.output(functional.relu(self.last(values))))
         border = SUBPIXELS * _BORDER
         return values[:, 0, border:-border, border:-border]
-
-
-def weiss_planes(planes: np.ndarray) -> np.ndarray:
-    """Input (5, H, W) of a G-buffer: mask, normal, distance."""
-    return np.concatenate([planes[MASK, None], planes[NORMALS], planes[DISTANCE, None]])
 
 
 def normalised(importance: Tensor) -> Tensor:
@@ -126,7 +119,7 @@ WEISS = MapNetwork(
     description="Importance network on mask, normal and depth, trained through inpainted samples",
     quantity="importance",
     maximum=16.0,
-    planes=weiss_planes,
+    planes=lambda planes: planes[MASK : DISTANCE + 1],  # mask, normal, distance
     build=WeissNet,
     scores=_scores,
     loss=_loss,
