@@ -43,7 +43,7 @@ for package in map(importlib.import_module, packages):
 """
 
 BLENDER = ("bpy", "bmesh", "gpu", "mathutils", "addon_utils")
-NOT_IN_THE_ZIP = ("torch", "safetensors", "scipy", "skimage", "PIL", "matplotlib")
+NOT_IN_THE_ZIP = ("torch", "safetensors", "scipy", "skimage", "PIL", "matplotlib", "tqdm")
 
 LIGHT = """
 import sys
