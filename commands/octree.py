@@ -60,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
     clock = StageClock()
     with clock.stage("start"):
         require_blender()
+    from ..operators.pipeline.kernels_beside import compiling_beside
     from ..operators.pipeline.lit_octree import build_lit_octree
     from ..operators.scene.render_geometry import hide_from_renders
     from ..patchnet_addon.lightmap.page_cache import BakePageCache
@@ -82,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
     import bpy
 
     with BakePageCache() as kept:
-        with quiet_stdout(), ProgressBars() as bars:
+        # A first octree is usually followed by pictures.
+        with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
             made = drain(build_lit_octree(bpy.context, settings, clock, kept, overrides), bars.show)
         with clock.stage("save"):
             save_octree(made.octree, args.out)

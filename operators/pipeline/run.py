@@ -31,6 +31,7 @@ from ..state.scene_state import SceneState
 from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
 from .job_work import JobPlan
+from .kernels_beside import compiling_beside
 from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
@@ -96,7 +97,7 @@ def run_job(
     files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
     # Pages stay until the files are written.
-    with BakePageCache() as kept, output as folder:
+    with compiling_beside(), BakePageCache() as kept, output as folder:
         weights = load_network(settings.network)
         plan = JobPlan(settings)
         result = yield from plan.timed(_compute(context, settings, weights, plan, kept, meanwhile, before))

@@ -14,7 +14,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 NOT_FOR_BLENDER = {"commands/bench.py", "commands/shared/training_run.py"}
 NO_FOLDERS_FOR_BLENDER = ("commands/benches/", "commands/lab/")
-STARTERS = {"operators/jobs/compile_ahead.py"}  # Blender itself, to compile kernels
+# Both start Blender's own program or Python, to compile kernels.
+STARTERS = {"operators/jobs/compile_ahead.py", "operators/pipeline/kernels_beside.py"}
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
 
 
