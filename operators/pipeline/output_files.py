@@ -19,7 +19,8 @@ from ...patchnet_addon.network.weights import default_weights_path
 from ...patchnet_addon.runtime.errors import OutputError, PatchNetError
 from ...patchnet_addon.runtime.file_kinds import CODES, EXR, OCTREE, PNG, REPORT, FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.replace import remove_left_over, temporary_path, unfinished_folder
+from ...patchnet_addon.runtime.owned_folder import owned_folder, remove_left_over
+from ...patchnet_addon.runtime.replace import temporary_path
 from ..scene.cameras import AUTO, camera_names, scene_cameras
 from ..scene_access.images import OF_REFERENCE, PICTURES, PRIORITY_NAME
 from ..settings.cycles_settings import CyclesSettings
@@ -124,7 +125,7 @@ def output_folder(out: Path, files: Mapping[str, FileKind], inputs: Collection[P
     before = reported(out)
     with ExitStack() as stack:
         with _spoken_of_as(out):
-            temporary = stack.enter_context(unfinished_folder(parent / temporary_path(out).name))
+            temporary = stack.enter_context(owned_folder(parent / temporary_path(out).name))
         with _spoken_of_as(out, temporary):
             yield temporary
         check_outputs(wanted, inputs, folder=out)  # other files may have appeared during a long job

@@ -25,7 +25,7 @@ from ..octree.octree import Octree
 from ..runtime.cache_folder import folder_bytes
 from ..runtime.errors import CodesFileError, FileFormatError, PatchNetError
 from ..runtime.files import read_arrays, write_arrays
-from ..runtime.replace import remove_left_over, unfinished_folder
+from ..runtime.owned_folder import owned_folder, remove_left_over
 from .coded_octree import CodedOctree
 from .file import load_codes, save_codes
 
@@ -97,7 +97,7 @@ class OctreeCache:
             self._root.mkdir(parents=True, exist_ok=True)
             remove_left_over(self._root, key)
             self._make_room(entry.nbytes, key)
-            with unfinished_folder(self._root / f".{key}.{os.urandom(4).hex()}.tmp") as files:
+            with owned_folder(self._root / f".{key}.{os.urandom(4).hex()}.tmp") as files:
                 _write(files, entry)
                 self.remove(key)
                 os.replace(files, self._root / key)

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import secrets
 import shutil
 import stat
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -23,7 +21,6 @@ from .errors import OutputError
 from .file_kinds import FileKind
 
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
-SILENT_S = 24 * 3600.0  # without a new file, after which a folder's process is taken for dead
 
 _paths: set[Path] = set()
 
@@ -36,28 +33,6 @@ def unfinished(path: Path) -> Iterator[None]:
         yield
     finally:
         _paths.discard(path)
-
-
-@contextlib.contextmanager
-def unfinished_folder(folder: Path) -> Iterator[Path]:
-    """Make `folder` for the block, and remove it afterwards."""
-    folder.mkdir()
-    try:
-        with unfinished(folder):
-            yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def remove_left_over(folder: Path, name: str) -> None:
-    """Remove temporary folders of killed processes for `name` in `folder`: .NAME.0123abcd.tmp, silent for a day."""
-    pattern = re.compile(rf"\.{re.escape(name)}\.[0-9a-f]{{8}}\.tmp")
-    with contextlib.suppress(OSError):
-        for path in list(folder.iterdir()):
-            if pattern.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
-                changed = max(each.lstat().st_mtime for each in (path, *path.rglob("*")))
-                if time.time() - changed > SILENT_S:
-                    shutil.rmtree(path, ignore_errors=True)
 
 
 def goes_with_process(path: Path) -> None:

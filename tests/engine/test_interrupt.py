@@ -14,7 +14,7 @@ import pytest
 
 from patchnet.patchnet_addon.runtime import interrupt
 from patchnet.patchnet_addon.runtime.interrupt import Interrupted, exit_code_of, interrupts_wait, prompt_interrupt
-from patchnet.patchnet_addon.runtime.replace import goes_with_process, remove_left_over, remove_unfinished, unfinished
+from patchnet.patchnet_addon.runtime.replace import goes_with_process, remove_unfinished, unfinished
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -149,15 +149,3 @@ def test_what_is_not_finished_goes(tmp_path: Path) -> None:
     with unfinished(file), unfinished(folder), unfinished(tmp_path / "never made"):
         remove_unfinished()
     assert [path.name for path in tmp_path.iterdir()] == ["done"]
-
-
-def test_folders_that_killed_processes_left_go_when_silent(tmp_path: Path) -> None:
-    names = [".out.0123abcd.tmp", ".out.89abcdef.tmp", ".out.notes.tmp", ".xout.22222222.tmp"]
-    for name in names:
-        (tmp_path / name / "files").mkdir(parents=True)
-        for path in (tmp_path / name, *(tmp_path / name).iterdir()):
-            os.utime(path, (0, 0))
-    (tmp_path / names[1] / "files" / "half").write_text("of a process at work")
-    (tmp_path / ".out.00000000.tmp").symlink_to(tmp_path / names[2])
-    remove_left_over(tmp_path, "out")
-    assert {path.name for path in tmp_path.iterdir()} == {*names[1:], ".out.00000000.tmp"}
