@@ -58,6 +58,7 @@ class Viewport:
         self.region = 0
         self.missed = False
         self._state: tuple[Any, ...] | None = None
+        self._background: Any = None  # identity of the world that the preview shows
         self._preview: ViewportPreview | None = None
         self._preparing: Iterator[Progress] = iter(())
         self._prepared_for: tuple[Any, ...] = ()
@@ -199,14 +200,17 @@ class Viewport:
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
         wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
-        state = (id(result), background, *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
+        state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
             picture = _picture(context, result, camera, importance)
             side = samples_side(values.render_samples)
             preview = ViewportPreview(picture, values.budget, world, values.spp or None, values.refined_samples, side)
-            self._state, self._preview = state, preview
+            self._state, self._background, self._preview = state, background, preview
             self._asked = time.perf_counter()  # a short first slice: the first picture appears soon
+        elif background != self._background:
+            self._preview.show_world(world)
+            self._background = background
         return self._preview
 
     def _prepare(self, context: bpy.types.Context, picture: AdaptivePicture) -> bool:

@@ -51,6 +51,13 @@ class ViewportPreview:
         self._budget, self._spp, self._refined, self._even_side = budget, spp, refined, even_side
         self.steps = self._all()
 
+    def show_world(self, world: np.ndarray | CubeMap | None) -> None:
+        """Replace the background; traced and refined pixels stay. world: as for the constructor."""
+        self._map = world if isinstance(world, CubeMap) else None
+        if not isinstance(world, CubeMap):  # the former one is shown until the map is sampled
+            self._world = world
+        self.steps, self.done = self._look_first(self.steps), False
+
     def work(self, seconds: float) -> None:
         """Work for a slice of time, at least one step; raises PatchNetError."""
         end = time.perf_counter() + min(max(seconds, SLICE_S), LONGEST_SLICE_S)
@@ -74,15 +81,23 @@ class ViewportPreview:
         yield Progress(0, 1, "Tracing")
         self._trace_coarsely()
         yield Progress(0, 1, "Tracing the preview")
-        if (known := self._map) is not None:
-            looking = Progress(0, 1, "Sampling the world")
-            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
+        yield from self._look()
         yield from self.picture.trace(_PACE)
         if self.picture.strategy is None:
             yield from self.picture.sample_evenly(self._even_side, _PACE)
             return
         for side in (_QUICK_SIDE, _FINE_SIDE):
             yield from self.picture.refine(self._budget, side, _PACE, spp=self._spp, refined=self._refined)
+
+    def _look_first(self, others: Steps[None]) -> Steps[None]:
+        yield from self._look()
+        yield from others
+
+    def _look(self) -> Steps[None]:
+        """Sample the map of the world for each pixel, if there is one."""
+        known, looking = self._map, Progress(0, 1, "Sampling the world")
+        if known is not None:
+            self._world = yield from computed(lambda: known.look(pixel_directions(self.picture.camera)), looking)
 
     def _trace_coarsely(self) -> None:
         """Fill the picture with large squares of single rays; `samples` stays 0."""

@@ -215,7 +215,8 @@ def _luminance(
         exposed = np.clip(light.pop() * np.float64(exposure), 0.0, 1.0).astype(np.float32)
         leaves = colors_of_leaves(exposed, hues.pop().reshape(-1, 2)) if hues else exposed[:, None]
         values = means_of_level(masks[level], area, values, leaves)
-        stored.append(np.rint(values[:, 0].astype(np.float64) * LUMINANCE_SCALE).astype(np.uint16))
+        with np.errstate(invalid="ignore"):  # infinite areas have no mean; their objects are named later
+            stored.append(np.rint(values[:, 0].astype(np.float64) * LUMINANCE_SCALE).astype(np.uint16))
         if values.shape[1] > 1:
             chroma.append(stored_chroma(values[:, 0], values[:, 1:]))
         area = areas[level]

@@ -86,7 +86,7 @@ def use_blender_meanwhile() -> clicks.Session:
 def edit_meanwhile() -> clicks.Session:
     """A script changes what is baked: the job ends with a sentence, and keeps no page of a scene that is none."""
     yield from start(SHORT)
-    watch = module("jobs.job_operator").JobOperator.in_window._watch
+    watch = module("state.watch")._monitor
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
     yield 0.3

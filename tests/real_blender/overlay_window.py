@@ -71,7 +71,7 @@ def color_at(path: Path, x: float, y: float) -> list[int]:
 def compare(path: Path, kind: str, names: tuple[str, str]) -> list[list[list[int]]]:
     """Colours on the screen and in the pictures, at places left and right of the wipe in the middle."""
     view, (rect,) = framed(kind)
-    maximum = module("overlay.drawing").maximum_of(clicks.window().scene, view)
+    maximum = view.maximum_now(clicks.window().scene.patchnet.heatmap_maximum)
     pictures = [view.picture(name, maximum, "viridis") for name in names]
     return pairs(path, rect, clicks.region("WINDOW", kind), pictures)
 
