@@ -131,16 +131,16 @@ def change_and_undo(_buttons: dict[str, tuple[int, int]]):
     yield from clicks.key("LEFTMOUSE", x + 40, y + 40)
     while clicks.window().modal_operators:  # a move that has not ended yet is no step that undo could take back
         yield 0.1
-    yield 1.0  # the comparison waits for a pause
+    yield from clicks.wait_for(lambda: result().stale, "the change is noticed after a pause")
     states.append(sorted(result().stale))
     seen["why"] = result().why("surface")
     yield from clicks.screenshot(OUT / "panel-stale.png", side_box())
     yield from clicks.key("Z", x, y, ctrl=True)
-    yield 1.0
+    yield from clicks.wait_for(lambda: not result().stale, "undo is noticed")
     states.append(sorted(result().stale))
     seen["undone"] = tuple(bpy.data.objects[name].location) == was
     bpy.ops.ed.redo()
-    yield 1.0
+    yield from clicks.wait_for(lambda: result().stale, "redo is noticed")
     states.append(sorted(result().stale))
     yield from clicks.key("A", x, y)
     yield 0.3
