@@ -182,8 +182,16 @@ def planned_networks(scenes: Sequence[str], kinds: Sequence[str], unseen: str | 
             plans.append(NetworkPlan(f"look-ahead-{each}", usual.scenes, lookahead=each))
         for name in [name for name in ENCODERS if name != MLP.name and ENCODER in kinds]:
             plans.append(NetworkPlan(name, usual.scenes, name))
+    _check_names(plans)
     return plans
 
 
 def _without(scene: str, scenes: Sequence[str]) -> NetworkPlan:
     return NetworkPlan(WITHOUT + scene, tuple(other for other in scenes if other != scene))
+
+
+def _check_names(plans: Sequence[NetworkPlan]) -> None:
+    names = [plan.name for plan in plans]
+    for name in names:
+        if names.count(name) > 1:
+            raise SettingError(f"Two networks would be called {name!r}: rename the octree file of that scene")

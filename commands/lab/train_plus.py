@@ -17,6 +17,7 @@ import argparse
 from pathlib import Path
 
 from ...patchnet_addon.runtime import bounds
+from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.outputs import check_outputs
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.quantities import counted
@@ -42,8 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Render missing references, train, and print the path of the weights; returns 0; raises PatchNetError."""
+    """Render frames, train, and print the path of the weights; returns 0; raises PatchNetError."""
     check_octrees(args.octrees)
+    if len({path.resolve() for path in args.octrees}) < len(args.octrees):
+        raise SettingError("An octree is named twice: name each file once")
     require_torch()
     import torch
 

@@ -68,6 +68,7 @@ def test_plan():
         (["a", "a"], ["scene"], None, "'a' is named twice"),
         (["a"], ["scene", "encoders"], None, "name two scenes at least"),
         (["a", "b"], ["encoders"], "c", "hold out one of a, b"),
+        (["a", "conv3d"], ["scene", "encoders"], "a", "Two networks would be called 'conv3d'"),
     ],
 )
 def test_plans_that_cannot_be(scenes, kinds, unseen, sentence):

@@ -115,6 +115,7 @@ def test_nothing_to_learn_from(table, tmp_path):
     [
         (["none.safetensors"], "none.safetensors"),
         (["x.safetensors", "--weights", "lost.safetensors"], "lost.safetensors"),
+        (["x.safetensors", "./x.safetensors"], "named twice"),
     ],
 )
 def test_what_cannot_be_trained_is_refused(words, message, tmp_path, capsys, monkeypatch):
