@@ -99,6 +99,9 @@ class BlockReader:
         for modifier in item.modifiers:
             surface.modifier(modifier, depth=2)
             self.animated |= modifier.type in _MOVES_BY_ITSELF
+        if item.type == "MESH" and len(item.modifiers) and len(item.vertex_groups):
+            weights = [(vertex.index, at.group, at.weight) for vertex in item.data.vertices for at in vertex.groups]
+            surface.array("weights", np.array(weights, np.float64))
         for constraint in item.constraints:
             surface.struct(constraint, depth=2)
         for system in item.particle_systems:
@@ -151,6 +154,12 @@ def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:
     surface.faces(data)
     surface.block(data.shape_keys)
     light.geometry(data, without=_POSITION)
+
+
+def may_appear(item: bpy.types.Object) -> bool:
+    """Return whether an object that is not rendered has keyframes or a driver of that."""
+    data = item.animation_data if item.hide_render else None
+    return data is not None and any(curve.data_path == "hide_render" for curve in (*fcurves(data), *data.drivers))
 
 
 def passed_over(block: bpy.types.ID) -> bool:

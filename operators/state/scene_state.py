@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import bpy
 
-from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, passed_over
+from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, may_appear, passed_over
 from .digest import composed
 
 SURFACE, LIGHT = "surface", "light"
@@ -33,8 +33,10 @@ _OF_RENDERS = ("use_simplify", "simplify_subdivision_render", "simplify_child_pa
 _OF_CYCLES = (
     "max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces",
     "transparent_max_bounces", "caustics_reflective", "caustics_refractive", "blur_glossy", "use_fast_gi",
-    "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree",
+    "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree", "min_light_bounces",
+    "min_transparent_bounces", "volume_step_rate", "volume_max_steps",
 )  # fmt: skip
+_OVERRIDES = "material_override", "world_override"  # of a view layer
 _SETTINGS = "world or render settings", ""
 _NEIGHBOURS = 4  # references that are followed, to tell data-blocks with the same values apart
 
@@ -156,11 +158,11 @@ def scene_state(
     waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {SURFACE: [], LIGHT: []}
     for item, _ in found.values():
         waiting[SURFACE if _has_voxels(item, chosen) else LIGHT].append((item, item.session_uid))
-    if scene.world is not None:
-        waiting[LIGHT].append((scene.world, 0))
+    lit_by = scene.world, *(getattr(view_layer, key, None) for key in _OVERRIDES)
+    waiting[LIGHT] += [(block, 0) for block in lit_by if block is not None]
     behind = scene.background_set.objects if scene.background_set is not None else ()
     waiting[LIGHT] += [(item, item.session_uid) for item in behind if _counts(item)]
-    animated = False
+    animated = any(may_appear(item) for item in scene.objects)
     for step in (SURFACE, LIGHT):
         while waiting[step]:
             block, owner = waiting[step].pop()
@@ -222,7 +224,7 @@ def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
     light.block(scene.world)
     for owner, keys in ((scene.render, _OF_RENDERS), (getattr(scene, "cycles", None), _OF_CYCLES)):
         light.text(*(getattr(owner, key, None) for key in keys))
-    for key in ("material_override", "world_override"):
+    for key in _OVERRIDES:
         light.block(getattr(layer, key, None))
     return _Entry(_SETTINGS, 0, SURFACE, surface.part(), light.part())
 

@@ -226,6 +226,14 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     assert made == [1, 2]
     moved = passes_in(folder / "picture-0003.exr")
     assert not np.array_equal(moved["Level"], last["Level"])
+    made.clear()
+    scene.objects["Lath 2"].animation_data_clear()
+    for frame, hidden in ((1, True), (3, False)):
+        scene.objects["Lath 1"].hide_render = hidden
+        scene.objects["Lath 1"].keyframe_insert("hide_render", frame=frame)
+    scene.frame_set(1)
+    bpy.ops.render.render(animation=True)
+    assert made == [1, 3], "an object that appears later"
 
 
 def _keys(item: bpy.types.Object, places: list[tuple[int, float]]) -> None:

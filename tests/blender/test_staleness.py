@@ -157,6 +157,11 @@ def color(value: float) -> Actions:
     return set_values(lambda: principled("Slab").inputs["Base Color"], "default_value", (value, 0.0, 0.0, 1.0))
 
 
+def weight(name: str) -> Actions:
+    group = bpy.data.objects[name].vertex_groups[0]
+    return lambda: group.add([0], 1.0, "REPLACE"), lambda: group.add([0], 0.5, "REPLACE")
+
+
 def excluded(name: str) -> Actions:
     layer = bpy.context.view_layer
     return set_values(lambda: layer.layer_collection.children[name], "exclude", True)
@@ -206,6 +211,11 @@ TABLE: dict[str, tuple[Callable[[], Actions], Marks]] = {
     "a lamp is brighter": (lambda: of("lights", "Lamp", "energy", 9.0), {LIGHT: "lamp 'Lamp' changed"}),
     "the world": (lambda: of("worlds", "Sky", "color", (1, 0, 0)), {LIGHT: "world 'Sky' changed"}),
     "a color": (lambda: color(0.7), {LIGHT: "material 'Slab' changed"}),
+    "the layer's material": (
+        lambda: of("materials", "Clay", "diffuse_color", (1, 0, 0, 1)),
+        {LIGHT: "material 'Clay' changed"},
+    ),
+    "a weight": (lambda: weight("Ball"), {SURFACE: "'Ball' changed"}),
     "levels of a render": (lambda: modifier("Ball", "render_levels", 3), {SURFACE: "'Ball' changed"}),
     "a modifier that does not render": (lambda: modifier("Ball", "show_render", False), {SURFACE: "'Ball' changed"}),
     "resolution of a rendered curve": (
@@ -237,6 +247,8 @@ def full() -> None:
     data.objects["Shade"].visible_camera = False
     data.objects["Unrendered"].hide_render = True
     data.objects["Ball"].modifiers.new("Smooth", "SUBSURF")
+    data.objects["Ball"].vertex_groups.new(name="Soft").add([0], 0.5, "REPLACE")
+    bpy.context.view_layer.material_override = data.materials.new("Clay")
     data.objects["Lath 0"].modifiers.new("Push", "CAST").object = data.objects["Center"]
     data.objects["Slab"].modifiers.new("Hair", "PARTICLE_SYSTEM")
     fur = data.particles[0]
