@@ -96,7 +96,7 @@ class CardOctree:
         """
         first, rows = (0, camera.height_px) if band is None else band
         bound = {f"hit_{name}": image for name, image in hits._asdict().items()} | {"out_decoded": decoded}
-        view = view_block(camera, width=self._width, coded_words=self._coded_words, first_row=first)
+        view = view_block(camera, decoder=(self._width, self._coded_words), first_row=first)
         self._run("decoder", view, bound, (camera.width_px, rows))
 
     def estimate(
@@ -129,8 +129,7 @@ class CardOctree:
             bright=self._bright,
             brightness=self._brightness,
             world_side=world[1],
-            samples=samples,
-            jitter=jitter,
+            sample=(samples, jitter),
         )
         bound = {"before": means[0], "out_mean": means[1], "world": world[0]}
         self._run("picture", view, bound, (camera.width_px, camera.height_px))

@@ -141,21 +141,20 @@ def view_block(
     *,
     bright: int = 0,
     brightness: float = 1.0,
-    width: int = MAX_WIDTH,
-    coded_words: int = 0,
+    decoder: tuple[int, int] = (MAX_WIDTH, 0),
     world_side: int = 0,
-    jitter: tuple[float, float] = CENTRE,
-    samples: int = 0,
+    sample: tuple[int, tuple[float, float]] = (0, CENTRE),
     first_row: int = 0,
     heat: tuple[int, float] = (0, 1.0),
 ) -> np.ndarray:
     """Uniform block (VIEW_NUMBERS,) float32 of a view, some of whose floats are the bits of integers.
 
-    bright: nodes above white. brightness: factor on colours, of a heatmap on the pixel's side behind the patch. width:
-    of the decoder. coded_words: see `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is
-    behind. jitter: place in the pixels that rays go through, [0, 1]^2. samples: how many a picture has already.
-    first_row: of the band that is decoded. heat: kind of a heatmap, and the value at its ramp's end.
+    bright: nodes above white. brightness: factor on colours, of a heatmap on the pixel's side behind the patch.
+    decoder: its width, and `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is behind.
+    sample: how many a picture has already, and the place in the pixels that rays go through, [0, 1]^2. first_row: of
+    the band that is decoded. heat: kind of a heatmap, and the value at its ramp's end.
     """
+    (width, coded_words), (samples, jitter) = decoder, sample
     place, right, up, forward = camera.pose
     # Parallel rays begin in the plane through the cube's middle: so float32 is fine wherever the camera is. Others meet
     # coarser voxels farther away.

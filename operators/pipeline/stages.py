@@ -183,6 +183,7 @@ def build(
     triangle.
     """
     from ...patchnet_addon.octree.build import build_octree
+    from ...patchnet_addon.octree.voxelize import LeafDetail
 
     layout = choice.layout
     provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
@@ -190,13 +191,12 @@ def build(
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
 
-    sides = settings.light.has_sides and light != UNLIT
+    detail = LeafDetail(True, settings.light.has_sides and light != UNLIT, facing)
 
     def make() -> Steps[Octree]:
         return build_octree(
-            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, boxes=True,
-            sides=sides, facing=facing,
-        )  # fmt: skip
+            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, detail=detail
+        )
 
     return run_in_worker(make, Progress(0, 1, "Voxelizing"))
 

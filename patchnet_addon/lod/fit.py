@@ -20,7 +20,7 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.octree import Nodes, without_boxes
-from ..octree.voxelize import LeafSums, voxelize
+from ..octree.voxelize import LeafDetail, LeafSums, voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel, lean_device
@@ -340,7 +340,7 @@ def _within(
 
 def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
-    steps = voxelize(source, grid, shade, _keys_of, layout=layout, only_keys=True)
+    steps = voxelize(source, grid, shade, _keys_of, layout=layout, detail=LeafDetail(only_keys=True))
     passes = yield from labelled(steps, LABEL)
     levels = sorted({level for keys in passes for level in keys})
     return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}

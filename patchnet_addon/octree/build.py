@@ -30,7 +30,7 @@ from .levels import (
 )
 from .octree import LUMINANCE_SCALE, POPCOUNT, Octree
 from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
-from .voxelize import BLOCK_FRAGMENTS, LeafSums, voxelize
+from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, LeafDetail, LeafSums, voxelize
 
 _LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
 
@@ -97,32 +97,28 @@ def build_octree(
     exposure: float | None = None,
     provenance: dict[str, Any] | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
-    boxes: bool = False,
-    sides: bool = False,
-    facing: np.ndarray | None = None,
+    detail: LeafDetail = PLAIN_LEAVES,
 ) -> Steps[Octree]:
     """Voxelize `source` on `grid` with the luminance and opacity of `shade`, in colour if `shade` has colour.
 
     layout: levels of the leaves, at most the grid's depth; None puts all on that. Levels below the finest leaf are
     omitted. exposure: factor on luminance before it is clamped to [0, 1] at the leaves; None scales the 99.5 % quantile
     of leaf luminance to 1, without leaves with emitters (methods 7.1). Values above 1 are stored separately (methods
-    7.1b). block_fragments: approximate number of fragments in memory; it does not affect the result. boxes: store the
-    boxes of the finest leaves, so that rays meet structures thinner than a voxel at their place (methods 4.1d). sides:
-    luminance by direction, for nodes whose sides differ (`sides.py`). facing: (T,) int8, lit side of each triangle: 1
-    front, -1 back, 0 both; None: the front. Raises GeometryError without opaque surface.
+    7.1b). block_fragments: approximate number of fragments in memory; it does not affect the result. detail: with boxes
+    rays meet structures thinner than a voxel at their place (methods 4.1d); luminance by direction is stored for nodes
+    whose sides differ (`sides.py`). Raises GeometryError without opaque surface.
     """
     emitters = Emitters(source)
     watch = emitters.note if exposure is None and emitters.anything else None
     parts = yield from voxelize(
-        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch, sides=sides,
-        facing=facing,
-    )  # fmt: skip
+        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch, detail=detail
+    )
     parts = [part for part in parts if len(part.root_keys)]
     if not parts:
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes=boxes, sides=sides)
+    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes=detail.boxes, sides=detail.sides)
 
 
 def _joined(

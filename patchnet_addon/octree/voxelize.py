@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -47,6 +47,22 @@ class LeafSums:
     sides: LeafSides | None = None
 
 
+class LeafDetail(NamedTuple):
+    """What leaves keep beside the mean luminance and normal of their surface.
+
+    boxes: of the finest leaves. sides: luminance by direction. facing: (T,) int8, lit side of each triangle: 1 front,
+    -1 back, 0 both; None: the front. only_keys: nothing but their cells, so that sums are (n, 0); takes less memory.
+    """
+
+    boxes: bool = False
+    sides: bool = False
+    facing: np.ndarray | None = None
+    only_keys: bool = False
+
+
+PLAIN_LEAVES = LeafDetail()
+
+
 def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Areas (T,) and unit normals (T, 3) of triangles (T, 3, 3); degenerate ones get area 0."""
     edges = corners_world[:, 1:] - corners_world[:, :1]  # (T, 2, 3)
@@ -65,9 +81,7 @@ def voxelize(
     layout: LeafLevels | None = None,
     block_fragments: int = BLOCK_FRAGMENTS,
     watch: Watch | None = None,
-    only_keys: bool = False,
-    sides: bool = False,
-    facing: np.ndarray | None = None,
+    detail: LeafDetail = PLAIN_LEAVES,
 ) -> Steps[list[Kept]]:
     """Clip every triangle of `source` against the leaf cells and integrate the shading of the pieces.
 
@@ -77,8 +91,6 @@ def voxelize(
     of the blocks, and returns the part to keep. `watch` receives level, batch and luminance of all fragments. Both and
     `shade` are called in threads. The leaves do not depend on this division, nor on the order of triangles, unless
     `shade` does.
-    only_keys: skip sums, which are (n, 0) then; `block_fragments` then takes less memory.
-    sides: compute the leaves' sides, too. facing: see `build_octree`.
     """
     passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept: list[Kept] = []
@@ -87,10 +99,12 @@ def voxelize(
         for blocks in ranges:
             cells = blocks.cells()
             leaves: dict[int, LeafAccumulator | OccupiedCells] = {
-                level: OccupiedCells() if only_keys else LeafAccumulator(grid.side_world / (1 << level), sides=sides)
+                level: OccupiedCells()
+                if detail.only_keys
+                else LeafAccumulator(grid.side_world / (1 << level), sides=detail.sides)
                 for level in cells
             }
-            shares.append(_Share(blocks.layout.block_level, cells, leaves, grid, shade, watch, facing))
+            shares.append(_Share(blocks.layout.block_level, cells, leaves, grid, shade, watch, detail.facing))
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")

@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import CodesFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.tracing.camera import Camera
@@ -48,7 +49,7 @@ def write(folder: Path) -> None:
     """Write an octree with all that one may have, untrained weights, codes, and what is seen of them."""
     folder.mkdir(parents=True)
     mesh, grid = soup(np.arange(150), []), Grid((-1.5, -1.5, -1.5), 3.0, 5)
-    octree = drain(build_octree(mesh, grid, color_shade, exposure=4.0, boxes=True, sides=True))
+    octree = drain(build_octree(mesh, grid, color_shade, exposure=4.0, detail=LeafDetail(boxes=True, sides=True)))
     weights = Weights.random(0, bias=0.1, lookahead=1, kind=MIXTURE.of_width(12), encoder=MLP.of_width(64))
     coded = drain(encode_octree(octree, weights))
     save_octree(octree, folder / "octree.safetensors")

@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_boxes import STEPS, unpacked
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
@@ -53,7 +53,7 @@ def test_boxes_of_leaves_are_around_all_their_pieces():
     corners = soup(40, seed=3)
     mesh = TriangleMesh.from_arrays(corners)
     grid = Grid.around(mesh.bounds_world, 5)
-    octree = drain(build_octree(mesh, grid, position_shade, boxes=True, block_fragments=500))
+    octree = drain(build_octree(mesh, grid, position_shade, detail=LeafDetail(boxes=True), block_fragments=500))
     voxels = grid.to_unit(corners) * 32
     leaves = octree.cells(5)
     low, high = np.full((len(leaves), 3), np.inf), np.full((len(leaves), 3), -np.inf)
@@ -93,7 +93,11 @@ def test_a_thin_bar_is_as_wide_as_it_is(boxes):
     points = np.where(ends, high, low)
     bar = points[[(a, b, c) for a, b, c, d in faces] + [(a, c, d) for a, b, c, d in faces]]
     mesh = TriangleMesh.from_arrays(bar)
-    octree = drain(build_octree(mesh, Grid((-8.0, -8.0, -8.0), 16.0, 4), position_shade, exposure=1.0, boxes=boxes))
+    octree = drain(
+        build_octree(
+            mesh, Grid((-8.0, -8.0, -8.0), 16.0, 4), position_shade, exposure=1.0, detail=LeafDetail(boxes=boxes)
+        )
+    )
     axes = np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), np.array([0, 1.0, 0])
     camera = Camera(np.array([0.0, -20.0, 0.0]), *axes, 4.0, 2.0, 8, 4, kind=ORTHOGRAPHIC)
     coverage = supersample_pixels(octree, camera, np.arange(32), 32).coverage.reshape(4, 8)

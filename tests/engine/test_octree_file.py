@@ -11,6 +11,7 @@ from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_l
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
@@ -55,7 +56,9 @@ def plain(mesh):
 def octree(mesh):
     """It has all that there may be: colour, light above white, boxes of leaves."""
     grid = Grid.around(mesh.bounds_world, DEPTH)
-    return drain(build_octree(mesh, grid, color_shade, exposure=1.0, provenance={"scene": "s"}, boxes=True))
+    return drain(
+        build_octree(mesh, grid, color_shade, exposure=1.0, provenance={"scene": "s"}, detail=LeafDetail(boxes=True))
+    )
 
 
 @pytest.mark.parametrize("name", ["plain", "octree"])

@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, save
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import LUMINANCE_SCALE
 from patchnet.patchnet_addon.octree.side_levels import LeafSides, LevelNodes, _Faces, _faces
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.chroma import REC709
@@ -69,7 +70,9 @@ def test_a_white_cloth_hides_the_black_table_from_above_alone(depth, pixels):
     """A cloth 7 mm above a table of 2 m, at every level that has both in one voxel; leaves keep 5 % of the table."""
     layers = [(0.507, 1.0, UP, 1.0), (0.5, 1.0, UP, 0.0), (0.46, 1.0, DOWN, 0.1)]
     mesh, shade = plate(layers)
-    octree = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, depth), shade, exposure=1.0, sides=True))
+    octree = drain(
+        build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, depth), shade, exposure=1.0, detail=LeafDetail(sides=True))
+    )
     np.testing.assert_allclose(seen_along_z(octree, DOWN, pixels), 1.0, atol=0.03 if depth == 10 else 0.06)
     np.testing.assert_allclose(seen_along_z(octree, UP, pixels), 0.1, atol=0.02)
     one = drain(build_octree(mesh, Grid((-1.3, -1.3, -1.3), 2.6, 10), shade, exposure=1.0))
@@ -106,7 +109,7 @@ def test_a_plate_that_is_lit_on_its_back_shows_that_there():
     mesh, shade = plate([(0.1, 1.0, DOWN, 0.8), (0.09, 1.0, UP, 0.2)])
     backs = np.full(4, -1, np.int8)
     grid = Grid((-1.0, -1.0, -1.0), 2.0, 4)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=backs))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=backs)))
     for looking, light in ((DOWN, 0.8), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, 16), light, atol=0.01)
 
@@ -119,7 +122,7 @@ def test_a_tilted_sheet_shows_each_side_in_its_own_light(tilt, pixels):
     corners[..., 2] += tilt * corners[..., 0]
     mesh = TriangleMesh.from_arrays(corners)
     grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 7), np.zeros(2, np.int8), lit_by_side([[0.9, 0.2]] * 2)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
     for looking, light in ((DOWN, 0.9), (UP, 0.2)):
         np.testing.assert_allclose(seen_along_z(octree, looking, pixels), light, atol=0.015)
 
@@ -136,7 +139,7 @@ def test_the_dark_inside_of_a_thin_open_box_is_hidden_but_for_who_looks_into_it(
             walls.append(corners[[[0, 1, 2], [0, 2, 3]]])
     mesh = TriangleMesh.from_arrays(np.concatenate(walls))
     grid, both, shade = Grid((-1.3, -1.3, -1.3), 2.6, 6), np.zeros(10, np.int8), lit_by_side([[0.8, 0.0]] * 10)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
     for way in ((0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0.7, 0.1, -0.7), (-0.2, 0.9, -0.3), (0, 0, 1)):
         forward = np.array(way) / np.linalg.norm(way)
         right = np.cross(forward, [0.31, 0.2, 0.93])
@@ -155,7 +158,7 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
     corners[:2, :, 2] += 0.4 * corners[:2, :, 0]
     shade, both = lit_by_side([[0.9, 0.2]] * 2 + [[0.5, 0.3]] * 2), np.zeros(4, np.int8)
     mesh, grid = TriangleMesh.from_arrays(corners), Grid((-1.3, -1.3, -1.3), 2.6, 8)
-    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, sides=True, facing=both))
+    octree = drain(build_octree(mesh, grid, shade, exposure=1.0, detail=LeafDetail(sides=True, facing=both)))
     camera = replace(along_z(UP, 128), position_world=np.array([0.0, 0.0, -0.2]))
     np.testing.assert_allclose(first_hits(octree, camera).luminance, 0.3, atol=0.01)
     assert len(octree.side_nodes) < 0.19 * octree.node_count
@@ -163,7 +166,9 @@ def test_a_sheet_has_its_sides_before_the_underside_of_the_ground_below_it(monke
 
 def test_light_above_white_belongs_to_the_bright_side():
     mesh, shade = plate([(0.1, 1.0, UP, 5.0), (0.09, 1.0, DOWN, 0.1)])
-    octree = drain(build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, sides=True))
+    octree = drain(
+        build_octree(mesh, Grid((-1.0, -1.0, -1.0), 2.0, 4), shade, exposure=1.0, detail=LeafDetail(sides=True))
+    )
     for looking, least, most in ((DOWN, 2.0, 5.0), (UP, 0.1, 0.3)):
         camera = along_z(looking, 8)
         light = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 2).colors
@@ -176,7 +181,9 @@ def test_light_above_white_belongs_to_the_bright_side():
 @pytest.fixture(scope="module", params=["gray", "colour"])
 def octree(request):
     shade = gray_shade if request.param == "gray" else color_shade
-    return drain(build_octree(soup(np.arange(150), []), GRID, shade, exposure=1.5, boxes=True, sides=True))
+    return drain(
+        build_octree(soup(np.arange(150), []), GRID, shade, exposure=1.5, detail=LeafDetail(boxes=True, sides=True))
+    )
 
 
 def test_nodes_show_what_the_plain_twin_says(octree):
@@ -207,7 +214,9 @@ def test_pictures_are_means_of_what_nodes_show(octree):
 def test_batches_and_passes_change_no_bits(octree, cuts, block_fragments):
     shade = gray_shade if octree.chroma is None else color_shade
     mesh = soup(np.arange(150), cuts)
-    steps = build_octree(mesh, GRID, shade, exposure=1.5, boxes=True, sides=True, block_fragments=block_fragments)
+    steps = build_octree(
+        mesh, GRID, shade, exposure=1.5, detail=LeafDetail(boxes=True, sides=True), block_fragments=block_fragments
+    )
     found = drain(steps)
     for name, values in octree_arrays(octree).items():
         np.testing.assert_array_equal(octree_arrays(found)[name], values, err_msg=name)

@@ -18,7 +18,7 @@ from patchnet.patchnet_addon.octree.clip import clip_triangles
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import GeometryError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import RotatedSource, TriangleMesh, random_rotation
@@ -117,7 +117,9 @@ def test_occupied_cells_are_those_of_the_leaves():
     expected = leaves_of(mesh, grid, with_gaps, layout=layout)
     assert len(expected) == 5
     for count in (1 << 10, 1 << 24):
-        found = leaves_of(mesh, grid, with_gaps, layout=layout, only_keys=True, block_fragments=count)
+        found = leaves_of(
+            mesh, grid, with_gaps, layout=layout, detail=LeafDetail(only_keys=True), block_fragments=count
+        )
         for one, two in zip(expected, found, strict=True):
             assert one.level == two.level and two.sums.shape == (len(two.keys), 0)
             np.testing.assert_array_equal(one.keys, two.keys)

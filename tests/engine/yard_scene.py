@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, TriangleBatch, TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
@@ -34,7 +35,14 @@ def yard_octree() -> Octree:
     mesh = TriangleMesh((batch,), tuple(Material(f"gray {gray}", (gray,) * 3) for gray in _GRAYS))
     grid = Grid.around(mesh.bounds_world, DEPTH)
     return drain(
-        build_octree(mesh, grid, two_lights_shade(mesh), exposure=1.0, provenance={"scene": "yard"}, boxes=True)
+        build_octree(
+            mesh,
+            grid,
+            two_lights_shade(mesh),
+            exposure=1.0,
+            provenance={"scene": "yard"},
+            detail=LeafDetail(boxes=True),
+        )
     )
 
 
