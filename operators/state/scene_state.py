@@ -34,7 +34,7 @@ _OF_CYCLES = (
     "max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "volume_bounces",
     "transparent_max_bounces", "caustics_reflective", "caustics_refractive", "blur_glossy", "use_fast_gi",
     "fast_gi_method", "ao_bounces_render", "light_sampling_threshold", "use_light_tree", "min_light_bounces",
-    "min_transparent_bounces", "volume_step_rate", "volume_max_steps",
+    "min_transparent_bounces", "volume_step_rate", "volume_max_steps", "texture_limit_render",
 )  # fmt: skip
 _OVERRIDES = "material_override", "world_override"  # of a view layer
 _SETTINGS = "world or render settings", ""

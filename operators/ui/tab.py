@@ -187,9 +187,9 @@ def draw_stale(layout: bpy.types.UILayout, context: bpy.types.Context, *steps: s
 
 def stale_text(result: SceneResult, scene: bpy.types.Scene, step: str) -> str:
     """Why a step is out of date, and what to do, or ""."""
-    todo, settings = _STALE[step]
+    remedy, settings = _STALE[step]
     why = result.why(step) or changed_text(scene.patchnet, result.made_with.get(settings), settings)
-    return f"{why[:1].upper()}{why[1:]}: {todo} again" if why else ""
+    return f"{why[:1].upper()}{why[1:]}: {remedy} again" if why else ""
 
 
 def changed_text(values: bpy.types.PropertyGroup, before: dict[str, object] | None, *steps: str) -> str:

@@ -157,6 +157,7 @@ CHANGES: dict[str, Callable[[], object]] = {
     "object moved": lambda: setattr(bpy.data.objects["Lath 2"], "location", (0.0, 0.0, 1e-4)),
     "object hidden": lambda: setattr(bpy.data.objects["Lath 2"], "hide_render", True),
     "bounces": lambda: setattr(bpy.context.scene.cycles, "diffuse_bounces", 2),
+    "guided paths": lambda: setattr(bpy.context.scene.cycles, "use_guiding", True),
 }  # fmt: skip
 
 

@@ -126,6 +126,7 @@ def bake_key(
     state: identity of the scene's state. switches: all other settings of the bake.
     """
     layout = Digest()
+    layout.struct(bpy.context.scene.cycles)  # also what changes bits alone, such as the sampling pattern
     layout.text(charts.texel_world, charts.page_side, charts.page_count)
     for name in _CHART_ARRAYS:
         layout.array(name, getattr(charts, name))
