@@ -139,7 +139,7 @@ def _walk(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_number(parser, "--frames", bounds.TRACK_FRAMES, "frames of the walk", 250)
     add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
-    parser.add_argument("--depth", default="fit", help="octree depth, or fit: fine only where the cameras look (fit)")
+    parser.add_argument("--depth", default="auto", help="octree depth; auto: fine only where the cameras look (auto)")
     add_number(parser, "--samples", bounds.SAMPLES, "of a baked texel", 4)
     add_number(parser, "--timed", bounds.REPEATS, "frames of PatchNet that are timed", 3)
     add_number(parser, "--cycles-timed", bounds.REPEATS, "frames of Cycles that are timed", 1)

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from ..operators.pipeline.lit_octree import OctreeOverrides
     from ..operators.settings.job_settings import JobSettings
 
-FIT = "fit"
+AUTO = "auto"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
-    parser.add_argument("--depth", required=True, help="octree depth, or fit: fine only in the views")
+    parser.add_argument("--depth", required=True, help="octree depth; auto: fine only in the views")
     add_views(parser)
     add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure")
     add_settings(parser, "sides", "gloss", "device")
@@ -116,7 +116,7 @@ def _settings(args: argparse.Namespace) -> JobSettings:
     given = given_settings(args)
     if args.gloss != GLOSS_CAMERA:  # for any camera
         given["from_camera"] = False
-    return JobSettings.of(**given, depth=depth_of(args.depth, (FIT,)), fit=args.depth == FIT)
+    return JobSettings.of(**given, depth=depth_of(args.depth))
 
 
 def _overrides(args: argparse.Namespace) -> OctreeOverrides:
@@ -149,19 +149,19 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--timings needs a single octree: omit it with --frames")
     if args.same_grid and args.rotate:
         raise SettingError("--same-grid and --rotate exclude each other: omit one of them")
-    if _bisect(args) is not None and (args.rotate or args.depth == FIT):
-        other = "--rotate" if args.rotate else f"--depth {FIT}"
+    if _bisect(args) is not None and (args.rotate or args.depth == AUTO):
+        other = "--rotate" if args.rotate else f"--depth {AUTO}"
         raise SettingError(f"--bisect and {other} exclude each other: omit one of them")
-    if args.depth != FIT:
-        depth_of(args.depth, (FIT,))
+    if args.depth != AUTO:
+        depth_of(args.depth)
         if args.view:
-            raise SettingError(f"--view requires --depth {FIT}: omit it with another depth")
+            raise SettingError(f"--view requires --depth {AUTO}: omit it with another depth")
         if is_given(args, "--size"):
             raise SettingError("--size requires --view, of whose pictures it is the size: omit it")
     elif not args.view:
-        raise SettingError(f"--depth {FIT} needs at least one --view to fit to")
+        raise SettingError(f"--depth {AUTO} needs at least one --view to fit to")
     elif args.rotate:
-        raise SettingError(f"--depth {FIT} and --rotate exclude each other: omit one of them")
+        raise SettingError(f"--depth {AUTO} and --rotate exclude each other: omit one of them")
 
 
 def _without(args: argparse.Namespace) -> list[str]:

@@ -26,7 +26,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="with --frames: replace existing frames")
     parser.add_argument(
         "--same-grid", action="store_true",
-        help="with --frames: one cube and depth for all octrees, for temporal stability; reads all frames first",
+        help="with --frames: one cube for all octrees, for temporal stability; reads all frames first",
     )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,9 +45,8 @@ def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
 def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a job, shared with `patchnet demo`."""
     parser.add_argument(
-        "--depth", default="auto",
-        help="octree depth; auto: 95 %% look-ahead for all cameras; fit: fine only where the cameras look (auto)",
-    )  # fmt: skip
+        "--depth", default="auto", help="octree depth; auto: fine where the cameras look, coarse elsewhere (auto)"
+    )
     add_settings(parser, "track", "memory")
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, "side of the finest voxels in world units, instead of a depth"
@@ -105,7 +103,6 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
         depth=depth_of(args.depth),
         voxel_size_world=args.voxel_size,
-        fit=args.depth == "fit",
         size=tuple(args.size),
         strategy=args.strategy,
         network_device=args.device,
@@ -150,12 +147,12 @@ def given_settings(args: argparse.Namespace) -> dict[str, Any]:
     return found
 
 
-def depth_of(text: str, others: Sequence[str] = ("auto", "fit")) -> int | None:
-    """Parse a depth, None for one of the other words; raises SettingError."""
-    if text in others:
+def depth_of(text: str) -> int | None:
+    """Parse a depth, None for "auto"; raises SettingError."""
+    if text == "auto":
         return None
     if not re.fullmatch(r"[+-]?\d+", text):
-        raise SettingError(f"Depth {text!r} is neither a whole number nor {' or '.join(map(repr, others))}")
+        raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto'")
     return int(bounds.DEPTH.read(text))
 
 

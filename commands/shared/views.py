@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Views for `--depth fit` of `patchnet octree`."""
+"""Views for `--depth auto` of `patchnet octree`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def add_views(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the views for `--depth fit`."""
-    text = "with --depth fit: position and target of a camera of 50 degrees, in world units; may be repeated"
+    """Add the arguments of the views for `--depth auto`."""
+    text = "with --depth auto: position and target of a camera of 50 degrees, in world units; may be repeated"
     axes = ("X", "Y", "Z", "TX", "TY", "TZ")
     add_number(parser, "--view", bounds.COORDINATE, text, nargs=6, action="append", metavar=axes)
     parser.set_defaults(view=[])
     add_number(parser, "--size", bounds.VIEW_PX, "pixels of the views", (1920, 1080))
-    add_number(parser, "--memory", bounds.MEMORY_GIB, "memory limit of the build with --depth fit (all)", metavar="GIB")
+    add_number(parser, "--memory", bounds.MEMORY_GIB, "memory limit with --depth auto (all free memory)", metavar="GIB")
 
 
 def view_cameras(args: argparse.Namespace) -> list[Camera]:

@@ -38,7 +38,6 @@ def main() -> None:
     settings = JobSettings.of(
         cameras=(camera,),
         size=(int(width), int(height)),
-        fit=True,
         samples=4,
         texel_voxels=3.0,
         color=True,

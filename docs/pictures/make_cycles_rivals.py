@@ -98,7 +98,7 @@ def main() -> None:
     scene, width, height, cameras = (*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
     open_or_build(scene)
     settings = JobSettings.of(
-        cameras=tuple(cameras.split(",")), size=(int(width), int(height)), fit=True, samples=4, texel_voxels=3.0
+        cameras=tuple(cameras.split(",")), size=(int(width), int(height)), samples=4, texel_voxels=3.0
     )
     result = run_with_bars(settings)
     curves = {}

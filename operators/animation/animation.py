@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -14,14 +13,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.eta import FramesEta
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT
 from ...patchnet_addon.runtime.frames import errors_of_frame
 from ...patchnet_addon.runtime.outputs import check_outputs
-from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed, labelled
+from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ..cycles.daylight import has_light
@@ -51,40 +48,24 @@ def same_daylight(context: bpy.types.Context, frames: Sequence[int]) -> Steps[bo
     return True
 
 
-def same_grid(
-    context: bpy.types.Context, frames: Sequence[int], maker: OctreeMaker
-) -> Steps[tuple[Bounds, int | None]]:
-    """Bounds around the surface at all frames, and the depth that the most demanding frame needs.
-
-    The depth is None if settings give it, and rounded down if memory limits a frame.
-    """
+def same_bounds(context: bpy.types.Context, frames: Sequence[int], scope: str) -> Steps[Bounds]:
+    """Bounds around the surface at all frames."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    sides: list[float] = []
-    bounded = False
     for done, frame in enumerate(frames):
-        label = f"One grid for all frames: frame {frame}"
-        yield Progress(done, len(frames), label)
+        yield Progress(done, len(frames), f"One grid for all frames: frame {frame}")
         go_to_frame(context.scene, frame)
         with errors_of_frame(frame):
-            source = read_scene(context.evaluated_depsgraph_get(), maker.scope)
-            needed = yield from labelled(maker.voxel_size_world(context, source), label)
+            source = read_scene(context.evaluated_depsgraph_get(), scope)
         low, high = np.minimum(low, source.bounds_world[0]), np.maximum(high, source.bounds_world[1])
-        if needed is not None:
-            sides.append(needed[0])
-            bounded = bounded or needed[1]
     bounds: Any = (tuple(low.tolist()), tuple(high.tolist()))
-    if not sides:
-        return bounds, None
-    levels = math.log2(Grid.around(np.array(bounds), 1).side_world / min(sides))
-    depth = math.floor(levels + 1e-6) if bounded else math.ceil(levels - 1e-6)
-    return bounds, min(max(depth, 1), MAX_DEPTH)
+    return bounds
 
 
 @dataclass(frozen=True)
 class FramePlan:
     """Plan of the frames and their folders.
 
-    overwrite: make finished frames again. one_grid: the octrees of all frames have the same cube and depth.
+    overwrite: make finished frames again. one_grid: the octrees of all frames have the same cube.
     """
 
     frames: tuple[int, ...]
@@ -123,8 +104,8 @@ def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan)
         if maker.bakes:
             common = replace(common, daylight=(yield from _before_all(same_daylight(context, plan.frames))))
         if plan.one_grid:
-            bounds, depth = yield from _before_all(same_grid(context, plan.frames, maker))
-            common = replace(common, bounds=bounds, depth=depth)
+            bounds = yield from _before_all(same_bounds(context, plan.frames, maker.scope))
+            common = replace(common, bounds=bounds)
         animation = _Animation(context, maker, plan, common)
         yield from animation.find_reference()
         for frame in plan.frames:

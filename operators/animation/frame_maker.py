@@ -21,11 +21,10 @@ from ..importance.pixels import importance_key
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import JobResult, run_job, write_result
-from ..pipeline.stages import choose_grid, load_network
-from ..scene.cameras import camera_name, looking_cameras
+from ..pipeline.stages import load_network
+from ..scene.cameras import camera_name
 from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
-from ..scene.scene_mesh import SceneMesh
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
@@ -92,13 +91,12 @@ class SharedSettings:
     """Settings that frames share, so that their pictures do not flicker.
 
     exposure: factor on luminance; None if the frame chooses it for all others. daylight: whether sun and sky are added;
-    None without a bake. bounds, depth: of one grid for all frames, None for a grid per frame.
+    None without a bake. bounds: of one grid for all frames, None for a grid per frame.
     """
 
     exposure: float | None = None
     daylight: bool | None = None
     bounds: Bounds | None = None
-    depth: int | None = None
 
 
 class OctreeMaker:
@@ -141,11 +139,6 @@ class OctreeMaker:
         unseen = [] if fitted_to is None else why_unseen_by(octree, fitted_to())
         return {"exposure": octree.exposure, "octree": figures, "views": [], "warnings": [*made.warnings, *unseen]}
 
-    def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
-        """Side of the voxels that this frame needs, and whether memory limits it; None if settings give it."""
-        yield from ()
-        return None
-
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return self._settings.changed(exposure=common.exposure, daylight=common.daylight, bounds=common.bounds)
 
@@ -180,21 +173,6 @@ class JobMaker(OctreeMaker):
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
         return _summary(result)
-
-    def voxel_size_world(self, context: bpy.types.Context, source: SceneMesh) -> Steps[tuple[float, bool] | None]:
-        """Side of the voxels that the cameras need, unless the depth is given."""
-        settings = self._settings
-        if settings.surface.has_given_depth or settings.surface.fit:
-            return None
-        depsgraph = context.evaluated_depsgraph_get()
-        wanted = settings.view
-        cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, source.bounds_world, source)
-        choice = yield from choose_grid(source, cameras, settings)
-        return choice.grid.voxel_size_world, bool(choice.warnings)
-
-    def _of_frame(self, common: SharedSettings) -> JobSettings:
-        depth = common.depth or self._settings.surface.depth
-        return super()._of_frame(common).changed(depth=depth)
 
 
 def _summary(result: JobResult) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import Any
 import bpy
 
 from ...patchnet_addon.octree.grid import Grid
-from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import bytes_text, count_text, counted
 from ...patchnet_addon.runtime.worker import run_in_worker
@@ -23,7 +22,7 @@ from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings
 from .job_work import Rates, texels_of, time_line, work_of
-from .stages import GridChoice, encoder_text, load_network
+from .stages import GridChoice, encoder_text, fitted_levels, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 
@@ -32,11 +31,11 @@ _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 class Estimate:
     """Expected figures of a job.
 
-    fitted: leaves follow the cameras, so that only memory bounds `leaves` and bytes. peak_bytes: of building;
-    free_bytes: limit. lookahead_share: of hit pixels, least of all cameras, None if no camera sees anything. texels,
-    paths: of the bake, 0 without one; paths of one side of the surface. seconds: by stage. time_line, made_for, lines:
-    time, surface and views, and figures in words. notes: omissions and approximations that are known without a bake.
-    settings: of the scene at the estimate. outdated: the scene may have changed since.
+    fitted: leaves follow the cameras, most are coarser than `depth`. peak_bytes: of building; free_bytes: limit.
+    lookahead_share: of hit pixels, None if no camera sees anything. texels, paths: of the bake, 0 without one; paths of
+    one side of the surface. seconds: by stage. time_line, made_for, lines: time, surface and views, and figures in
+    words. notes: omissions and approximations that are known without a bake. settings: of the scene at the estimate.
+    outdated: the scene may have changed since.
     """
 
     depth: int
@@ -83,44 +82,44 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
 
 
 def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[Estimate]:
-    from ...patchnet_addon.lod.depth import available_memory, choose_depth, coarse_octree, estimate, expected_share
+    from ...patchnet_addon.lod import depth as given
+    from ...patchnet_addon.lod.depth import available_memory, peak_bytes, stored_bytes
 
     surface, light = settings.surface, settings.light
-    bounds, lookahead = surface.bounds_world(source), load_network(settings.network).lookahead
-    coarse = yield from labelled(coarse_octree(source, bounds_world=bounds), "Estimating")
-    free = settings.compute.memory_bytes or available_memory()
-    yield Progress(1, 3, "Estimating: what cameras see")
-    automatic = choose_depth(coarse, cameras, None, free, color=light.color, sides=light.has_sides, lookahead=lookahead)
-    depth = min(automatic.wanted if surface.fit else automatic.depth, MAX_DEPTH)
-    if surface.depth is not None:
-        depth = surface.depth
-    elif surface.voxel_size_world is not None:
-        depth = Grid.with_voxel_size(bounds, surface.voxel_size_world).depth
-    leaves, octree_bytes, peak = estimate(coarse, depth, color=light.color, sides=light.has_sides)
+    contents = {"color": light.color, "sides": light.has_sides}
+    lookahead = load_network(settings.network).lookahead
+    if surface.is_fitted:
+        grid, fitted = yield from labelled(fitted_levels(source, cameras, settings, rough=True), "Estimating")
+        layout, leaves, share = fitted.layout, fitted.leaves, fitted.lookahead_share
+    else:
+        grid, layout = surface.given_grid(source), None
+        bounds_world = surface.bounds_world(source)
+        coarse = yield from labelled(given.coarse_octree(source, bounds_world=bounds_world), "Estimating")
+        yield Progress(1, 3, "Estimating: what cameras see")
+        leaves = given.expected_leaves(coarse, grid.depth)
+        share = given.expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
     yield Progress(2, 3, "Estimating: texels of the bake")
-    texels = 0
-    if light.is_baked:
-        texels = yield from texels_of(source, GridChoice(Grid.around(bounds, depth)), settings)
+    texels = (yield from texels_of(source, GridChoice(grid, layout), settings)) if light.is_baked else 0
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)
     work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, texels=texels)
     seconds = rates.seconds(work)
     return Estimate(
-        depth=depth,
-        fitted=surface.fit,
+        depth=grid.depth,
+        fitted=surface.is_fitted,
         leaves=leaves,
-        octree_bytes=octree_bytes,
+        octree_bytes=stored_bytes(leaves, **contents),
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
         codes_bytes=int(leaves / (3.0 * 4.0 ** (lookahead - 1)) * _BYTES_PER_CODED),
-        peak_bytes=min(peak, free) if surface.fit else peak,
-        free_bytes=free,
-        lookahead_share=expected_share(coarse, cameras, depth, lookahead=lookahead),
+        peak_bytes=peak_bytes(leaves, **contents),
+        free_bytes=settings.compute.memory_bytes or available_memory(),
+        lookahead_share=share,
         texels=texels,
         paths=texels * light.samples,
         made_for=_made_for(source, cameras),
         seconds=seconds,
-        time_line=time_line(seconds, rates, at_most=surface.fit),
+        time_line=time_line(seconds, rates),
     )
 
 
@@ -136,18 +135,13 @@ def _lines(found: Estimate, voxel_side: str, device: str, encoder: str) -> list[
     """Estimate in words. voxel_side: with its unit. device, encoder: their names."""
     most = "Up to depth" if found.fitted else "Depth"
     lines = [f"{most} {found.depth}, voxel side {voxel_side}"]
-    if found.fitted:
-        lines.append("As many voxels as cameras need")
-        lines.append(f"Building takes at most {bytes_text(found.free_bytes)}")
-    else:
-        lines.append(f"About {count_text(found.leaves)} voxels")
-        lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
-        lines.append(f"Octree {bytes_text(found.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
+    lines.append(f"About {count_text(found.leaves)} voxels")
+    lines.append(f"Building takes {bytes_text(found.peak_bytes)} of {bytes_text(found.free_bytes)}")
+    lines.append(f"Octree {bytes_text(found.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
     share = found.lookahead_share
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
     if found.texels:
-        about = "at most" if found.fitted else "about"
-        lines.append(f"Bake: {about} {count_text(found.texels)} texels")
+        lines.append(f"Bake: about {count_text(found.texels)} texels")
         lines.append(f"Samples of light: {count_text(found.paths)}")
         lines.append(f"Bake on: {device}")
     lines.append(f"Network on: {encoder}")

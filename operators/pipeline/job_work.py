@@ -48,7 +48,7 @@ def work_of(
     surface = triangles + 100_000.0
     return {
         "read": surface,
-        "depth": surface,
+        "depth": surface + (0.1 * leaves if settings.surface.is_fitted else 0.0),
         "light": texels * (light.samples + 4.0),
         "denoise": float(texels) if light.denoise else 0.0,
         "voxelize": leaves + surface,
@@ -98,10 +98,9 @@ class Rates:
         temporary.unlink(missing_ok=True)
 
 
-def time_line(seconds: dict[str, float], rates: Rates, *, at_most: bool = False) -> str:
+def time_line(seconds: dict[str, float], rates: Rates) -> str:
     """Sentence on the time of a whole job."""
-    about = "at most" if at_most else "about"
-    text = f"Takes {about} {duration_text(sum(seconds.values()))}"
+    text = f"Takes about {duration_text(sum(seconds.values()))}"
     return text if rates.measured else f"{text} (measured elsewhere)"
 
 

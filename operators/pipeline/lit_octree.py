@@ -43,7 +43,7 @@ class OctreeOverrides:
     """Inputs of an octree that replace those of the settings and the context.
 
     unlit: the surface's own colour, without baked light. grid: given cube and levels, which must still contain the
-    surface; None chooses them. cameras: those that the depth is chosen for, at the current frame; None takes those of
+    surface; None chooses them. cameras: those that leaves are fitted to, at the current frame; None takes those of
     the settings. depsgraph: read instead of the context's. baking: context in which Cycles bakes. rotation: seed of a
     random rotation of the lit surface, 0 for none. bisect: axis and share of a plane at which the lit surface is cut
     open, None for none; not with a rotation. chosen: session_uids of objects that count as the selected ones.
@@ -209,14 +209,14 @@ def light_octree(
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:
-    """Cameras that the settings' depth is chosen for: none where it is given, at all frames where settings track them.
+    """Cameras that leaves are fitted to: none for a given depth, those at all frames where settings track them.
 
     Raises SceneError.
     """
     view, bounds_world = settings.view, settings.surface.bounds_world(source)
     if settings.surface.track and list(view.cameras) != [AUTO]:  # automatic cameras are fixed
         return track_cameras(context, view.cameras, view.size, bounds_world)
-    if settings.surface.has_given_depth:
+    if not settings.surface.is_fitted:
         return []
     return (yield from _looking(context, settings, source, None))
 
@@ -230,8 +230,8 @@ def _looking(
 
 
 def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
-    """Key of the cameras that a depth is chosen for; "" for a given depth. Raises SceneError."""
-    if settings.surface.has_given_depth:
+    """Key of the cameras that leaves are fitted to; "" for a given depth. Raises SceneError."""
+    if not settings.surface.is_fitted:
         return ""
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
     cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)

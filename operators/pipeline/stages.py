@@ -16,7 +16,7 @@ from ...patchnet_addon.network.devices import AUTO, CPU, device_title, found_dev
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
+from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -33,6 +33,7 @@ from ..settings.job_settings import JobSettings
 from .reports import versions
 
 if TYPE_CHECKING:  # needed only when an octree is built
+    from ...patchnet_addon.lod.fit import FittedLevels
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ..cycles.bake import KeptPages
 
@@ -57,59 +58,57 @@ class GridChoice:
 
 
 def choose_grid(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """Grid around the surface by the settings' depth or voxel size, else by the cameras (methods 4.1b).
+    """Grid around the surface by the settings' depth or voxel size, else with leaves fitted to the cameras.
 
     Raises MemoryEstimateError, before anything is built, if a given depth does not fit into memory, and GeometryError
     for a surface too far from the origin.
     """
-    make = _fitted_grid if settings.surface.fit else _even_grid
+    make = _fitted_grid if settings.surface.is_fitted else _even_grid
     choice = yield from run_in_worker(lambda: make(source, cameras, settings), Progress(0, 1, "Finding the depth"))
     return replace(choice, warnings=(*place_warnings(source, choice.grid), *choice.warnings))
 
 
-def _even_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """Choose a grid with all leaves on one level."""
-    from ...patchnet_addon.lod.depth import choose_depth, coarse_octree
+def _even_grid(source: MeshSource, _cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
+    """Grid of a given depth or voxel size."""
+    from ...patchnet_addon.lod.depth import check_memory, coarse_octree, expected_leaves
 
-    surface, memory = settings.surface, settings.compute.memory_bytes
-    color, sides = settings.light.color, settings.light.has_sides
-    bounds_world = surface.bounds_world(source)
+    grid = settings.surface.given_grid(source)
+    bounds_world = settings.surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
-    grid, depth = None, surface.depth
-    if surface.voxel_size_world is not None:
-        grid = Grid.with_voxel_size(bounds_world, surface.voxel_size_world)
-        depth = grid.depth
-    lookahead = load_network(settings.network).lookahead if depth is None else DEFAULT_LOOKAHEAD  # needs no weights
-    choice = choose_depth(coarse, cameras, depth, memory, color=color, sides=sides, lookahead=lookahead)
-    warnings: tuple[str, ...] = ()
-    if choice.bounded_by_memory:
-        warnings = (
-            f"The cameras need depth {choice.wanted}, but memory allows {choice.depth}: near surfaces will have no "
-            "look-ahead; fit the octree to the cameras, or choose smaller pictures or fewer objects",
-        )
-    grid = grid or Grid.around(bounds_world, choice.depth)
-    return GridChoice(grid, None, warnings, choice.leaves)
+    leaves, light = expected_leaves(coarse, grid.depth), settings.light
+    check_memory(leaves, grid.depth, settings.compute.memory_bytes, color=light.color, sides=light.has_sides)
+    return GridChoice(grid, leaves=leaves)
 
 
 def _fitted_grid(source: MeshSource, cameras: Sequence[Camera], settings: JobSettings) -> Steps[GridChoice]:
-    """Choose leaves as deep as the cameras need, within the memory limit."""
-    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE, available_memory, max_leaves
+    """Grid with leaves as deep as the cameras need, within the memory limit."""
+    from ...patchnet_addon.lod.depth import LOOK_AHEAD_SHARE
+
+    grid, fitted = yield from fitted_levels(source, cameras, settings)
+    warnings: tuple[str, ...] = ()
+    if fitted.lookahead_share is not None and fitted.lookahead_share < LOOK_AHEAD_SHARE:
+        warnings = (
+            f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
+            f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
+        )
+    return GridChoice(grid, fitted.layout, warnings, fitted.leaves)
+
+
+def fitted_levels(
+    source: MeshSource, cameras: Sequence[Camera], settings: JobSettings, *, rough: bool = False
+) -> Steps[tuple[Grid, FittedLevels]]:
+    """Grid and levels of leaves for the cameras, within the memory limit; `rough`: an estimate, in less time."""
+    from ...patchnet_addon.lod.depth import available_memory, max_leaves
     from ...patchnet_addon.lod.fit import LAYOUT_BYTES, fit_leaf_levels
     from ...patchnet_addon.surface.shading import opacity_shade
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.compute.memory_bytes or available_memory()
     most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color, sides=settings.light.has_sides)
-    lookahead = load_network(settings.network).lookahead
-    shade = opacity_shade(source)
-    fitted = yield from fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead)
-    warnings: tuple[str, ...] = ()
-    if fitted.lookahead_share < LOOK_AHEAD_SHARE:
-        warnings = (
-            f"The cameras need leaves down to level {fitted.wanted}, more than memory or depth allow: about "
-            f"{fitted.lookahead_share:.0%} of pixels will have look-ahead; choose smaller pictures or fewer cameras",
-        )
-    return GridChoice(replace(grid, depth=fitted.layout.deepest), fitted.layout, warnings, fitted.leaves)
+    lookahead, shade = load_network(settings.network).lookahead, opacity_shade(source)
+    fitting = fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead, rough=rough)
+    fitted = yield from fitting
+    return replace(grid, depth=fitted.layout.deepest), fitted
 
 
 def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:

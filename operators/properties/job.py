@@ -14,7 +14,7 @@ from ...patchnet_addon.runtime.errors import SettingError
 from ..importance.painted import Importance
 from ..scene_access.unread_file import check_opened
 from ..schema.setting import Kind, Setting
-from ..schema.table import AUTO, DEPTH, FIT, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
+from ..schema.table import AUTO, DEPTH, SELECTED, TABLE, VISIBLE, VOXEL_SIZE
 from ..settings.cycles_settings import CyclesSettings
 from ..settings.job_settings import JobSettings
 from .preferences import Preferences, preferences
@@ -86,8 +86,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         scope=automatic_scope if scope == AUTO else scope,
         depth=value("depth") if resolution == DEPTH else None,
         voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
-        fit=resolution == FIT,
-        track=resolution == FIT and value("track"),
+        track=resolution == AUTO and value("track"),
         memory_bytes=_bytes(value("memory")),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
         importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),

@@ -113,8 +113,8 @@ class AnimationProperties:
     )
     same_grid: BoolProperty(
         name="Same Voxel Grid",
-        description="Keep voxels at the same places and of the same size at all frames, so that pictures do not "
-        "flicker; reads the scene at all frames first",
+        description="Keep voxels at the same places at all frames, so that pictures do not flicker; reads the scene at "
+        "all frames first",
         default=False,
     )
 

@@ -17,7 +17,7 @@ from .setting import Effect, Kind, Setting
 
 AUTO = "AUTO"
 SELECTED, VISIBLE = "SELECTED", "VISIBLE"
-DEPTH, VOXEL_SIZE, FIT = "DEPTH", "VOXEL_SIZE", "FIT"
+DEPTH, VOXEL_SIZE = "DEPTH", "VOXEL_SIZE"
 CYCLES, TWO_LIGHTS = "cycles", "two-lights"
 CPU, GPU = "CPU", "GPU"
 WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
@@ -48,12 +48,11 @@ _SURFACE = (
     Setting(
         "resolution", "Voxel Detail", "Size of the finest voxels", OCTREE, Kind.CHOICE, AUTO,
         choices=(
-            (AUTO, "By Cameras", "The coarsest voxels that give the cameras an estimate in nearly all pixels"),
-            (FIT, "Fit to Cameras", "Fine voxels only where cameras see the surface, for large pictures"),
+            (AUTO, "Automatic", "Fine voxels where cameras see the surface, coarse ones elsewhere"),
             (DEPTH, "Octree Depth", "Set the number of levels"),
             (VOXEL_SIZE, "Voxel Size", "Set the side of the finest voxels"),
         ),
-        field_name="fit",
+        field_name="depth",
     ),
     Setting(
         "depth", "Octree Depth",
@@ -70,8 +69,8 @@ _SURFACE = (
     Setting(
         "track", "All Frames",
         "Fit the voxels to the cameras at all frames of the scene instead of the current one",
-        OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == FIT,
-        argument="--track", help="with --depth fit: the cameras at all frames of the scene",
+        OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == AUTO,
+        argument="--track", help="with --depth auto: the cameras at all frames of the scene",
     ),
     Setting(
         "memory", "Memory (GiB)",

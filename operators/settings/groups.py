@@ -13,6 +13,7 @@ import numpy as np
 
 from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.network.devices import CUDA, read_device
+from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.sampling.predicted import UNREFINED
 from ...patchnet_addon.sampling.registry import strategy
@@ -34,36 +35,40 @@ class SurfaceSettings:
     """Settings of the voxelized surface and its resolution.
 
     scope: SELECTED objects or all VISIBLE renderable ones.
-    depth: of the octree; None chooses it by the cameras (methods 4.1b). voxel_size_world: leaf side instead of a depth.
-    fit: leaves as deep as the cameras need, instead of one depth. track: the cameras count at all frames of the scene,
-    not only at the current one. bounds: lower and upper corner of the octree's cube in world units; None takes the
-    surface's own.
+    depth: of the octree. voxel_size_world: leaf side instead of a depth. Without both, leaves are as deep as cameras
+    need (methods 4.1b). track: the cameras count at all frames of the scene, not only at the current one. bounds: lower
+    and upper corner of the octree's cube in world units; None takes the surface's own.
     """
 
     scope: str = VISIBLE
     depth: int | None = None
     voxel_size_world: float | None = None
-    fit: bool = False
     track: bool = False
     bounds: Bounds | None = None
 
     def __post_init__(self) -> None:
         if self.depth is not None and self.voxel_size_world is not None:
             raise SettingError("Depth and voxel size are both given: choose one of them")
-        if self.fit and self.has_given_depth:
-            raise SettingError("Fit to Cameras and a given depth or voxel size exclude each other: choose one of them")
-        if self.track and not self.fit:
-            raise SettingError("Only leaves that fit the cameras can follow a track: choose fit, or no track")
+        if self.track and not self.is_fitted:
+            raise SettingError("Only voxels of automatic depth can follow a track: choose that depth, or no track")
         _check_numbers(self)
 
     @property
-    def has_given_depth(self) -> bool:
-        """Return whether a depth or a voxel size is given, so that cameras do not decide it."""
-        return self.depth is not None or self.voxel_size_world is not None
+    def is_fitted(self) -> bool:
+        """Return whether leaves are fitted to the cameras, since neither depth nor voxel size is given."""
+        return self.depth is None and self.voxel_size_world is None
 
     def bounds_world(self, source: MeshSource) -> np.ndarray:
         """(2, 3): bounds of the octree's cube."""
         return source.bounds_world if self.bounds is None else np.array(self.bounds, np.float64)
+
+    def given_grid(self, source: MeshSource) -> Grid:
+        """Grid of the given depth or voxel size."""
+        bounds_world = self.bounds_world(source)
+        if self.depth is not None:
+            return Grid.around(bounds_world, self.depth)
+        assert self.voxel_size_world is not None
+        return Grid.with_voxel_size(bounds_world, self.voxel_size_world)
 
 
 @dataclass(frozen=True)

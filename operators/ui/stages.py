@@ -7,7 +7,7 @@ import bpy
 
 from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import STRATEGIES
-from ..schema.table import AUTO, CYCLES, FIT, GLOSS_OFF, VIEW
+from ..schema.table import AUTO, CYCLES, GLOSS_OFF, VIEW
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..settings.job_settings import recorded
@@ -98,11 +98,9 @@ def _look_ahead(result: SceneResult, values: bpy.types.PropertyGroup) -> str:
         return ""
     again = "press Preview Selection again"
     text = f"Voxels are too coarse to look ahead on {1.0 - share:.0%} of this picture: "
-    if values.resolution == FIT:
-        return f"{text}choose a smaller Picture Size or fewer cameras, then {again}"
     if values.resolution == AUTO:
-        return f"{text}{again} if camera or size changed, else choose Voxel Detail: Fit to Cameras"
-    return f"{text}choose Voxel Detail: By Cameras, then {again}"
+        return f"{text}{again} if camera or size changed, else choose a smaller Picture Size or fewer cameras"
+    return f"{text}choose Voxel Detail: Automatic, then {again}"
 
 
 def _strategy(result: SceneResult, values: bpy.types.PropertyGroup) -> str:

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Octree depth by the level-of-detail contract (methods 4.1b), and memory estimates."""
+"""Expected voxels, look-ahead (methods 4.1b) and memory of an octree of a given depth."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ..octree.build import build_octree
 from ..octree.grid import Grid
 from ..octree.octree import Octree
 from ..octree.voxelize import BLOCK_FRAGMENTS
-from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import MemoryEstimateError
 from ..runtime.heap import system_bytes
 from ..runtime.progress import Steps
@@ -24,7 +23,6 @@ from ..tracing.camera import Camera
 from ..tracing.render import first_hits
 
 COARSE_DEPTH = 7
-MIN_DEPTH = 5
 LOOK_AHEAD_SHARE = 0.95
 BYTES_PER_NODE = 14
 COLOR_BYTES_PER_NODE = 2
@@ -42,22 +40,6 @@ _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 
 
-@dataclass(frozen=True)
-class DepthChoice:
-    """Depth with its reason: `wanted` by the cameras, `depth` by available memory; bytes are estimates."""
-
-    depth: int
-    wanted: int
-    leaves: int
-    octree_bytes: int
-    peak_bytes: int
-
-    @property
-    def bounded_by_memory(self) -> bool:
-        """Return whether the cameras need more memory than available."""
-        return self.depth < self.wanted
-
-
 def coarse_octree(
     source: MeshSource, depth: int = COARSE_DEPTH, bounds_world: np.ndarray | None = None
 ) -> Steps[Octree]:
@@ -70,26 +52,6 @@ def coarse_octree(
 
 def _no_shade(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(len(fragments), np.float32), np.ones(len(fragments), np.float32)
-
-
-def wanted_depth(
-    coarse: Octree,
-    cameras: Sequence[Camera],
-    share: float = LOOK_AHEAD_SHARE,
-    *,
-    lookahead: int = DEFAULT_LOOKAHEAD,
-) -> int:
-    """Smallest depth at which `share` of every camera's hit pixels have look-ahead (methods 4.1b).
-
-    A ray that enters a voxel at axial distance z stops at the first level with side < 2 c z and needs `lookahead`
-    further levels: those of the weights in use.
-    """
-    wanted = MIN_DEPTH
-    for camera in cameras:
-        stop = stop_levels(coarse, camera)
-        if len(stop):
-            wanted = max(wanted, int(np.quantile(stop, share, method="higher")) + lookahead)
-    return min(wanted, MAX_DEPTH)
 
 
 def stop_levels(coarse: Octree, camera: Camera) -> np.ndarray:
@@ -110,20 +72,23 @@ def expected_share(
     return float(min(shares)) if shares else None
 
 
-def estimate(coarse: Octree, depth: int, *, color: bool = False, sides: bool = False) -> tuple[int, int, int]:
-    """Leaves, bytes of the octree and peak bytes while building it, for `depth` levels over the same cube.
+def expected_leaves(coarse: Octree, depth: int) -> int:
+    """Expected number of leaves of an octree with `depth` levels over the same cube.
 
     Voxels along a surface grow as area * 4^level + edges * 2^level; the two finest coarse levels give both terms.
     """
     *_, before, finest = counts = np.diff(coarse.level_start).tolist()
+    if depth <= coarse.depth:
+        return int(counts[depth])
     area = max(finest - 2 * before, 0) / (2 * 4.0 ** (coarse.depth - 1))
     edges = (finest - area * 4.0**coarse.depth) / 2.0**coarse.depth
-    estimated = area * 4.0**depth + edges * 2.0**depth
-    if depth <= coarse.depth:
-        estimated = counts[depth]
+    return int(area * 4.0**depth + edges * 2.0**depth)
+
+
+def stored_bytes(leaves: int, *, color: bool = False, sides: bool = False) -> int:
+    """Expected bytes of an octree."""
     node_bytes = BYTES_PER_NODE + COLOR_BYTES_PER_NODE * color + (_SIDES_BYTES_PER_NODE if sides else 0.0)
-    leaf_bytes = _NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF
-    return int(estimated), int(estimated * leaf_bytes), peak_bytes(estimated, color=color, sides=sides)
+    return int(leaves * (_NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF))
 
 
 def _bytes_per_leaf(color: bool, sides: bool) -> tuple[int, int]:
@@ -164,30 +129,16 @@ def _bound(memory_bytes: int | None) -> str:
     return f"the memory limit is {bytes_text(memory_bytes)}"
 
 
-def choose_depth(
-    coarse: Octree,
-    cameras: Sequence[Camera],
-    depth: int | None = None,
-    memory_bytes: int | None = None,
-    *,
-    color: bool = False,
-    sides: bool = False,
-    lookahead: int = DEFAULT_LOOKAHEAD,
-) -> DepthChoice:
-    """Choose the given depth, or for None the smallest that gives the cameras look-ahead, bounded by memory.
+def check_memory(
+    leaves: int, depth: int, memory_bytes: int | None = None, *, color: bool = False, sides: bool = False
+) -> None:
+    """Raise MemoryEstimateError if an octree of a given depth with that many leaves cannot be built in memory.
 
-    color, sides: contents of the octree. lookahead: levels, of the weights in use. Raises MemoryEstimateError if a
-    given depth does not fit.
+    memory_bytes: limit; None for all available memory. color, sides: contents of the octree.
     """
-    memory = available_memory() if memory_bytes is None else memory_bytes
-    wanted = wanted_depth(coarse, cameras, lookahead=lookahead) if depth is None else depth
-    choice = wanted
-    while depth is None and choice > MIN_DEPTH and estimate(coarse, choice, color=color, sides=sides)[2] > memory:
-        choice -= 1
-    leaves, octree_bytes, peak = estimate(coarse, choice, color=color, sides=sides)
-    if depth is not None and peak > memory:
+    peak = peak_bytes(leaves, color=color, sides=sides)
+    if peak > (available_memory() if memory_bytes is None else memory_bytes):
         raise MemoryEstimateError(
             f"Depth {depth} needs about {bytes_text(peak)} for {count_text(leaves)} voxels, and "
-            f"{_bound(memory_bytes)}: choose a smaller depth, a larger voxel size, or fewer objects"
+            f"{_bound(memory_bytes)}: choose a smaller depth, a larger voxel size, an automatic depth, or fewer objects"
         )
-    return DepthChoice(choice, wanted, leaves, octree_bytes, peak)

@@ -212,13 +212,13 @@ class FittedLevels:
 
     wanted: deepest level that the cameras need. leaves: approximate number of leaves. lookahead_share: share of hit
     pixels with look-ahead in the camera with the smallest share; 1 without a limit, if leaves are as deep as all
-    cameras need.
+    cameras need, and None without hits.
     """
 
     layout: LeafLevels
     wanted: int
     leaves: int
-    lookahead_share: float
+    lookahead_share: float | None
 
 
 def fit_leaf_levels(
@@ -230,11 +230,13 @@ def fit_leaf_levels(
     max_leaves: float = np.inf,
     deepest: int = MAX_DEPTH,
     lookahead: int = DEFAULT_LOOKAHEAD,
+    rough: bool = False,
 ) -> Steps[FittedLevels]:
     """Levels of leaves with look-ahead wherever `cameras` see the surface, within the cube of `grid`.
 
     shade: provides opacity. max_leaves: above this number leaves become coarser, first in blocks with the fewest pixels
-    per leaf. lookahead: levels, of the weights in use. Raises GeometryError without opaque surface.
+    per leaf. lookahead: levels, of the weights in use. rough: an estimate by the first round alone, of about two thirds
+    of the leaves. Raises GeometryError without opaque surface.
     """
     block_level = min(BLOCK_LEVEL, deepest)
     grid = replace(grid, depth=deepest)
@@ -244,20 +246,22 @@ def fit_leaf_levels(
         raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
     surface = leaves[block_level]
     needed, last = np.zeros(len(surface), np.uint8), False
-    for cap in _caps(block_level, deepest):
+    for cap in (deepest,) if rough else _caps(block_level, deepest):
         seen, pixels = yield from _look(leaves, grid, cameras, layout, lookahead, coarser=0 if last else _COARSER)
         # The last round renders the finest leaves and their gaps: it only adds requests.
         needed = np.maximum(needed, seen[surface]) if last else seen[surface]
         wanted = layout.levels.copy()
         wanted[surface] = np.clip(needed, block_level, cap)
         finer, expected = _within(LeafLevels(wanted), pixels, leaves, max_leaves)
-        if last:
+        if last or rough:
             break
         leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
         layout = finer
         last = needed.max(initial=0) <= cap or cap == deepest
-    fitted = FittedLevels(finer, wanted=int(needed.max(initial=block_level)), leaves=expected, lookahead_share=1.0)
-    if (finer.levels[surface] >= needed).all():
+    short, seen_by = finer.levels[surface] < needed, pixels[surface]
+    share = 1.0 - float(seen_by[short].sum() / seen_by.sum()) if seen_by.any() else None
+    fitted = FittedLevels(finer, int(needed.max(initial=block_level)), expected, share)
+    if rough or not short.any():
         return fitted
     leaves = yield from _changed(leaves, layout, finer, source, grid, shade)
     nodes = without_boxes(*hierarchy(leaves, max(leaves)))

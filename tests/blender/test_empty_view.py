@@ -172,6 +172,6 @@ def test_clipping_is_that_of_cycles(kind: str, weights: Path, tmp_path: Path) ->
 def test_octree_that_is_fitted_to_nothing_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     build()
     path, out = saved(tmp_path / "small.blend"), tmp_path / "fitted.safetensors"
-    words = ["octree", str(path), "--depth", "fit", "--light", "two-lights", "--size", "24", "16", "--out", str(out)]
+    words = ["octree", str(path), "--depth", "auto", "--light", "two-lights", "--size", "24", "16", "--out", str(out)]
     assert commands.main([*words, "--view", "0", "-5", "0", "0", "-9", "0"]) == 0
     assert "Note: Camera 'View 1' sees nothing: the surface is behind it" in capsys.readouterr().err

@@ -39,7 +39,7 @@ def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.estimate(depth=14, size=(24, 16), memory=0.25) == {"FINISHED"}
     assert session_of(scene).estimate.too_large
     assert "Does not fit into memory" in drawn(PATCHNET_PT_main)
-    assert bpy.ops.patchnet.estimate(resolution="FIT", size=(24, 16)) == {"FINISHED"}
+    assert bpy.ops.patchnet.estimate(resolution="AUTO", size=(24, 16)) == {"FINISHED"}
     assert session_of(scene).estimate.fitted and not session_of(scene).estimate.too_large
 
 
@@ -48,7 +48,7 @@ def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
     scene.patchnet.budget = 0.5  # has no part in it
     assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
-    scene.patchnet.resolution = "FIT"
+    scene.patchnet.resolution = "DEPTH"
     assert "Estimate again: 'Voxel Detail' changed" in drawn(PATCHNET_PT_main)
     scene.patchnet.resolution = "AUTO"
     bpy.data.objects["Lath 2"].location.x += 0.1

@@ -42,7 +42,7 @@ def move_camera(scene: bpy.types.Scene) -> None:
 
 def test_steps_one_by_one(scene: bpy.types.Scene) -> None:
     before = scene_snapshot()
-    assert bpy.ops.patchnet.voxelize(resolution="FIT", size=SIZE, scope="VISIBLE") == {"FINISHED"}
+    assert bpy.ops.patchnet.voxelize(resolution="AUTO", size=SIZE, scope="VISIBLE") == {"FINISHED"}
     unlit = results.voxels_of(scene)
     assert unlit.layout is not None and "up to" in unlit.summary[0]
     leaf_levels = np.unique(unlit.octree.level_of(np.flatnonzero(unlit.octree.child_mask == 0)))
@@ -62,7 +62,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     move_camera(scene)
     scene.frame_set(4)
     before = scene_snapshot()
-    settings = JobSettings.of(fit=True, track=True, light="two-lights", size=SIZE, weights=weights)
+    settings = JobSettings.of(track=True, light="two-lights", size=SIZE, weights=weights)
     result = drain(run_job(bpy.context, settings))
     assert scene.frame_current == 4
     assert_unchanged(before)
@@ -73,7 +73,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     for camera in cameras:
         hits = first_hits(octree, camera)
         assert hits.hit.mean() > 0.1 and octree.look_ahead()[hits.node[hits.hit]].mean() > 0.98
-    alone = drain(run_job(bpy.context, JobSettings.of(fit=True, light="two-lights", size=SIZE, weights=weights)))
+    alone = drain(run_job(bpy.context, JobSettings.of(light="two-lights", size=SIZE, weights=weights)))
     assert alone.coded.octree.leaf_count < octree.leaf_count
 
 
@@ -83,6 +83,6 @@ def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
 
 
 def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:
-    settings = JobSettings.of(fit=True, light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
+    settings = JobSettings.of(light="two-lights", size=SIZE, weights=weights, memory_bytes=3_000_000)
     result = drain(run_job(bpy.context, settings))
     assert any("will have look-ahead" in warning for warning in result.warnings)

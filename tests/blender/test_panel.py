@@ -96,7 +96,7 @@ def test_all_panels_draw_in_every_state(scene: bpy.types.Scene) -> None:
     assert_unchanged(snapshot)
     assert {f"patchnet.{name}" for name in OPERATORS} <= set(text.splitlines())
     for light in ("cycles", "two-lights"):
-        for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
+        for resolution in ("AUTO", "DEPTH", "VOXEL_SIZE"):
             for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
                 scene.patchnet.light, scene.patchnet.resolution = light, resolution
                 scene.patchnet.importance = importance
@@ -124,10 +124,11 @@ def test_stale_says_why(scene: bpy.types.Scene) -> None:
 
 def test_changed_settings_are_named_and_advice_has_buttons(scene: bpy.types.Scene) -> None:
     result = small_preview()
+    scene.patchnet.resolution = "DEPTH"
     for share, drawn_too in ((0.4, True), (1.0, False)):
         result.lookahead_share = share
         text = drawn(PATCHNET_PT_preview)
-        assert ("wm.context_set_enum" in text and "Voxel Detail: Fit to Cameras" in text) == drawn_too
+        assert ("wm.context_set_enum" in text and "Voxel Detail: Automatic" in text) == drawn_too
     scene.patchnet.resolution = "VOXEL_SIZE"
     assert "'Voxel Detail' changed: voxelize again" in drawn(PATCHNET_PT_octree)
     scene.patchnet.resolution = "AUTO"
@@ -176,7 +177,7 @@ def test_advice_on_strategies(scene: bpy.types.Scene) -> None:
 def test_advice_on_look_ahead(scene: bpy.types.Scene) -> None:
     result = SceneResult(octree=None, scope="VISIBLE", lookahead_share=0.4)
     values = scene.patchnet
-    for resolution, todo in (("AUTO", {"FIT"}), ("DEPTH", {"AUTO"}), ("VOXEL_SIZE", {"AUTO"}), ("FIT", set())):
+    for resolution, todo in (("DEPTH", {"AUTO"}), ("VOXEL_SIZE", {"AUTO"}), ("AUTO", set())):
         values.resolution = resolution
         (found,) = advice(result, values)
         assert found.startswith("Voxels are too coarse to look ahead on 60% of this picture: ")

@@ -15,7 +15,7 @@ from patchnet.operators.properties.preferences import PatchNetPreferences
 from patchnet.operators.properties.stages import DerivedProperties
 from patchnet.operators.render_engine.panels import PATCHNET_PT_render_refinement
 from patchnet.operators.schema.table import TABLE
-from patchnet.operators.settings.groups import ViewSettings
+from patchnet.operators.settings.groups import SurfaceSettings, ViewSettings
 from patchnet.operators.ui.presets_menu import PATCHNET_PT_presets
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.blender.drawn import drawn
@@ -69,7 +69,7 @@ def drawn_settings() -> set[str]:
         if name.startswith("use_"):
             setattr(values, name, True)  # its number is shown
     for light in ("cycles", "two-lights"):
-        for resolution in ("AUTO", "FIT", "DEPTH", "VOXEL_SIZE"):
+        for resolution in ("AUTO", "DEPTH", "VOXEL_SIZE"):
             for importance in ("NONE", "IMAGE", "VERTEX_GROUP"):
                 values.light, values.resolution, values.importance = light, resolution, importance
                 for panel in ui.CLASSES:
@@ -116,7 +116,12 @@ def test_settings_that_arguments_give() -> None:
 
     assert given("--bake-device", "gpu").compute.device == "GPU" and given().compute.device == "AUTO"
     assert given("--no-color").light.color is False and given("--color").light.color is given().light.color is True
-    assert given("--depth", "fit").surface.fit and given("--depth", "7").surface.depth == 7
+    assert given().surface == given("--depth", "auto").surface == SurfaceSettings()
+    assert given("--depth", "7").surface.depth == 7 and given("--voxel-size", "2").surface.voxel_size_world == 2.0
+    with pytest.raises(SettingError, match="Depth 'fit' is neither a whole number nor 'auto'"):
+        given("--depth", "fit")
+    resolution = bpy.context.scene.patchnet.bl_rna.properties["resolution"]
+    assert set(resolution.enum_items.keys()) == {"AUTO", "DEPTH", "VOXEL_SIZE"} and resolution.default == "AUTO"
     assert given("--memory", "4").compute.memory_bytes == 4 * 2**30
     assert given("--mask-image", "Mask").view.importance.image == "Mask"
     assert given("--mask-group", "Head").view.importance.vertex_group == "Head"

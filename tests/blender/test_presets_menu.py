@@ -33,7 +33,7 @@ def test_presets_are_shipped_and_apply(scene: bpy.types.Scene) -> None:
         assert (defaults == {key: value_of(settings, key) for key in presets_menu._VALUES}) == (name == "Standard")
         assert settings.spp == 0.0, "each says which budget"
     apply(shipped()["Large_Pictures"])
-    assert settings.resolution == "FIT" and tuple(settings.size) == (0, 0)
+    assert settings.resolution == "AUTO" and tuple(settings.size) == (0, 0)
 
 
 def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:

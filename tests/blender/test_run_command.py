@@ -157,16 +157,16 @@ def assert_one_sentence(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--depth", "fit"], "--view"),
+        (["--depth", "auto"], "--view"),
         (["--depth", "7", "--view", "1", "0", "0", "0", "0", "0"], "--view"),
         (["--depth", "deep"], "'deep'"),
         (["--depth", "7", "--size", "64", "48"], "--size requires --view"),
-        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
-        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
+        (["--depth", "auto", "--view", "1", "0", "0", "0", "0", "0", "--rotate", "3"], "--rotate"),
+        (["--depth", "auto", "--view", "1", "0", "0", "0", "0", "0", "--memory", "0"], "--memory"),
         (["--depth", "5", "--bisect", "w", "0.5"], "--bisect w is not an axis"),
         (["--depth", "5", "--bisect", "x", "1.5"], "--bisect"),
         (["--depth", "5", "--bisect", "x", "0.5", "--rotate", "3"], "--rotate"),
-        (["--depth", "fit", "--view", "1", "0", "0", "0", "0", "0", "--bisect", "x", "0.5"], "--depth fit"),
+        (["--depth", "auto", "--view", "1", "0", "0", "0", "0", "0", "--bisect", "x", "0.5"], "--depth auto"),
     ],
 )
 def test_octree_settings_that_contradict_each_other(words, said, capfd):

@@ -18,7 +18,7 @@ from patchnet.tests.blender.job_scene import build
 pytestmark = pytest.mark.usefixtures("registered")
 
 OTHER = {
-    "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "fit": True, "memory_bytes": 2**30, "light": "two-lights",
+    "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "memory_bytes": 2**30, "light": "two-lights",
     "samples": 3, "texel_voxels": 1.0, "exposure": 2.0, "color": False, "weights": Path("other"),
     "gloss": "off", "denoise": False, "sides": "one",
 }  # fmt: skip
@@ -36,7 +36,7 @@ def test_renders_that_differ_in_a_setting_share_no_voxels(field: str) -> None:
 
 def test_every_setting_of_the_octree_is_tried() -> None:
     known = {row.job_field for row in rows(OCTREE, LIGHT, CODES) if row.effect is not Effect.NEVER}
-    assert known - {"track"} == set(OTHER), "a new setting gets another value here; a track only comes with fit"
+    assert known == {*OTHER, "track"}, "a new setting gets another value here"
 
 
 def test_devices_change_no_key() -> None:
@@ -53,9 +53,8 @@ def test_devices_change_no_key() -> None:
     [
         (SurfaceSettings, {"depth": 5, "voxel_size_world": 0.1}, "Depth and voxel size are both given"),
         (SurfaceSettings, {"depth": 99}, "Depth 99 is outside"),
-        (SurfaceSettings, {"fit": True, "depth": 7}, "exclude each other: choose one of them"),
-        (SurfaceSettings, {"fit": True, "voxel_size_world": 0.1}, "exclude each other: choose one of them"),
-        (SurfaceSettings, {"track": True}, "can follow a track"),
+        (SurfaceSettings, {"track": True, "depth": 7}, "can follow a track"),
+        (SurfaceSettings, {"track": True, "voxel_size_world": 0.1}, "can follow a track"),
         (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
         (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
         (LightSettings, {"gloss": "sideways"}, "auto, off, above, camera"),

@@ -44,7 +44,7 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
     assert made(resolution="AUTO") == (False, False, False)
     assert made() == (True, True, True)
     bpy.data.objects["Eye"].location.y += 2.0
-    assert made() == (False, False, False), "the depth is found for where the camera stands"
+    assert made() == (False, True, False), "voxels are fitted to where the camera stands"
 
 
 def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told() -> None:

@@ -97,7 +97,7 @@ def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
 
 # Where memory runs out: functions that stages call when they begin, and in their middle.
 PLACES = (
-    "patchnet_addon.lod.depth.choose_depth",
+    "patchnet_addon.lod.depth.expected_leaves",
     "patchnet_addon.lightmap.charts.layout_charts",
     "patchnet_addon.lightmap.atlas_shade.atlas_shade",
     "patchnet_addon.codes.encode.encode_octree",

@@ -116,7 +116,18 @@ def test_a_track_serves_all_its_cameras(mesh, camera):
 def test_a_camera_that_looks_away_asks_for_nothing(mesh):
     away = Camera.look_at(np.array([0.0, -3.0, 0.5]), np.array([0.0, -9.0, 0.5]), size_px=(16, 16))
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [away], even()))
-    assert fitted.layout.used == (fit.BLOCK_LEVEL,)
+    assert fitted.layout.used == (fit.BLOCK_LEVEL,) and fitted.lookahead_share is None
+
+
+def test_the_estimate_is_about_the_fitted_octree(mesh, camera, fitted):
+    grid = Grid.around(mesh.bounds_world, 9)
+    rough = drain(fit_leaf_levels(mesh, grid, [camera], even(), rough=True))
+    assert 0.4 * fitted.leaves < rough.leaves < 1.5 * fitted.leaves and rough.lookahead_share == 1.0
+    assert abs(rough.layout.deepest - fitted.layout.deepest) <= 1
+    less = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.5 * rough.leaves, rough=True))
+    assert less.leaves <= 0.5 * rough.leaves
+    none = drain(fit_leaf_levels(mesh, grid, [camera], even(), max_leaves=0.0, rough=True))
+    assert none.layout.used == (fit.BLOCK_LEVEL,) and none.lookahead_share < 0.1
 
 
 def test_transparent_surfaces_are_refused(mesh, camera):

@@ -8,7 +8,7 @@ from patchnet.patchnet_addon.codes.brick import voxel_blocks
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.patch_rays import exact_prediction
 from patchnet.patchnet_addon.codes.predict import predict
-from patchnet.patchnet_addon.lod.depth import coarse_octree, expected_share, wanted_depth
+from patchnet.patchnet_addon.lod.depth import expected_share
 from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, lookahead_share, needed_levels
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network
 from patchnet.patchnet_addon.octree.build import build_octree
@@ -116,9 +116,6 @@ def test_contract(octree, camera, lookahead):
     hits = first_hits(octree, camera)
     share = octree.look_ahead(lookahead)[hits.node[hits.hit]].mean()
     assert lookahead_share(*seen, lookahead=lookahead) == pytest.approx(share)
-    assert wanted_depth(octree, [camera], lookahead=lookahead) == max(
-        wanted_depth(octree, [camera], lookahead=3) - 3 + lookahead, 5
-    )
     assert expected_share(octree, [camera], 5, lookahead=lookahead) == expected_share(
         octree, [camera], 4, lookahead=lookahead - 1
     )
@@ -131,15 +128,10 @@ def test_depths_give_the_look_ahead_that_was_asked_for(lookahead):
     mesh = TriangleMesh.from_arrays(np.stack([*square[[[0, 1, 2], [0, 2, 3]]], *tent[[[0, 1, 2], [0, 2, 3]]]]))
     camera = Camera.look_at(np.array([1.0, -1.8, 1.2]), np.zeros(3), size_px=(96, 64))
 
-    def share(depth, layout=None):
-        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), even(), layout=layout))
-        hits = first_hits(octree, camera)
-        return octree.look_ahead(lookahead)[hits.node[hits.hit]].mean()
-
-    depth = wanted_depth(drain(coarse_octree(mesh)), [camera], lookahead=lookahead)
-    assert share(depth) >= 0.95 > share(depth - 1)
     fitted = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), [camera], even(), lookahead=lookahead))
-    assert share(12, fitted.layout) > 0.99 and fitted.lookahead_share == 1.0
+    octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=fitted.layout))
+    hits = first_hits(octree, camera)
+    assert octree.look_ahead(lookahead)[hits.node[hits.hit]].mean() > 0.99 and fitted.lookahead_share == 1.0
 
 
 def test_pixels_look_as_far_as_the_weights_of_its_codes(octree, camera):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lod.depth import choose_depth, coarse_octree, max_leaves, peak_bytes
+from patchnet.patchnet_addon.lod import depth as lod
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -15,7 +15,6 @@ from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import MemoryEstimateError, OctreeFileError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.patchnet_addon.tracing.camera import Camera
 
 DEPTH = 3
 OPTIONAL = ("chroma", "bright_nodes", "bright_colors", "leaf_box")
@@ -109,29 +108,27 @@ def test_inconsistent_octrees_are_refused(octree, tmp_path, change, cause):
 
 
 def test_depth_is_bounded_by_memory(mesh):
-    coarse = drain(coarse_octree(mesh))
-    camera = Camera.look_at(np.array([0.5, 0.4, 0.3]), np.zeros(3), size_px=(512, 512))
-    choice = choose_depth(coarse, [camera], memory_bytes=50_000_000)
-    assert choice.bounded_by_memory and choice.peak_bytes <= 50_000_000
+    coarse = drain(lod.coarse_octree(mesh))
+    lod.check_memory(lod.expected_leaves(coarse, 8), 8, 50_000_000)
     with pytest.raises(MemoryEstimateError, match=r"Depth 14 needs about [\d.]+ GiB"):
-        choose_depth(coarse, [camera], depth=14, memory_bytes=50_000_000)
+        lod.check_memory(lod.expected_leaves(coarse, 14), 14, 50_000_000)
     with pytest.raises(MemoryEstimateError, match=r"and the memory limit is 1\.0 MiB: choose"):
-        choose_depth(coarse, [camera], depth=9, memory_bytes=2**20)
+        lod.check_memory(lod.expected_leaves(coarse, 9), 9, 2**20)
 
 
 def test_estimate_is_near_the_truth(mesh):
-    coarse = drain(coarse_octree(mesh))
+    coarse = drain(lod.coarse_octree(mesh))
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 9), shade))
-    choice = choose_depth(coarse, [], depth=9)
-    assert choice.leaves == pytest.approx(octree.leaf_count, rel=0.25)
-    assert choice.octree_bytes == pytest.approx(octree.nbytes, rel=0.25)
+    leaves = lod.expected_leaves(coarse, 9)
+    assert leaves == pytest.approx(octree.leaf_count, rel=0.25)
+    assert lod.stored_bytes(leaves) == pytest.approx(octree.nbytes, rel=0.25)
 
 
 @pytest.mark.parametrize("color", [False, True])
 @pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
 def test_most_leaves_is_the_inverse_of_peak_bytes(memory, color):
-    leaves = max_leaves(memory, color=color)
-    assert peak_bytes(leaves, color=color) <= memory < peak_bytes(leaves + 2, color=color)
+    leaves = lod.max_leaves(memory, color=color)
+    assert lod.peak_bytes(leaves, color=color) <= memory < lod.peak_bytes(leaves + 2, color=color)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):

@@ -90,7 +90,7 @@ class Scene:
 
     def arguments(self) -> list[str]:
         """Arguments of `patchnet octree` without scene and --out; voxels have one luminance, as in the paper."""
-        words = ["--depth", "fit" if self.views else str(self.depth), "--light", self.light, "--sides", "one"]
+        words = ["--depth", "auto" if self.views else str(self.depth), "--light", self.light, "--sides", "one"]
         for view in self.views:
             words += ["--view", *map(str, view)]
         if self.views:

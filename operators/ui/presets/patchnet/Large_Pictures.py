@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preset for pictures at the render's resolution: voxels are fine only where the cameras look."""
+"""Preset for pictures at the render's resolution, with more paths."""
 
 import bpy
 
 settings = bpy.context.scene.patchnet
-settings.resolution = "FIT"
+settings.resolution = "AUTO"
 settings.depth = 9
 settings.track = False
 settings.light = "cycles"
