@@ -234,5 +234,9 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
     if not settings.surface.is_fitted:
         return ""
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
-    cameras = choose_cameras(context.evaluated_depsgraph_get(), *wanted)
+    return cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted))
+
+
+def cameras_text(cameras: Sequence[Camera]) -> str:
+    """All values of cameras as text."""
     return repr([[np.asarray(value).tolist() for value in astuple(each)] for each in cameras])

@@ -19,8 +19,9 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.stages import encode, load_network
+from ..scene.cameras import rendered_cameras
 from ..scene.fingerprint import has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
 from ..scene_access.frames import values_of_graph
@@ -34,6 +35,7 @@ from ..session.scene_session import KeyedResult, in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
+from ..state.scene_state import scene_state
 
 # A bake for each place of the camera would take minutes a frame, and cannot run in a window.
 _GLOSS = (
@@ -44,6 +46,10 @@ _LAYER = (
     "View layer '{other}' shows other objects than '{own}', but is rendered with the voxels of '{own}': render without "
     "a window for voxels of its own"
 )
+_ONE_CAMERA = (
+    "Voxels are fine only for the camera of one frame: tick All Frames in the panel Octree and press Preview Selection"
+)
+_EVERY = 10  # frames from one camera to the next that voxels of an animation are fitted to
 _AS_IT_WAS = "Until then, outdated voxels are shown"
 _BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
@@ -70,8 +76,7 @@ def octree_of_frame(
 ) -> Steps[tuple[Octree, CodedOctree | None]]:
     """Lit octree of a render's graph at its frame, with its codes if the settings want them for renders.
 
-    camera: decides the automatic depth.
-
+    camera: of the frame, which an automatic depth is fitted to, or to the cameras of all frames if only they move.
     warn: takes sentences about assumptions and lost input. animation: other frames follow. Raises PatchNetError.
     """
     scene = depsgraph.scene.original
@@ -79,6 +84,8 @@ def octree_of_frame(
     if animation:  # frames made alone would have other reflections
         gloss = settings.light.gloss
         settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
+        if settings.surface.is_fitted and not still and in_main_thread() and scene_state(scene).frame is None:
+            settings = settings.changed(track=True)
     result = yield from _result_of_frame(_Frame(depsgraph, scene, camera, settings, warn, animation, still))
     if result.coded is not None or settings.view.render_samples is not None:
         return result.octree, result.coded
@@ -105,6 +112,11 @@ class _Frame:
         """Return whether Cycles can bake: it needs the main thread."""
         return not self.settings.light.is_baked or in_main_thread()
 
+    @property
+    def moves(self) -> bool:
+        """Return whether its automatic depth depends on a camera that moves between frames."""
+        return self.animation and not self.still and self.settings.surface.is_fitted
+
 
 def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     """Result that fits a frame: of the scene, of the last frame, of the cache folder, or a new one."""
@@ -113,6 +125,11 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         look_again(there, scene)
     fits = there is not None and (not there.stale or there.is_stale_by_gloss_alone)
     kept = _with_its_gloss(frame, there) if there is not None and fits else None
+    if kept is not None and not _serves_cameras(frame, kept):
+        if frame.can_bake:
+            kept = None
+        else:
+            frame.warn(_ONE_CAMERA)
     state, layer = kept.state if kept is not None else None, frame.depsgraph.view_layer.name
     other_layer = state is not None and not state.fits_layer(scene, layer)
     if state is not None and other_layer:
@@ -128,6 +145,8 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     if frame.animation or kept is not None or other_layer or session.made_frame is not None:
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(frame.depsgraph, frame.settings)
+        if frame.moves and not frame.settings.surface.track:
+            key += cameras_text([frame.camera])
     if kept is not None and here:
         session.kept_frame = KeyedResult(kept, key)
     for known in (session.kept_frame, session.made_frame):
@@ -167,7 +186,7 @@ def _on_disk(frame: _Frame) -> SceneResult | None:
     if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
     same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
-    return found if same else None
+    return found if same and _serves_cameras(frame, found) else None
 
 
 def _stands_still(scene: bpy.types.Scene) -> bool:
@@ -178,6 +197,11 @@ def _stands_still(scene: bpy.types.Scene) -> bool:
         moves = item.animation_data is not None or len(item.constraints) > 0
         item = item.parent
     return not moves
+
+
+def _serves_cameras(frame: _Frame, result: SceneResult) -> bool:
+    """Return whether voxels are not those of one camera, where it moves."""
+    return not frame.moves or result.layout is None or bool(result.made_with.get(OCTREE, {}).get("track"))
 
 
 def _is_gloss_of_one_view(result: SceneResult) -> bool:
@@ -208,8 +232,9 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
 
     scene, settings = frame.scene, frame.settings
     weights = load_network(settings.network) if settings.view.render_samples is None else None
+    is_for_all = frame.moves and settings.surface.track and in_main_thread()
     overrides = OctreeOverrides(
-        cameras=lambda: [frame.camera],
+        cameras=lambda: [frame.camera, *(rendered_cameras(scene, _EVERY) if is_for_all else ())],
         depsgraph=frame.depsgraph,
         baking=lambda: _bake_context(scene, frame.depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes

@@ -240,18 +240,39 @@ def choose_cameras(
 
 def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[int, int]) -> Camera:
     """View of a camera of the scene, with parents and constraints, also of one outside the view layer."""
-    evaluated = camera.evaluated_get(depsgraph)
+    evaluated, scene = camera.evaluated_get(depsgraph), depsgraph.scene
     if evaluated.is_evaluated or depsgraph.mode == "RENDER":
-        return tracing_camera(evaluated, depsgraph.scene, size)
+        return tracing_camera(evaluated, scene, size)
+    return _view_alone(camera, scene, scene.frame_current, scene.frame_subframe, size)
+
+
+def _view_alone(
+    camera: bpy.types.Object, scene: bpy.types.Scene, frame: int, subframe: float, size: tuple[int, int]
+) -> Camera:
+    """View of a camera at any frame, which evaluates nothing else of its scene."""
     with temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
         # frame_set would call the handlers of add-ons.
-        stage.frame_current, stage.frame_subframe = depsgraph.scene.frame_current, depsgraph.scene.frame_subframe
+        stage.frame_current, stage.frame_subframe = frame, subframe
         stage.camera = camera  # Blender evaluates the scene's camera also when it is hidden
         layer = stage.view_layers[0]
         layer.update()
-        view = tracing_camera(camera.evaluated_get(layer.depsgraph), depsgraph.scene, size)
+        view = tracing_camera(camera.evaluated_get(layer.depsgraph), scene, size)
     sync_view_layers()
     return view
+
+
+def rendered_cameras(scene: bpy.types.Scene, every: int) -> list[Camera]:
+    """Active camera at the last frame of a scene and at each of `every` frames before, at the render's size.
+
+    Evaluates the cameras alone, so that a render can call it in the main thread.
+    """
+    bound = sorted((item for item in scene.timeline_markers if item.camera), key=lambda item: item.frame)
+    cameras = []
+    for number in [*range(scene.frame_start, scene.frame_end, every), scene.frame_end]:
+        camera = next((item.camera for item in reversed(bound) if item.frame <= number), scene.camera)
+        if camera is not None:
+            cameras.append(_view_alone(camera, scene, number, 0.0, (0, 0)))
+    return _without_repeats(cameras)
 
 
 def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[str, ...]:

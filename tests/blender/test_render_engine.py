@@ -8,21 +8,23 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.pipeline.lit_octree import LitOctree
 from patchnet.operators.render_engine import frame_octree, panels
 from patchnet.operators.render_engine.engine import ENGINE
 from patchnet.operators.render_engine.passes import BY_PRIORITY, NO_DEPTH, PASSES
 from patchnet.operators.render_engine.render_frame import pull
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_session import session_of
+from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import StoppedError
-from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
 from patchnet.patchnet_addon.runtime.worker import computed
 from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.tracing.render import seen_above_white
+from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.engine_scene import (
     HEIGHT,
@@ -234,6 +236,45 @@ def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     scene.frame_set(1)
     bpy.ops.render.render(animation=True)
     assert made == [1, 3], "an object that appears later"
+
+
+def test_automatic_voxels_serve_the_camera_at_all_frames(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If only the camera moves; else each frame's voxels serve its own camera."""
+    made: list[Octree] = []
+    build_octree = frame_octree.build_lit_octree
+
+    def noted(*inputs: object) -> Steps[LitOctree]:
+        lit = yield from build_octree(*inputs)
+        made.append(lit.octree)
+        return lit
+
+    monkeypatch.setattr(frame_octree, "build_lit_octree", noted)
+    scene.patchnet.resolution = "AUTO"
+    scene.objects["Slab"].scale = (0.25, 1.0, 0.25)
+    scene.camera.data.lens = 480.0
+    scene.frame_start, scene.frame_end = 1, 3
+    _keys(scene.camera, [(1, 0.3), (3, 0.5)])
+    scene.frame_set(1)
+    rendered(scene)
+    bpy.ops.render.render(animation=True)
+    still, whole = made
+    assert share_ahead(scene, whole) > 0.95 > 0.8 > share_ahead(scene, still)
+    _keys(scene.objects["Lath 2"], [(1, 0.0), (3, 0.001)])
+    bpy.ops.render.render(animation=True)
+    assert len(made) == 5 and max(octree.leaf_count for octree in made[2:]) < whole.leaf_count
+
+
+def share_ahead(scene: bpy.types.Scene, octree: Octree) -> float:
+    """Smallest share of hit pixels with look-ahead at the frames of a scene."""
+    shares = []
+    for frame in range(scene.frame_start, scene.frame_end + 1):
+        scene.frame_set(frame)
+        hits = first_hits(octree, camera())
+        assert hits.hit.mean() > 0.1
+        shares.append(float(octree.look_ahead()[hits.node[hits.hit]].mean()))
+    return min(shares)
 
 
 def _keys(item: bpy.types.Object, places: list[tuple[int, float]]) -> None:
