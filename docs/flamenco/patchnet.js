@@ -28,7 +28,7 @@ const JOB_TYPE = {
     },
     {
       key: "depth", type: "string", required: true, default: "auto",
-      description: "Octree depth, auto, or fit. A number is the depth of all frames",
+      description: "Octree depth, or auto for voxels fitted to the cameras of each frame",
     },
     {
       key: "light", type: "string", required: true, default: "cycles", choices: ["cycles", "two-lights"],
