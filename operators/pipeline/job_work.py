@@ -48,7 +48,7 @@ def work_of(
     surface = triangles + 100_000.0
     return {
         "read": surface,
-        "depth": surface + (0.1 * leaves if settings.surface.is_fitted else 0.0),
+        "depth": 3.0 * surface + 0.1 * leaves + pixels if settings.surface.is_fitted else surface,
         "light": texels * (light.samples + 4.0),
         "denoise": float(texels) if light.denoise else 0.0,
         "voxelize": leaves + surface,
