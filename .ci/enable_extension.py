@@ -102,7 +102,7 @@ def use(archive: str) -> None:
     bpy.ops.object.light_add(type="SUN")
     with tempfile.TemporaryDirectory() as out:
         result = bpy.ops.patchnet.run_all(
-            depth=6, light="cycles", samples=1, cameras="auto", size=(32, 32), strategy="patchnet", out=out
+            depth=6, light="cycles", max_samples=2, cameras="auto", size=(32, 32), strategy="patchnet", out=out
         )
         expect(result == {"FINISHED"}, f"patchnet.run_all finishes, but {result}")
         written = {path.name for path in Path(out).rglob("*") if path.is_file()}

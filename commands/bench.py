@@ -127,8 +127,7 @@ def _gpu(parser: argparse.ArgumentParser) -> None:
 def _bake(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
     add_number(parser, "--depth", bounds.DEPTH, "octree depth", 7)
-    add_number(parser, "--samples", bounds.SAMPLES, "paths per texel", 16)
-    add_number(parser, "--texel-voxels", bounds.TEXEL_VOXELS, "side of a texel in finest voxels", 2.0)
+    add_number(parser, "--samples", bounds.SAMPLES, "paths per surfel", 16)
 
 
 def _walk(parser: argparse.ArgumentParser) -> None:
@@ -140,7 +139,7 @@ def _walk(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--frames", bounds.TRACK_FRAMES, "frames of the walk", 250)
     add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
     parser.add_argument("--depth", default="auto", help="octree depth; auto: fine only where the cameras look (auto)")
-    add_number(parser, "--samples", bounds.SAMPLES, "of a baked texel", 4)
+    add_number(parser, "--max-samples", bounds.SAMPLES, "most of a place whose light is baked", 64)
     add_number(parser, "--timed", bounds.REPEATS, "frames of PatchNet that are timed", 3)
     add_number(parser, "--cycles-timed", bounds.REPEATS, "frames of Cycles that are timed", 1)
     text = "samples per pixel of Cycles' frames"
@@ -174,7 +173,7 @@ BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "decode": ("the whole decoder against torch's layers alone", _decode),
     "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
     "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
-    "bake": ("the bake against camera renders: paths per second, filling of pages", _bake),
+    "bake": ("the bake against camera renders: paths per second", _bake),
     "walkthrough": (
         "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
         _walk,

@@ -49,6 +49,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
     from ..patchnet_addon.network.weights import load_weights
 
     if header.kind == "octree":
+        from ..patchnet_addon.export.fine_light import fine_light_text
         from ..patchnet_addon.octree.exposure import exposure_text
         from ..patchnet_addon.octree.file import load_octree
 
@@ -58,6 +59,7 @@ def _summary(header: FileHeader, path: Path, weights: Path | None) -> list[str]:
             f"depth {octree.depth}, {counted(octree.leaf_count, 'voxel')} of side {octree.grid.voxel_size_world:.4g}, "
             f"{counted(octree.node_count, 'node')}",
             exposure_text(octree).lower(),
+            *filter(None, [fine_light_text(octree).lower()]),
             f"{octree.nbytes / 2**20:.1f} MiB of nodes, look-ahead at {share:.1%} of them",
             f"in color, {octree.chroma.nbytes / 2**20:.1f} MiB of it"
             if octree.chroma is not None

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth; auto: fine only in the views")
     add_views(parser)
-    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure")
+    add_settings(parser, "light", "noise_threshold", "max_samples", "denoise", "exposure")
     add_settings(parser, "sides", "gloss", "device")
     parser.add_argument(
         "--color", action=argparse.BooleanOptionalAction, default=False,
@@ -63,7 +63,6 @@ def run(args: argparse.Namespace) -> int:
     from ..operators.pipeline.kernels_beside import compiling_beside
     from ..operators.pipeline.lit_octree import build_lit_octree
     from ..operators.scene.render_geometry import hide_from_renders
-    from ..patchnet_addon.lightmap.page_cache import BakePageCache
     from ..patchnet_addon.octree.file import save_octree
     from ..patchnet_addon.runtime.heap import peak_bytes
     from ..patchnet_addon.runtime.progress import drain
@@ -82,12 +81,11 @@ def run(args: argparse.Namespace) -> int:
     make_parent(args.out)
     import bpy
 
-    with BakePageCache() as kept:
-        # A first octree is usually followed by pictures.
-        with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
-            made = drain(build_lit_octree(bpy.context, settings, clock, kept, overrides), bars.show)
-        with clock.stage("save"):
-            save_octree(made.octree, args.out)
+    # A first octree is usually followed by pictures.
+    with compiling_beside(calls_them=False), quiet_stdout(), ProgressBars() as bars:
+        made = drain(build_lit_octree(bpy.context, settings, clock, overrides), bars.show)
+    with clock.stage("save"):
+        save_octree(made.octree, args.out)
     octree = made.octree
     for warning in [*made.warnings, *why_unseen_by(octree, view_cameras(args))]:
         say_note(warning)
@@ -110,12 +108,13 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings, overrides: Octr
 
 
 def _settings(args: argparse.Namespace) -> JobSettings:
-    from ..operators.schema.table import GLOSS_CAMERA
+    from ..operators.schema.table import ALL_CELLS, GLOSS_CAMERA, SEEN_CELLS
     from ..operators.settings.job_settings import JobSettings
 
     given = given_settings(args)
     if args.gloss != GLOSS_CAMERA:  # for any camera
         given["from_camera"] = False
+    given["cells"] = SEEN_CELLS if args.view else ALL_CELLS
     return JobSettings.of(**given, depth=depth_of(args.depth))
 
 

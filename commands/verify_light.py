@@ -30,13 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
     add_number(parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H"))
-    add_settings(parser, "sides", "light", "denoise", "texel_voxels")
+    add_settings(parser, "sides", "light", "noise_threshold", "max_samples", "cells", "denoise")
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,
         help="baked gloss; unless off, the render has all light, not only diffuse and emission (off)",
     )  # fmt: skip
-    add_number(parser, "--samples", bounds.SAMPLES, "Cycles samples per baked texel", 64)
     add_number(parser, "--render-samples", bounds.RENDER_SAMPLES, "Cycles samples per pixel of the render", 256)
     add_number(parser, "--rays", bounds.RAYS, "rays per pixel side through the octree", 32)
     add_number(parser, "--difference", bounds.DIFFERENCE, "end of the pictures' legend", 0.2)

@@ -61,7 +61,7 @@ NOTES = {
     "run_all": Note(
         f"{_VIEW} of each camera; octree and codes in memory; with an output folder, "
         "[its files](command-line.md#output-files)",
-        "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out')",
+        "bpy.ops.patchnet.run_all(depth=6, max_samples=2, out='//out')",
     ),
     "estimate": Note("nothing in the scene; the panel shows the estimate", "bpy.ops.patchnet.estimate(depth=6)"),
     "voxelize": Note(
@@ -70,30 +70,30 @@ NOTES = {
     ),
     "bake_light": Note(
         "nothing in the scene; the lit octree in memory",
-        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(samples=1)",
+        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(max_samples=2)",
     ),
     "precompute_codes": Note(
         "nothing in the scene; the codes in memory",
-        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(samples=1); "
+        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(max_samples=2); "
         "bpy.ops.patchnet.precompute_codes()",
     ),
     "render_preview": Note(
         f"{_VIEW} of the first camera",
-        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(samples=1); "
+        "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.bake_light(max_samples=2); "
         "bpy.ops.patchnet.precompute_codes(); bpy.ops.patchnet.render_preview(budget=0.5)",
     ),
     "compare": Note(
         f"{_VIEW} of the first camera; the panel Compare shows the table",
-        "bpy.ops.patchnet.run_all(depth=6, samples=1); bpy.ops.patchnet.compare(strategy='ss-variance')",
+        "bpy.ops.patchnet.run_all(depth=6, max_samples=2); bpy.ops.patchnet.compare(strategy='ss-variance')",
     ),
     "refine_with_cycles": Note(
         "images of the first camera: the preview with Cycles' pixels over it, and a mask of these pixels",
-        "bpy.ops.patchnet.run_all(depth=6, samples=1); "
+        "bpy.ops.patchnet.run_all(depth=6, max_samples=2); "
         "bpy.ops.patchnet.refine_with_cycles(cycles_budget=0.1, cycles_samples=4)",
     ),
     "bake_animation": Note(
         "nothing in the scene, which keeps its frame; a folder per frame and `report.json` in the output folder",
-        "bpy.ops.patchnet.bake_animation(frame_start=1, frame_end=2, depth=6, samples=1, out='//out')",
+        "bpy.ops.patchnet.bake_animation(frame_start=1, frame_end=2, depth=6, max_samples=2, out='//out')",
     ),
     "show_voxels": Note(
         "the object `PatchNet Voxels` with its mesh, geometry nodes and material; the next call fills the same object",
@@ -105,7 +105,7 @@ NOTES = {
     ),
     "load_octree": Note(
         "nothing in the scene; the octree in memory, and its codes if `codes.safetensors` is beside it",
-        "bpy.ops.patchnet.run_all(depth=6, samples=1, out='//out'); bpy.ops.patchnet.clear_results(); "
+        "bpy.ops.patchnet.run_all(depth=6, max_samples=2, out='//out'); bpy.ops.patchnet.clear_results(); "
         "bpy.ops.patchnet.load_octree(filepath='//out/octree.safetensors')",
     ),
     "clear_results": Note(

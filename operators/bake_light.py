@@ -24,25 +24,24 @@ class PATCHNET_OT_bake_light(VoxelJob, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
         """Build the octree on the same grid again, with baked light."""
-        from ..patchnet_addon.lightmap.page_cache import BakePageCache
         from .pipeline.job_work import JobPlan
-        from .pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
+        from .pipeline.lit_octree import OctreeOverrides, cameras_text, choose_leaves, light_octree, read_surface
 
         before, self._goes_on = results.voxels_of(context.scene), settings.light.is_baked
         settings = settings.changed(scope=before.scope)
         plan, overrides = JobPlan(settings), OctreeOverrides.on_grid_of(before.octree, before.layout, before.state)
         clock = plan.clock
-        with BakePageCache() as kept:
-            surface = yield from read_surface(context, settings, clock, overrides)
-            choice = yield from choose_leaves(context, surface, clock)
-            yield from plan.make(surface.source, choice, (), "light", "denoise", "voxelize")
-            made = yield from plan.timed(light_octree(context, surface, choice, clock, kept))
-            plan.resumed = bool(kept.found)
+        surface = yield from read_surface(context, settings, clock, overrides)
+        choice = yield from choose_leaves(context, surface, clock)
+        plan.make(surface.source, choice, choice.cameras, "light", "voxelize")
+        made = yield from plan.timed(light_octree(context, surface, choice, clock))
+        plan.resumed = made.reused > 0.0
         plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
-        seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "denoise", "voxelize"))
+        seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "voxelize"))
         result = SceneResult(made.octree, before.scope, before.layout, settings.light.kind, seconds=seconds)
-        result.made_with, result.made_by, result.state = before.made_with, before.made_by, made.state
+        result.made_with, result.state = before.made_with, made.state
+        result.made_by = before.made_by | {"seen": cameras_text(choice.cameras)}
         result.notes = {"octree": made.warnings}
         results.keep(context.scene, result, "light", settings=settings)
         said = tell_notes(self, made.warnings)

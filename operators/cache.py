@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Size of the disk cache: compiled kernels, pages of stopped bakes, and finished octrees.
+"""Size of the disk cache: compiled kernels, baked light, and finished octrees.
 
 Only such files are counted and deleted, as the user's folder may hold others.
 """
@@ -21,7 +21,7 @@ from .properties.preferences import PatchNetPreferences, apply_preferences
 # Patterns of PatchNet's file names in each folder of the cache.
 _FILES = {
     KERNELS: re.compile(r"[0-9a-f]{16}/([a-z]+-[0-9a-f]{16}|.+\.nb[ic])"),  # with the marks of `compiled_mark`
-    BAKES: re.compile(r"[0-9a-f]{32}/\.?page-\d{5}\.safetensors(\.[0-9a-f]{8}\.tmp)?"),
+    BAKES: re.compile(r"[0-9a-f]{32}/\.?round-\d{2}-[0-9a-f]{16}\.safetensors(\.[0-9a-f]{8}\.tmp)?"),
     OCTREES: re.compile(r"[0-9a-f]{32}/(notes\.json|(octree|codes|layout)\.safetensors)"),
 }
 
@@ -40,7 +40,7 @@ def size_text(sizes: dict[str, int]) -> str:
 def clear_cache(root: Path) -> int:
     """Delete PatchNet's files and empty folders; return the freed bytes.
 
-    Kernels compile again at the next start, bakes in other processes bake their pages again, open octrees stay open.
+    Kernels compile again at the next start, bakes in other processes are not resumed, open octrees stay open.
     """
     freed = 0
     for name in _FILES:

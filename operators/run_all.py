@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..patchnet_addon.export.fine_light import noise_text
 from ..patchnet_addon.runtime.progress import Steps
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from . import overlay
@@ -20,7 +21,7 @@ from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
-    from .pipeline.run import Before
+    from .pipeline.run import Before, JobResult
 
 
 class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
@@ -29,37 +30,33 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
     bl_idname = "patchnet.run_all"
     bl_label = "Preview Selection"
     __annotations__ = properties_of(*JOB)
+    _noise = ""  # of the pictures that are shown while light is refined
 
     def steps(self, context: bpy.types.Context, settings: JobSettings) -> Steps[str]:
-        """Run stale steps of the job, keep the results, show the first camera's pictures."""
-        from .pipeline.lit_octree import cameras_key
-        from .pipeline.run import run_job
+        """Run stale steps of the job, keep the results, show the first camera's pictures.
 
-        self._file, self._goes_on, scene = settings.out, settings.light.is_baked, context.scene
+        In a window, also after each round of the light: that of the last one stays if the steps are closed.
+        """
+        from ..patchnet_addon.image.background import opaque
+        from .pipeline.run import run_job
+        from .pipeline.unfinished import Unfinished
+
+        self._file, self._goes_on, self._noise, scene = settings.out, settings.light.is_baked, "", context.scene
         there = results.result_of(scene)
         replaced = _other_objects(context, there) if there and settings.surface.scope == SELECTED else ""
         before = _before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
-            result = yield from run_job(context, settings, meanwhile, before)
-        first, steps = result.views[0], ["view"]
-        made = results.result_of(scene)
-        if made is None or made.coded is not result.coded:
-            steps += ["octree", "light", "codes"]
-            made = SceneResult(
-                octree=result.coded.octree,
-                scope=settings.surface.scope,
-                layout=result.layout,
-                light=settings.light.kind,
-                coded=result.coded,
-                encoder=result.report["encoder"],
-                made_by={"cameras": cameras_key(context, settings)},
-                state=result.state,
-            )
-        made = attach_view_stats(made, first, compared=settings.view.reference)
-        made.seconds = made.seconds | result.report["timings_s"]
-        made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
-        results.keep(scene, made, *steps, settings=settings)
-        overlay.show(context, result.views, settings.view)
+
+            def early(result: JobResult) -> None:
+                _keep(context, settings.changed(reference=False), result, replaced, unfinished=True)
+                self._noise, first = noise_text(result.coded.octree), result.views[0]
+                if meanwhile is not None:
+                    title = f"refining light, noise {self._noise}"
+                    meanwhile(Unfinished(first.camera.name, title, opaque(first.pictures["refined"])))
+
+            looks = JobOperator.in_window is self
+            result = yield from run_job(context, settings, meanwhile, before, early if looks else None)
+        made, first = _keep(context, settings, result, replaced), result.views[0]
         errors = (
             ""
             if first.errors is None
@@ -67,6 +64,43 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
         )
         where = f", files in {settings.out}" if settings.out else ""
         return f"{counted(len(result.views), 'view')}{errors}{where}{tell_notes(self, made.all_notes)}"
+
+    def _stopped(self, *, alive: bool = False) -> str:
+        if self._noise:
+            return f"Stopped. The pictures have light of noise {self._noise}: press again to refine it."
+        return super()._stopped(alive=alive)
+
+
+def _keep(
+    context: bpy.types.Context, settings: JobSettings, result: JobResult, replaced: str, *, unfinished: bool = False
+) -> SceneResult:
+    """Keep a job's result for the scene, and show its pictures.
+
+    replaced: sentence about other objects than before, or "". unfinished: the light is still being refined.
+    """
+    from .pipeline.lit_octree import cameras_key, cameras_text
+
+    made, steps = results.result_of(context.scene), ["view"]
+    if made is None or made.coded is not result.coded:
+        steps += ["octree", "light", "codes"]
+        seen = cameras_text([view.camera for view in result.views])
+        made = SceneResult(
+            octree=result.coded.octree,
+            scope=settings.surface.scope,
+            layout=result.layout,
+            light=settings.light.kind,
+            unfinished=unfinished,
+            coded=result.coded,
+            encoder=result.report["encoder"],
+            made_by={"cameras": cameras_key(context, settings), "seen": seen},
+            state=result.state,
+        )
+    made = attach_view_stats(made, result.views[0], compared=settings.view.reference)
+    made.seconds = made.seconds | result.report["timings_s"]
+    made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
+    results.keep(context.scene, made, *steps, settings=settings)
+    overlay.show(context, result.views, settings.view)
+    return made
 
 
 def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
@@ -105,10 +139,11 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     others = settings.surface.scope == SELECTED and _other_objects(context, result)
     if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
         return None
-    if settings.surface.track or result.made_by.get("cameras") != cameras_key(context, settings):
+    moved = result.made_by.get("cameras") != cameras_key(context, settings)
+    if settings.surface.is_fitted and (moved or settings.surface.track):
         return None
-    lit = result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
-    lit = lit and "light" not in result.stale
+    lit = not moved and result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
+    lit = lit and "light" not in result.stale and not result.unfinished
     coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
     warnings = result.notes.get("octree", ())
     return Before(result.octree, result.layout, result.state, lit, coded, result.encoder, warnings)

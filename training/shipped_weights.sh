@@ -42,7 +42,7 @@ octree room-4-turned "$work/scenes/room-4.glb" --depth 10 --light two-lights --r
 octree garden-5 "$work/scenes/garden-5.glb" --depth 10 --light cycles
 octree garden-6 "$work/scenes/garden-6.glb" --depth 9 --light cycles
 octree garden-6-turned "$work/scenes/garden-6.glb" --depth 10 --light two-lights --rotate 6
-octree sponza "$scenes/sponza_crytek.glb" --depth 9 --light cycles --samples 16 --texel-voxels 1
+octree sponza "$scenes/sponza_crytek.glb" --depth 9 --light cycles --max-samples 16
 octree sponza-turned "$scenes/sponza_crytek.glb" --depth 10 --light two-lights --rotate 1
 octree clinic "$scenes/bim_clinic.glb" --depth 9 --light cycles
 octree clinic-turned "$scenes/bim_clinic.glb" --depth 10 --light two-lights --rotate 1

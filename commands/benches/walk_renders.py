@@ -106,7 +106,7 @@ def _set_up(context: bpy.types.Context, settings: JobSettings, cameras: Sequence
     """Build the octree and store it as the scene's result."""
     clock = StageClock()
     fitted = [*cameras[::FIT_EVERY], cameras[-1]]
-    made = yield from build_lit_octree(context, settings, clock, None, OctreeOverrides(cameras=lambda: fitted))
+    made = yield from build_lit_octree(context, settings, clock, OctreeOverrides(cameras=lambda: fitted))
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
     result = SceneResult(
         octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state

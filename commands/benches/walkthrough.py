@@ -53,7 +53,7 @@ _TURN = float(np.radians(20.0))  # left at the start, right at the end
 def measure(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds and errors of both; raises PatchNetError, also for a missing scene file."""
     size = tuple(args.size)
-    settings = JobSettings.of(depth=depth_of(args.depth), samples=args.samples, color=True, size=size)
+    settings = JobSettings.of(depth=depth_of(args.depth), max_samples=args.max_samples, color=True, size=size)
     with quiet_stdout(), ProgressBars() as bars:
         open_scene_of(args.scene)
         with _registered():

@@ -51,7 +51,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, "side of the finest voxels in world units, instead of a depth"
     )
-    add_settings(parser, "light", "samples", "denoise", "texel_voxels", "exposure", "cameras")
+    add_settings(parser, "light", "noise_threshold", "max_samples", "cells", "denoise", "exposure", "cameras")
     text = "pixels of the pictures; a 0 follows the render aspect, 0 0 is the render resolution"
     add_number(parser, "--size", bounds.SIZE_PX, text, (192, 192), metavar=("W", "H"))
     add_settings(parser, "color", "sides", "gloss", "device")

@@ -35,8 +35,8 @@ const JOB_TYPE = {
       description: "Light that Cycles bakes, or the paper's two lights",
     },
     {
-      key: "samples", type: "int32", required: true, default: 4, propargs: { min: 1 },
-      description: "Cycles samples per baked texel",
+      key: "max_samples", type: "int32", required: true, default: 64, propargs: { min: 2 },
+      description: "Most Cycles samples of a place whose light is baked",
     },
     {
       key: "cameras", type: "string", required: true, default: "all",
@@ -99,7 +99,7 @@ function patchnetTask(name, settings, frames) {
       "--out", settings.output_folder,
       "--depth", String(settings.depth),
       "--light", settings.light,
-      "--samples", String(settings.samples),
+      "--max-samples", String(settings.max_samples),
       "--cameras", settings.cameras,
       "--size", String(settings.width), String(settings.height),
     ],

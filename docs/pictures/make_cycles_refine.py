@@ -38,8 +38,6 @@ def main() -> None:
     settings = JobSettings.of(
         cameras=(camera,),
         size=(int(width), int(height)),
-        samples=4,
-        texel_voxels=3.0,
         color=True,
         cycles=CyclesSettings(float(budget), int(samples), compare=True),
     )

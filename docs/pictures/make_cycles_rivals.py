@@ -97,9 +97,7 @@ def main() -> None:
     defaults = ("demo", "320", "240", "all")
     scene, width, height, cameras = (*sys.argv[1:], *defaults[len(sys.argv) - 1 :])
     open_or_build(scene)
-    settings = JobSettings.of(
-        cameras=tuple(cameras.split(",")), size=(int(width), int(height)), samples=4, texel_voxels=3.0
-    )
+    settings = JobSettings.of(cameras=tuple(cameras.split(",")), size=(int(width), int(height)))
     result = run_with_bars(settings)
     curves = {}
     for view in result.views:

@@ -77,9 +77,9 @@ def main() -> None:
 
 def _coded(cameras: list[Camera]) -> CodedOctree:
     size = cameras[0].width_px, cameras[0].height_px
-    settings = JobSettings.of(samples=4, color=True, size=size)
+    settings = JobSettings.of(color=True, size=size)
     overrides = OctreeOverrides(cameras=lambda: [*cameras[::FIT_EVERY], cameras[-1]])
-    octree = drain(build_lit_octree(bpy.context, settings, StageClock(), None, overrides)).octree
+    octree = drain(build_lit_octree(bpy.context, settings, StageClock(), overrides)).octree
     return drain(encode(octree, load_network(settings.network), settings.compute))[0]
 
 

@@ -18,7 +18,7 @@ import clicks  # noqa: E402
 
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 PACKAGE = "bl_ext.user_default.patchnet"
-SETTINGS = {"samples": 4, "texel_voxels": 4.0, "size": (192, 192)}
+SETTINGS = {"size": (192, 192)}
 JOB_S = 900.0  # limit, for a busy machine
 CAMERA = "Middle"
 SIDE_PX = 320

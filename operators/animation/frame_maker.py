@@ -124,13 +124,11 @@ class OctreeMaker:
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Write the frame's files into `folder`; return its summary, with "exposure" and "warnings"."""
-        from ...patchnet_addon.lightmap.page_cache import BakePageCache
         from ...patchnet_addon.octree.file import save_octree
         from ...patchnet_addon.tracing.empty_view import why_unseen_by
 
-        with BakePageCache() as kept:
-            made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), kept, self._overrides)
-            save_octree(made.octree, folder / OCTREE_NAME)
+        made = yield from build_lit_octree(context, self._of_frame(common), StageClock(), self._overrides)
+        save_octree(made.octree, folder / OCTREE_NAME)
         octree = made.octree
         figures = {
             "depth": octree.depth, "nodes": octree.node_count, "leaves": octree.leaf_count, "bytes": octree.nbytes,

@@ -107,7 +107,9 @@ def build_pots(collection: bpy.types.Collection, materials: Materials, rng: np.r
     pots = make_pots(materials, rng)
     spots = [
         *[
-            ("olive", -3.55, 1.85, 1.15), ("olive", 3.55, 1.85, 1.1), ("fern", -4.75, 1.95, 1.1),
+            ("olive", -3.55, 1.85, 1.15),
+            ("olive", 3.55, 1.85, 1.1),
+            ("fern", -4.75, 1.95, 1.1),
             ("fern", 4.8, 0.4, 1.1),
         ],
         *[("geranium", -2.65, 1.92, 1.0), ("geranium", 2.62, 1.98, 1.05), ("geranium", 4.3, 1.7, 0.9)],

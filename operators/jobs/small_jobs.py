@@ -14,7 +14,7 @@ from pathlib import Path
 
 import bpy
 
-SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 5, "samples": 1, "size": (24, 16)}
+SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 5, "max_samples": 2, "size": (24, 16)}
 
 
 def add_foliage() -> None:

@@ -10,6 +10,7 @@ from weakref import WeakValueDictionary
 import bpy
 import numpy as np
 
+from ...patchnet_addon.export.fine_light import noise_text
 from ...patchnet_addon.image.colormaps import colormap
 from ...patchnet_addon.runtime import log
 from ..properties.preferences import preferences
@@ -117,6 +118,9 @@ def _draw_overlay(context: bpy.types.Context, view: ShownView, rect: Rect) -> No
         by_cycles = missing[0] == CYCLES_PICTURE
         mark = (NOT_REFINED, "Not refined") if by_cycles else (NO_REFERENCE, "No reference")
         _draw_mark(look, *mark, values.legend)
+    elif (result := session_of(context.scene).result) is not None and result.unfinished:
+        noise = noise_text(result.octree)
+        _draw_mark(look, f"Light of noise {noise}, to be refined", f"Noise {noise}", values.legend)
 
 
 def _left(look: _Look, width: float, right_side: bool) -> float:

@@ -21,8 +21,8 @@ from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings
-from .job_work import Rates, texels_of, time_line, work_of
-from .stages import GridChoice, encoder_text, fitted_levels, load_network
+from .job_work import Rates, light_paths, time_line, work_of
+from .stages import encoder_text, fitted_levels, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 
@@ -32,10 +32,10 @@ class Estimate:
     """Expected figures of a job.
 
     fitted: leaves follow the cameras, most are coarser than `depth`. peak_bytes: of building; free_bytes: limit.
-    lookahead_share: of hit pixels, None if no camera sees anything. texels, paths: of the bake, 0 without one; paths of
-    one side of the surface. seconds: by stage. time_line, made_for, lines: time, surface and views, and figures in
-    words. notes: omissions and approximations that are known without a bake. settings: of the scene at the estimate.
-    outdated: the scene may have changed since.
+    lookahead_share: of hit pixels, None if no camera sees anything. paths: of the bake, 0 without one. seconds: by
+    stage. time_line, made_for, lines: time, surface and views, and figures in words. notes: omissions and
+    approximations that are known without a bake. settings: of the scene at the estimate. outdated: the scene may have
+    changed since.
     """
 
     depth: int
@@ -46,8 +46,7 @@ class Estimate:
     peak_bytes: int
     free_bytes: int
     lookahead_share: float | None
-    texels: int
-    paths: int
+    paths: float
     made_for: tuple[str, str]
     seconds: dict[str, float]
     time_line: str
@@ -90,20 +89,18 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     lookahead = load_network(settings.network).lookahead
     if surface.is_fitted:
         grid, fitted = yield from labelled(fitted_levels(source, cameras, settings, rough=True), "Estimating")
-        layout, leaves, share = fitted.layout, fitted.leaves, fitted.lookahead_share
+        leaves, share = fitted.leaves, fitted.lookahead_share
     else:
-        grid, layout = surface.given_grid(source), None
+        grid = surface.given_grid(source)
         bounds_world = surface.bounds_world(source)
         coarse = yield from labelled(given.coarse_octree(source, bounds_world=bounds_world), "Estimating")
-        yield Progress(1, 3, "Estimating: what cameras see")
+        yield Progress(1, 2, "Estimating: what cameras see")
         leaves = given.expected_leaves(coarse, grid.depth)
         share = given.expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
-    yield Progress(2, 3, "Estimating: texels of the bake")
-    texels = (yield from texels_of(source, GridChoice(grid, layout), settings)) if light.is_baked else 0
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)
-    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, texels=texels)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves)
     seconds = rates.seconds(work)
     return Estimate(
         depth=grid.depth,
@@ -115,8 +112,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         peak_bytes=peak_bytes(leaves, **contents),
         free_bytes=settings.compute.memory_bytes or available_memory(),
         lookahead_share=share,
-        texels=texels,
-        paths=texels * light.samples,
+        paths=light_paths(settings, pixels=pixels, leaves=leaves) if light.is_baked else 0.0,
         made_for=_made_for(source, cameras),
         seconds=seconds,
         time_line=time_line(seconds, rates),
@@ -140,9 +136,8 @@ def _lines(found: Estimate, voxel_side: str, device: str, encoder: str) -> list[
     lines.append(f"Octree {bytes_text(found.octree_bytes)}, look-ahead {bytes_text(found.codes_bytes)}")
     share = found.lookahead_share
     lines.append("No camera sees anything" if share is None else f"Look-ahead on {share:.0%} of pixels")
-    if found.texels:
-        lines.append(f"Bake: about {count_text(found.texels)} texels")
-        lines.append(f"Samples of light: {count_text(found.paths)}")
+    if found.paths:
+        lines.append(f"Bake: about {count_text(found.paths)} paths")
         lines.append(f"Bake on: {device}")
     lines.append(f"Network on: {encoder}")
     return [*lines, found.time_line]

@@ -7,16 +7,15 @@ import json
 import os
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any
 
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.eta import JobEta, duration_text
-from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed
+from ...patchnet_addon.runtime.progress import Result, Steps, changed
 from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.scene_mesh import SceneMesh
+from ..schema.table import SEEN_CELLS
 from ..settings.job_settings import JobSettings
 from .stages import GridChoice
 
@@ -24,21 +23,20 @@ FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
 _LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
+_SURFELS_A_PIXEL, _SURFELS_A_LEAF, _USUAL_SAMPLES = 8.0, 0.5, 10.0  # of a bake
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
 _VIEW_RAYS = 60  # cost of first rays, finer rays and the network, in rays of a refined pixel
 # Seconds per unit on two cores of a server, for the first job on a machine.
 _ELSEWHERE = {
-    "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 5e-6, "denoise": 2e-5, "voxelize": 1.5e-6, "codes": 2e-6,
-    "views": 2e-8, "cycles": 2e-6,
+    "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 4e-6, "voxelize": 1.5e-6, "codes": 2e-6, "views": 2e-8,
+    "cycles": 2e-6,
 }  # fmt: skip
 
 
-def work_of(
-    settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: int = 0, texels: int = 0
-) -> dict[str, float]:
+def work_of(settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: int = 0) -> dict[str, float]:
     """Units of work of each stage, in the order of the job; 0 for a stage that the job skips.
 
-    pixels: of all cameras. triangles: of the surface. leaves: of the octree. texels: of the bake, 0 without one.
+    pixels: of all cameras. triangles: of the surface. leaves: of the octree.
     """
     view, light = settings.view, settings.light
     rays = view.spp or 1.0 + view.budget * view.refined_samples
@@ -49,13 +47,19 @@ def work_of(
     return {
         "read": surface,
         "depth": 3.0 * surface + 0.1 * leaves + pixels if settings.surface.is_fitted else surface,
-        "light": texels * (light.samples + 4.0),
-        "denoise": float(texels) if light.denoise else 0.0,
+        "light": light_paths(settings, pixels=pixels, leaves=leaves) if light.is_baked else 0.0,
         "voxelize": leaves + surface,
         "codes": float(leaves),
         "views": pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
         "cycles": cycles,
     }
+
+
+def light_paths(settings: JobSettings, *, pixels: int, leaves: int) -> float:
+    """Expected paths of a bake for pixels of cameras, or for leaves where light is fine everywhere."""
+    light = settings.light
+    surfels = _SURFELS_A_PIXEL * pixels if light.cells == SEEN_CELLS and pixels else _SURFELS_A_LEAF * leaves
+    return surfels * min(light.max_samples, _USUAL_SAMPLES)
 
 
 class Rates:
@@ -107,7 +111,7 @@ def time_line(seconds: dict[str, float], rates: Rates) -> str:
 class JobPlan:
     """Expected and measured time of a job.
 
-    resumed: whether pages of the bake came from the cache, so that its seconds are not learned.
+    resumed: whether light came from the cache, so that the bake's seconds are not learned.
     """
 
     def __init__(self, settings: JobSettings) -> None:
@@ -115,14 +119,10 @@ class JobPlan:
         self._eta, self._settings, self._rates = JobEta(AGAIN), settings, Rates()
         self._work: dict[str, float] = {}
 
-    def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> Steps[None]:
+    def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> None:
         """Plan the job for a surface and grid. stages: of the job; all if none are named."""
-        texels = 0
-        if self._settings.light.is_baked:
-            counting = Progress(0, 1, "Counting texels")
-            texels = yield from run_in_worker(lambda: texels_of(source, choice, self._settings), counting)
         pixels, triangles = sum(camera.pixel_count for camera in cameras), source.triangle_count
-        work = work_of(self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves, texels=texels)
+        work = work_of(self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves)
         self._work = {name: units for name, units in work.items() if not stages or name in stages}
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
 
@@ -134,13 +134,3 @@ class JobPlan:
         """Learn the seconds of stages, except those that compiled kernels or resumed a bake."""
         unlike = self._eta.compiled | ({"light"} if self.resumed else set())
         self._rates.learn({name: units for name, units in self._work.items() if name not in unlike}, self.clock.seconds)
-
-
-def texels_of(source: SceneMesh, choice: GridChoice, settings: JobSettings) -> Steps[int]:
-    """Count the texels of a bake for these leaves."""
-    from ...patchnet_addon.lightmap.charts import texels_wanted
-    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..cycles.bake.bake import MAX_TEXELS
-
-    sizes: Any = texel_sizes(source, choice.grid, choice.layout, settings.light.texel_voxels)
-    return (yield from texels_wanted(source, sizes, MAX_TEXELS))

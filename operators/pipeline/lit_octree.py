@@ -20,21 +20,24 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
-from ...patchnet_addon.surface.mesh import MeshSource, RotatedSource, random_rotation
+from ...patchnet_addon.runtime.worker import computed
+from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
+from ..cycles.daylight import has_light
 from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
-from ..scene.precision import thin_warnings
+from ..scene.precision import light_warnings, thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import SELECTED
+from ..schema.table import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
-from .stages import UNLIT, GridChoice, baked, build, choose_grid, two_lights, unlit
+from .stages import NO_LIGHT, UNLIT, GridChoice, build, choose_grid, load_network, two_lights, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
+    from ...patchnet_addon.light.surface_light import SurfaceLight
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ...patchnet_addon.octree.voxelize import ClippedSurface
     from ..state.scene_state import SceneState
 
 
@@ -88,6 +91,7 @@ class LitOctree:
 
     layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
     source: the surface. state: of the scene when it was read. warnings: sentences about assumptions and omissions.
+    reused: share of the paths of its light that an earlier bake had traced.
     """
 
     octree: Octree
@@ -96,22 +100,22 @@ class LitOctree:
     source: SceneMesh
     state: SceneState
     warnings: tuple[str, ...]
+    reused: float = 0.0
 
 
 def build_lit_octree(
     context: bpy.types.Context,
     settings: JobSettings,
     clock: StageClock,
-    kept: BakePageCache | None = None,
     overrides: OctreeOverrides | None = None,
 ) -> Steps[LitOctree]:
     """Octree of the scene by settings. Raises PatchNetError.
 
-    clock: records the stages "read", "depth", "light", "denoise" and "voxelize". kept: cache of finished pages.
+    clock: records the stages "read", "depth", "light" and "voxelize".
     """
     surface = yield from read_surface(context, settings, clock, overrides or OctreeOverrides())
     choice = yield from choose_leaves(context, surface, clock)
-    return (yield from light_octree(context, surface, choice, clock, kept))
+    return (yield from light_octree(context, surface, choice, clock))
 
 
 def read_surface(
@@ -124,6 +128,8 @@ def read_surface(
         yield Progress(0, 1, "Reading the scene")
         depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
         source = read_scene(depsgraph, settings.surface.scope, overrides.chosen)
+        if settings.light.is_baked and settings.light.daylight is None:
+            settings = settings.changed(daylight=not has_light(depsgraph))
         if settings.light.is_baked:
             source = seen_through(source, settings.light.gloss)
         # With the place of the camera if gloss is baked for it.
@@ -147,7 +153,7 @@ def choose_leaves(
             corners = overrides.grid.grid.to_unit(source.bounds_world)
             if corners.min() < 0.0 or corners.max() > 1.0:
                 raise SceneError("Objects have moved out of the voxels, or others are selected: run Voxelize again")
-            choice, cameras = overrides.grid, ()
+            choice = overrides.grid
         else:
             if cameras is None and overrides.cameras is not None:
                 cameras = overrides.cameras()
@@ -157,7 +163,10 @@ def choose_leaves(
         if surface.is_baked and not cameras:
             with suppress(SceneError):  # a scene without cameras is baked, too
                 cameras = yield from _looking(context, settings, source, overrides.depsgraph)
-    return replace(choice, cameras=cameras)
+    return replace(choice, cameras=cameras or ())
+
+
+EachOctree = Callable[["LitOctree"], Steps[None]]
 
 
 def light_octree(
@@ -165,47 +174,96 @@ def light_octree(
     surface: ReadSurface,
     choice: GridChoice,
     clock: StageClock,
-    kept: BakePageCache | None = None,
+    each_round: EachOctree | None = None,
 ) -> Steps[LitOctree]:
-    """Light the surface and build its octree. Raises PatchNetError."""
-    from ...patchnet_addon.surface.shading import bisected_shade
-    from ..cycles.bake import KeptPages
+    """Light the surface and build its octree. Raises PatchNetError.
+
+    each_round: takes the octree after each round of a bake but the last.
+    """
+    from ...patchnet_addon.octree.voxelize import ClippedSurface
 
     overrides, source, settings = surface.overrides, surface.source, surface.settings
-    assumed: tuple[str, ...] = ()
-    notes: dict[str, Any] = {}
-    facing: np.ndarray | None = None
-    with overrides.baking():
-        if surface.is_baked:
-            pages = None if kept is None else KeptPages(kept, surface.state.identity(context.scene.frame_subframe))
-            baking = baked(context, source, choice, settings, clock, kept=pages, depsgraph=overrides.depsgraph)
-            shade, facing, assumed, notes = yield from baking
-        else:
-            with clock.stage("light"):
-                light = settings.light
-                own = unlit(source, light) if overrides.unlit else two_lights(source, light, overrides.rotation)
-                shade = yield from own
-                facing = np.zeros(source.triangle_count, np.int8)  # these lights shine equally on both sides
+    coarse = light_warnings(source, choice.grid) if surface.is_baked else ()
+    clipping, color = Progress(0, 1, "Planning the voxels"), settings.light.color
+    with clock.stage("voxelize"):
+        clipped = yield from computed(lambda: ClippedSurface(source, choice.grid, choice.layout, color=color), clipping)
+        turned = clipped
+        if overrides.rotation:
+            rotated = RotatedSource(source, random_rotation(overrides.rotation))
+            grid = Grid.around(rotated.bounds_world, choice.grid.depth)
+            turned = yield from computed(lambda: ClippedSurface(rotated, grid, color=color), clipping)
+
+    def built(lit: SurfaceLight) -> Steps[LitOctree]:
         with clock.stage("voxelize"):
-            if overrides.bisect is not None:
-                shade = bisected_shade(shade, source.bounds_world, *overrides.bisect)
-            kind = UNLIT if overrides.unlit else settings.light.kind
-            provenance: dict[str, Any] = {}
-            if not (overrides.rotation or overrides.bisect):
-                provenance["scene_state"] = surface.state.identity()
-                if surface.state.gloss_from:
-                    provenance["gloss_from"] = surface.state.gloss_from
-            provenance |= overrides.provenance | notes
-            built: MeshSource = source
-            placed = choice
-            if overrides.rotation:
-                built = RotatedSource(source, random_rotation(overrides.rotation))
-                placed = replace(choice, grid=Grid.around(built.bounds_world, choice.grid.depth))
-            octree = yield from build(built, placed, shade, settings, kind, provenance, facing)
-    thin = thin_warnings(source, choice.grid, choice.cameras)
-    own_color = () if surface.is_baked else source.color_warnings
-    warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *assumed)
-    return LitOctree(octree, choice.layout, kind, source, surface.state, warnings)
+            octree = yield from build(turned, _placed(surface, clipped, turned, lit), settings, *_names(surface))
+        thin = thin_warnings(source, choice.grid, choice.cameras)
+        own_color = () if surface.is_baked else source.color_warnings
+        assumed = (NO_LIGHT,) if surface.is_baked and settings.light.daylight else ()
+        warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *coarse, *lit.warnings, *assumed)
+        kind = UNLIT if overrides.unlit else settings.light.kind
+        return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, lit.reused)
+
+    def shown(lit: SurfaceLight) -> Steps[None]:
+        assert each_round is not None
+        yield from each_round((yield from built(lit)))
+
+    with overrides.baking():
+        with clock.stage("light"):
+            lit = yield from _light(context, surface, clipped, choice, None if each_round is None else shown)
+        clipped.let_go()
+        return (yield from built(lit))
+
+
+def _light(
+    context: bpy.types.Context,
+    surface: ReadSurface,
+    clipped: ClippedSurface,
+    choice: GridChoice,
+    each_round: Callable[[SurfaceLight], Steps[None]] | None,
+) -> Steps[SurfaceLight]:
+    """Light of the surface by the settings."""
+    from ..cycles.bake import BakeJob, bake_light
+
+    overrides, settings = surface.overrides, surface.settings
+    if not surface.is_baked:
+        light = settings.light
+        own = unlit(surface.source, light) if overrides.unlit else two_lights(surface.source, light, overrides.rotation)
+        return (yield from own)
+    job = BakeJob(
+        context=context,
+        source=surface.source,
+        clipped=clipped,
+        cameras=tuple(choice.cameras),
+        light=settings.light,
+        lookahead=load_network(settings.network).lookahead,
+        device=settings.compute.device,
+        state=surface.state.identity(context.scene.frame_subframe),
+    )
+    return (yield from bake_light(job, each_round))
+
+
+def _placed(surface: ReadSurface, clipped: ClippedSurface, turned: ClippedSurface, lit: SurfaceLight) -> SurfaceLight:
+    """Light as the overrides turn it or cut it."""
+    from ...patchnet_addon.light.surface_light import upright_shade
+    from ...patchnet_addon.surface.shading import bisected_shade
+
+    overrides = surface.overrides
+    if overrides.bisect is not None:
+        return replace(lit, shade=bisected_shade(lit.shade, surface.source.bounds_world, *overrides.bisect))
+    if turned is not clipped and surface.is_baked:
+        return replace(lit, shade=upright_shade(lit.shade, random_rotation(overrides.rotation), clipped.grid))
+    return lit
+
+
+def _names(surface: ReadSurface) -> tuple[str, dict[str, Any]]:
+    """Name of the light, and entries of the octree's file."""
+    overrides = surface.overrides
+    provenance: dict[str, Any] = {}
+    if not (overrides.rotation or overrides.bisect):
+        provenance["scene_state"] = surface.state.identity()
+        if surface.state.gloss_from:
+            provenance["gloss_from"] = surface.state.gloss_from
+    return UNLIT if overrides.unlit else surface.settings.light.kind, provenance | overrides.provenance
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:
@@ -230,11 +288,14 @@ def _looking(
 
 
 def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
-    """Key of the cameras that leaves are fitted to; "" for a given depth. Raises SceneError."""
-    if not settings.surface.is_fitted:
+    """Key of the cameras that leaves or light are fitted to; "" if neither is. Raises SceneError."""
+    light = settings.light
+    if not (settings.surface.is_fitted or (light.is_baked and light.cells == SEEN_CELLS)):
         return ""
     wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
-    return cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted))
+    with nullcontext() if settings.surface.is_fitted else suppress(SceneError):
+        return cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted))
+    return ""
 
 
 def cameras_text(cameras: Sequence[Camera]) -> str:

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
+from ...patchnet_addon.export.fine_light import fine_light_values
 from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
@@ -39,8 +40,7 @@ from .stages import encode, load_network
 from .unfinished import Meanwhile, first_look, stand_in_look
 from .views import View, overview, save_view, view, view_background
 
-if TYPE_CHECKING:  # it brings numba, which nothing imports before it computes
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
+EarlyResult = Callable[["JobResult"], None]  # takes a result whose light is still being refined
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,24 +83,26 @@ class Before:
 
 
 def run_job(
-    context: bpy.types.Context, settings: JobSettings, meanwhile: Meanwhile | None = None, before: Before | None = None
+    context: bpy.types.Context,
+    settings: JobSettings,
+    meanwhile: Meanwhile | None = None,
+    before: Before | None = None,
+    early: EarlyResult | None = None,
 ) -> Steps[JobResult]:
     """Read, voxelize, light and encode the scene, then refine the view of each camera; write files if wanted.
 
     meanwhile: shows unfinished pictures, the first one before the bake; None in background. before: existing octree.
-    Nothing is written if a step fails. Raises PatchNetError.
+    early: takes a result after each round of the light but the last, without references. Nothing is written if a step
+    fails. Raises PatchNetError.
     """
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
-
     folders = view_folders(context.scene, settings.view.cameras)
     wanted = settings.view
     files, inputs = job_files(folders.values(), wanted.cycles, reference=wanted.has_reference), job_inputs(settings)
     output = output_folder(settings.out, files, inputs) if settings.out else nullcontext()
-    # Pages stay until the files are written.
-    with compiling_beside(), BakePageCache() as kept, output as folder:
-        weights = load_network(settings.network)
+    with compiling_beside(), output as folder:
         plan = JobPlan(settings)
-        result = yield from plan.timed(_compute(context, settings, weights, plan, kept, meanwhile, before))
+        job = _Job(context, settings, load_network(settings.network), plan, meanwhile, early)
+        result = yield from plan.timed(_compute(job, before))
         plan.learn()
         for item in result.views:
             item.report["folder"] = folders[item.camera.name]
@@ -110,29 +112,40 @@ def run_job(
     return result
 
 
-def _compute(
-    context: bpy.types.Context,
-    settings: JobSettings,
-    weights: Weights,
-    plan: JobPlan,
-    kept: BakePageCache,
-    meanwhile: Meanwhile | None,
-    before: Before | None,
-) -> Steps[JobResult]:
-    found_device(settings.compute.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
-    clock, wanted = plan.clock, settings.view
-    made, cameras = yield from _lit(context, settings, plan, kept, meanwhile, before)
-    plan.resumed = bool(kept.found)
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """Inputs of a job, see `run_job`."""
+
+    context: bpy.types.Context
+    settings: JobSettings
+    weights: Weights
+    plan: JobPlan
+    meanwhile: Meanwhile | None
+    early: EarlyResult | None
+
+
+def _compute(job: _Job, before: Before | None) -> Steps[JobResult]:
+    found_device(job.settings.compute.torch_device, NETWORK_DEVICE)  # a missing GPU is an error before the bake
+    made, cameras = yield from _lit(job, before)
+    if isinstance(made, LitOctree):
+        job.plan.resumed = made.reused > 0.0
+    return (yield from _result(job, made, cameras))
+
+
+def _result(job: _Job, made: LitOctree | Before, cameras: Sequence[Camera]) -> Steps[JobResult]:
+    """Codes, views and report of a lit octree."""
+    context, settings, clock, meanwhile = job.context, job.settings, job.plan.clock, job.meanwhile
+    wanted = settings.view
     with clock.stage("views"):
         behind = yield from view_background(context, made.octree, cameras[0], settings)
     if meanwhile is not None:
         with clock.stage("first look"):
             yield from first_look(made.octree, cameras[0], meanwhile, background=behind.light)
-    if made is before and before.coded is not None:
-        coded, encoder = before.coded, before.encoder
+    if isinstance(made, Before) and made.coded is not None:
+        coded, encoder = made.coded, made.encoder
     else:
         with clock.stage("codes"):
-            coded, encoder = yield from encode(made.octree, weights, settings.compute)
+            coded, encoder = yield from encode(made.octree, job.weights, settings.compute)
     views: list[View] = []
     cycles: list[CyclesView] = []
     for camera in cameras:
@@ -153,16 +166,10 @@ def _compute(
     return JobResult(coded, tuple(views), report, notes, made.layout, tuple(cycles), made.state)
 
 
-def _lit(
-    context: bpy.types.Context,
-    settings: JobSettings,
-    plan: JobPlan,
-    kept: BakePageCache,
-    meanwhile: Meanwhile | None,
-    before: Before | None,
-) -> Steps[tuple[LitOctree | Before, list[Camera]]]:
-    """Lit octree of a job, and its cameras; plans the job and shows a first look between the steps."""
-    clock, wanted, overrides = plan.clock, settings.view, OctreeOverrides()
+def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, list[Camera]]]:
+    """Lit octree of a job, and its cameras; plans the job, shows a first look, and delivers early results."""
+    context, settings, clock = job.context, job.settings, job.plan.clock
+    wanted, overrides = settings.view, OctreeOverrides()
     cameras: list[Camera] = []
     if before is not None:
         cameras = yield from octree_cameras(context, before.octree, wanted.cameras, wanted.size)
@@ -170,7 +177,7 @@ def _lit(
             return before, cameras
         overrides = OctreeOverrides.on_grid_of(before.octree, before.layout, before.state)
     surface = yield from read_surface(context, settings, clock, overrides)
-    fit: Sequence[Camera] = ()
+    fit: Sequence[Camera] = cameras
     if before is None:
         source, depsgraph = surface.source, context.evaluated_depsgraph_get()
         bounds_world = settings.surface.bounds_world(source)
@@ -178,12 +185,19 @@ def _lit(
             cameras = yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source)
             fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
     choice = yield from choose_leaves(context, surface, clock, fit)
-    with clock.stage("depth"):
-        yield from plan.make(surface.source, choice, cameras)
-    if meanwhile is not None and settings.light.is_baked:
+    job.plan.make(surface.source, choice, cameras)
+    if job.meanwhile is not None and settings.light.is_baked:
         with clock.stage("first look"):
-            yield from stand_in_look(surface.source, choice, settings, cameras[0], meanwhile)
-    return (yield from light_octree(context, surface, choice, clock, kept)), cameras
+            yield from stand_in_look(surface.source, choice, settings, cameras[0], job.meanwhile)
+    early = job.early
+    if early is None:
+        return (yield from light_octree(context, surface, choice, clock)), cameras
+    quick = replace(job, settings=settings.changed(reference=False, cycles=None), meanwhile=None)
+
+    def deliver(made: LitOctree) -> Steps[None]:
+        early((yield from _result(quick, made, cameras)))
+
+    return (yield from light_octree(context, surface, choice, clock, deliver)), cameras
 
 
 def _report(
@@ -202,6 +216,7 @@ def _report(
             "exposure": octree.exposure,
             "codes": len(coded.codes),
             "codes_bytes": coded.nbytes,
+            **fine_light_values(octree),
         },
         "timings_s": timings_s,
         "frames": [item.report for item in views],

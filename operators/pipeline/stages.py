@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,11 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.bounds import MAX_DEPTH
 from ...patchnet_addon.runtime.progress import Progress, Steps, labelled
 from ...patchnet_addon.runtime.quantities import named_list
-from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource, ShadingFn
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
-from ..cycles.daylight import has_light
-from ..scene.precision import light_warnings, place_warnings
+from ..scene.precision import place_warnings
 from ..scene.scene_mesh import SceneMesh
 from ..schema.table import CYCLES
 from ..settings.groups import NETWORK_DEVICE, ComputeSettings, LightSettings, NetworkSettings
@@ -33,9 +31,10 @@ from ..settings.job_settings import JobSettings
 from .reports import versions
 
 if TYPE_CHECKING:  # needed only when an octree is built
+    from ...patchnet_addon.light.surface_light import SurfaceLight
     from ...patchnet_addon.lod.fit import FittedLevels
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
-    from ..cycles.bake import KeptPages
+    from ...patchnet_addon.octree.voxelize import ClippedSurface
 
 UNLIT = "none"  # light of an octree that shows the surface's own colour
 _OWN_ENCODER = "built-in kernels on the CPU"
@@ -111,91 +110,48 @@ def fitted_levels(
     return replace(grid, depth=fitted.layout.deepest), fitted
 
 
-def unlit(source: MeshSource, light: LightSettings) -> Steps[ShadingFn]:
+def unlit(source: MeshSource, light: LightSettings) -> Steps[SurfaceLight]:
     """Colour of the surface itself, before any light is baked."""
     from ...patchnet_addon.surface.shading import albedo_shade
 
-    return computed(lambda: albedo_shade(source, color=light.color), _TEXTURES)
+    return _on_both_sides(source, lambda: albedo_shade(source, color=light.color))
 
 
-def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[ShadingFn]:
+def two_lights(source: MeshSource, light: LightSettings, rotation: int = 0) -> Steps[SurfaceLight]:
     """Surface in the paper's two lights, from the default direction or a random one."""
     from ...patchnet_addon.surface.shading import DIRECTION, two_lights_shade
 
     x, y, z = np.random.default_rng(rotation).normal(size=3).tolist() if rotation else DIRECTION
-    return computed(lambda: two_lights_shade(source, (x, y, z), color=light.color), _TEXTURES)
+    return _on_both_sides(source, lambda: two_lights_shade(source, (x, y, z), color=light.color))
 
 
-def baked(
-    context: bpy.types.Context,
-    source: SceneMesh,
-    choice: GridChoice,
-    settings: JobSettings,
-    clock: StageClock,
-    *,
-    kept: KeptPages | None = None,
-    depsgraph: bpy.types.Depsgraph | None = None,
-) -> Steps[tuple[ShadingFn, np.ndarray | None, tuple[str, ...], dict[str, Any]]]:
-    """Surface in baked light, side (T,) int8 that its light is seen on, warnings, and entries of the octree's file.
+def _on_both_sides(source: MeshSource, make: Callable[[], ShadingFn]) -> Steps[SurfaceLight]:
+    """Light that shines equally on both sides of a surface."""
+    from ...patchnet_addon.light.surface_light import SurfaceLight
 
-    choice: the leaves, which decide texels, and the cameras, see `bake_luminance`. clock: records the stages "light"
-    and "denoise". kept: cache of finished pages. depsgraph: of `source`; None takes the context's.
-    """
-    from ...patchnet_addon.lightmap.atlas_shade import atlas_shade
-    from ...patchnet_addon.lightmap.denoised_atlas import denoised_atlas
-    from ...patchnet_addon.lightmap.texel_sizes import texel_sizes
-    from ..cycles.bake import bake_luminance
-
-    coarse, light = light_warnings(source, choice.grid), settings.light
-    graph = depsgraph or context.evaluated_depsgraph_get()
-    if light.daylight is None:
-        light = replace(light, daylight=not has_light(graph))
-    with clock.stage("light"):
-        texel_world: Any = yield from computed(
-            lambda: texel_sizes(source, choice.grid, choice.layout, light.texel_voxels),
-            Progress(0, 1, "Measuring the surface"),
-        )
-        device = settings.compute.device
-        atlas = yield from bake_luminance(
-            context, source, texel_world, light, device=device, kept=kept, cameras=choice.cameras
-        )
-    with clock.stage("denoise"):
-        if light.denoise:
-            atlas = yield from computed(lambda: denoised_atlas(atlas, source), Progress(0, 1, "Denoising light"))
-        shade = yield from computed(lambda: atlas_shade(atlas, source), _TEXTURES)
-    warnings = *coarse, *atlas.warnings, *((NO_LIGHT,) if light.daylight else ())
-    return shade, atlas.facing, warnings, atlas.notes
+    shade = yield from computed(make, _TEXTURES)
+    return SurfaceLight(shade, np.zeros(source.triangle_count, np.int8))
 
 
 def build(
-    source: MeshSource,
-    choice: GridChoice,
-    shade: ShadingFn,
-    settings: JobSettings,
-    light: str,
-    provenance: dict[str, Any],
-    facing: np.ndarray | None = None,
+    clipped: ClippedSurface, lit: SurfaceLight, settings: JobSettings, light: str, provenance: dict[str, Any]
 ) -> Steps[Octree]:
-    """Build the octree of a surface; `light` names `shade` in its file.
+    """Build the octree of a surface in its light, which `light` names in its file.
 
-    provenance: further entries of the file, which replace the default ones. facing: (T,) int8, lit side of each
-    triangle.
+    provenance: further entries of the file, which replace the default ones.
     """
-    from ...patchnet_addon.octree.build import build_octree
+    from ...patchnet_addon.octree.build import build_clipped
     from ...patchnet_addon.octree.voxelize import LeafDetail
 
-    layout = choice.layout
-    provenance = _provenance(source, settings, light) | {"fitted": layout is not None} | provenance
+    fitted = {"fitted": clipped.layout.block_level > 0}
+    provenance = _provenance(clipped.source, settings, light) | fitted | lit.notes | provenance
     exposure = settings.light.exposure if light != UNLIT else None  # unlit colours are not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
-
-    detail = LeafDetail(True, settings.light.has_sides and light != UNLIT, facing)
+    detail = LeafDetail(True, settings.light.has_sides and light != UNLIT, lit.facing)
 
     def make() -> Steps[Octree]:
-        return build_octree(
-            source, choice.grid, shade, layout=layout, exposure=exposure, provenance=provenance, detail=detail
-        )
+        return build_clipped(clipped, lit.shade, exposure=exposure, provenance=provenance, detail=detail)
 
     return run_in_worker(make, Progress(0, 1, "Voxelizing"))
 
@@ -216,7 +172,9 @@ def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[s
     if all(max(*material.base_color, *material.emission) <= 0.0 for material in source.materials):
         values[BLACK_SURFACE] = named_list(material.name for material in source.materials)
     if light == CYCLES:
-        values |= {name: getattr(settings.light, name) for name in ("samples", "texel_voxels", "gloss", "denoise")}
+        values |= {
+            name: getattr(settings.light, name) for name in ("noise_threshold", "max_samples", "gloss", "denoise")
+        }
     return values
 
 

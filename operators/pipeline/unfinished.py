@@ -84,9 +84,12 @@ def stand_in_look(
 
     It is fast, and shows the objects and the camera of the bake.
     """
+    from ...patchnet_addon.octree.voxelize import ClippedSurface
+
     grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
-    shade = yield from two_lights(source, settings.light)
-    octree = yield from build(source, GridChoice(grid), shade, settings.changed(exposure=None), TWO_LIGHTS, {})
+    lit = yield from two_lights(source, settings.light)
+    clipped = yield from computed(lambda: ClippedSurface(source, grid, keeps=False), Progress(0, 1, "Voxelizing"))
+    octree = yield from build(clipped, lit, settings.changed(exposure=None), TWO_LIGHTS, {})
     yield from first_look(octree, camera, meanwhile, STAND_IN)
 
 

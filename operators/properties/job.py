@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...patchnet_addon.runtime.bounds import MEMORY_GIB
 from ...patchnet_addon.runtime.errors import SettingError
@@ -96,6 +97,8 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
 
 
 def _plain(row: Setting, value: Any) -> Any:
+    if isinstance(value, float):  # Blender's single precision; as commands have it: 0.01, not 0.009999999776
+        value = float(str(np.float32(value)))
     if row.kind is Kind.AUTOMATIC:
         return value or None
     if row.kind is Kind.PAIR:

@@ -228,8 +228,6 @@ def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
 
 
 def _compute(frame: _Frame) -> Steps[SceneResult]:
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
-
     scene, settings = frame.scene, frame.settings
     weights = load_network(settings.network) if settings.view.render_samples is None else None
     is_for_all = frame.moves and settings.surface.track and in_main_thread()
@@ -239,8 +237,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
         baking=lambda: _bake_context(scene, frame.depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
     )
-    with BakePageCache() as kept:
-        made = yield from build_lit_octree(bpy.context, settings, StageClock(), kept, overrides)
+    made = yield from build_lit_octree(bpy.context, settings, StageClock(), overrides)
     coded = None if weights is None else (yield from encode(made.octree, weights, settings.compute))[0]
     for warning in made.warnings:
         frame.warn(warning)

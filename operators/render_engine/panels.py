@@ -64,7 +64,7 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings of new voxels, the button that makes them, and the state of the present ones."""
         layout = split(self.layout)
-        for name in ("scope", "resolution", "depth", "voxel_size", "light", "samples"):
+        for name in ("scope", "resolution", "depth", "voxel_size", "light", "noise_threshold"):
             if TABLE[name].counts(context.scene.patchnet):
                 layout.prop(context.scene.patchnet, name)
         if JobOperator.running:

@@ -35,6 +35,7 @@ from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.scene_session import give_back
 from ..settings.groups import samples_side
+from .coarse_light import COARSE, is_coarse
 from .render_camera import camera_rect, viewport_camera
 from .viewport_card import CardHeat, CardPicture, HeatKind, strategy_on_card
 from .viewport_mask import ViewportMask
@@ -128,7 +129,7 @@ class Viewport:
             draw_picture(self._texture, engine, context.scene)
         else:  # better than a coarse picture
             self._on_card.draw(engine, context.scene)
-        self._say(engine, preview.status, result)
+        self._say(engine, context, preview.status, result, rests=preview.done)
         if not (idle and preview.done) or self.mask.waiting or cards.is_coming(result.octree):
             self._asked = time.perf_counter()  # once more at the end, for strokes painted meanwhile
             engine.tag_redraw()
@@ -165,7 +166,7 @@ class Viewport:
         if shows_heat:
             status, heat_done = self._work_at_heat(context, card, result, camera)
             done = done and heat_done
-        self._say(engine, status, result)
+        self._say(engine, context, status, result, rests=done and not moved)
         if alike or shows_heat:
             self._forget()
         if not done or moved or self.mask.waiting:
@@ -227,8 +228,20 @@ class Viewport:
         with attended():
             return next(self._preparing, None) is None
 
-    def _say(self, engine: bpy.types.RenderEngine, status: str, result: SceneResult) -> None:
-        engine.update_stats("PatchNet", f"{status}, {_STALE}" if result.stale else status)
+    def _say(
+        self,
+        engine: bpy.types.RenderEngine,
+        context: bpy.types.Context,
+        status: str,
+        result: SceneResult,
+        *,
+        rests: bool,
+    ) -> None:
+        """Show the status, why the result is out of date, and whether its light is coarse here once the view rests."""
+        said = [status, *([_STALE] if result.stale else [])]
+        if rests and not result.stale and is_coarse(context, result):
+            said.append(COARSE)
+        engine.update_stats("PatchNet", ", ".join(said))
 
     def _message(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, text: str) -> None:
         engine.update_stats("", text)

@@ -72,7 +72,7 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
         surface = walk.surface(Input(output.inputs["Surface"]))
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
             walk.values.notes.append("its displacement is left out, unlike that of a Displace modifier")
-    result = _material(name, surface, walk.colors)
+    result = replace(_material(name, surface, walk.colors), base_is_known=not walk.colors.notes)
     gloss = replace(surface.gloss, shines=max(surface.emission) > 0.0)
     return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes), gloss)
 

@@ -173,15 +173,6 @@ class SceneMesh:
         """Name of each placed object."""
         return [name for part in self.parts for name in part.objects]
 
-    def corners_and_materials(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (N, 3, 3) float64 in the world and materials (N,) int32 of triangles (N,)."""
-        corners, materials = np.empty((len(triangles), 3, 3)), np.empty(len(triangles), np.int32)
-        for batch in self.batches():
-            local = triangles - batch.first_triangle
-            mine = (local >= 0) & (local < len(batch))
-            corners[mine], materials[mine] = batch.corners_world[local[mine]], batch.materials[local[mine]]
-        return corners, materials
-
     def batches(self) -> Iterator[TriangleBatch]:
         """Triangles in batches, all in a fixed order: mesh by mesh, placement by placement."""
         first = 0

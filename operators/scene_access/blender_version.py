@@ -10,8 +10,6 @@ import bpy
 
 # Materials, worlds and lamps may have no nodes; from 5.0 on all have nodes, and reading `use_nodes` warns.
 NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
-# Side of the square around a texel's centre in which paths of a bake start, in texels.
-BAKE_SPREAD = 0.5 if bpy.app.version < (5, 0, 0) else 1.0
 # Cycles draws polylines of hair straight, not as curves through their points.
 POLYLINES_ARE_STRAIGHT = bpy.app.version >= (5, 0, 0)
 

@@ -24,6 +24,7 @@ WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
 GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
 SIX_SIDES, ONE_SIDE = "six", "one"
 DIFFUSE, COMBINED = "diffuse", "combined"
+SEEN_CELLS, ALL_CELLS = "seen", "everywhere"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
 # Stages of a job.
 OCTREE, LIGHT, CODES, CAMERAS, VIEW, IMPORTANCE, OUTPUT, REFINEMENT = (
@@ -91,20 +92,31 @@ _LIGHT = (
         argument="--light", help="light",
     ),
     Setting(
-        "samples", "Bake Samples", "Paths per baked texel; more reduce noise and take longer",
-        LIGHT, Kind.NUMBER, 4, bounds.SAMPLES,
-        counts=_baked, argument="--samples", help="Cycles samples per baked texel", widget={"soft_max": 256},
+        "noise_threshold", "Noise Threshold",
+        "Noise at which light is no longer refined, as in Cycles' own sampling; lower ones take longer",
+        LIGHT, Kind.NUMBER, 0.02, bounds.NOISE_THRESHOLD,
+        counts=_baked, argument="--noise-threshold", help="noise of pixels at which light is no longer refined",
+        widget={"precision": 4, "step": 0.1},
+    ),
+    Setting(
+        "max_samples", "Max Samples",
+        "Most paths of each place whose light is baked; more reduce noise and take longer",
+        LIGHT, Kind.NUMBER, 64, bounds.SAMPLES,
+        counts=_baked, argument="--max-samples", help="most Cycles samples of a place whose light is baked",
+        widget={"soft_max": 1024},
+    ),
+    Setting(
+        "cells", "Light Cells", "Surface that gets fine light", LIGHT, Kind.CHOICE, SEEN_CELLS,
+        choices=(
+            (SEEN_CELLS, "Seen by Cameras", "As fine as the pixels of the job's cameras need, coarse elsewhere"),
+            (ALL_CELLS, "Everywhere", "As fine as the voxels, for exports and other cameras; takes far longer"),
+        ),
+        counts=_baked, argument="--light-cells", help="surface that gets fine light: seen by cameras, or everywhere",
     ),
     Setting(
         "denoise", "Denoise",
-        "Remove noise from the baked light by averaging neighboring texels; shadows, edges and textures are kept",
+        "Remove noise from the baked light by averaging neighboring light cells; shadows, edges and textures are kept",
         LIGHT, Kind.SWITCH, True, counts=_baked, argument="--denoise", help="remove noise from baked light",
-    ),
-    Setting(
-        "texel_voxels", "Texel Size",
-        "Side of a baked texel in voxels; larger texels bake faster and blur shadows",
-        LIGHT, Kind.NUMBER, 2.0, bounds.TEXEL_VOXELS, counts=_baked,
-        argument="--texel-voxels", help="side of a baked texel in finest voxels",
     ),
     Setting(
         "gloss", "Gloss", "Reflections to bake, and their viewpoint",

@@ -35,8 +35,8 @@ _looked: set[int] = set()  # session_uids of scenes of the open file that were s
 
 
 def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
-    """Write a scene's result into the cache folder, in a window by a thread."""
-    if result.state is None or limit_bytes() <= 0:
+    """Write a scene's result into the cache folder, in a window by a thread; none whose light is unfinished."""
+    if result.state is None or result.unfinished or limit_bytes() <= 0:
         return
     cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
     if bpy.app.background:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ...patchnet_addon.export.fine_light import noise_text
 from ...patchnet_addon.octree.exposure import exposure_text
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.quantities import counted, error_text
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 _LIGHTS = {"none": "none, the surface's own color", "cycles": "Cycles", "two-lights": "Two Lights"}
 _STEPS = {
-    "read": "Reading", "depth": "Depth", "voxelize": "Voxels", "light": "Light", "denoise": "Denoising",
+    "read": "Reading", "depth": "Depth", "voxelize": "Voxels", "light": "Light",
     "codes": "Look-ahead", "views": "Views",
 }  # fmt: skip
 NO_VOXELS = "There are no voxels yet: run Voxelize first"
@@ -52,6 +53,14 @@ def summary(result: SceneResult, scene: bpy.types.Scene) -> list[str]:
         lines.append("Error x 10,000: {}, refined {}".format(*map(error_text, result.errors)))
     spent = [f"{_STEPS[name]} {value:.1f} s" for name, value in result.seconds.items() if name in _STEPS]
     return lines + [", ".join(spent[start : start + 2]) for start in range(0, len(spent), 2)]
+
+
+def unfinished_text(result: SceneResult, *, running: bool = False) -> str:
+    """Sentence about the noise of light that is not refined to the threshold, or ""; running: the job goes on."""
+    if not result.unfinished or result.stale:
+        return ""
+    text = f"Light of noise {noise_text(result.octree)}"
+    return f"{text} is being refined" if running else f"{text}: press Preview Selection again to refine it"
 
 
 def result_of(scene: bpy.types.Scene) -> SceneResult | None:

@@ -49,13 +49,14 @@ class SceneResult:
     scope: which objects were voxelized, "SELECTED" or "VISIBLE".
     layout: levels of the leaves, None where all are on the deepest.
     light: "none" while the octree shows the surface's own colour, else the kind of its light.
+    unfinished: whether further rounds of the bake would refine the light.
     pictures: whether the result's pictures stand among Blender's images.
     comparison: strategies on a view, None without one. seconds: by stage. encoder: name of the codes' encoder. reasons:
     later changes, in words, by step: "surface", "light", and "view" for the pictures. made_with: the scene's settings
-    at each step, by step. made_by: keys of the job's settings by step, and of the cameras that the depth was chosen
-    for. state: of the scene when it was read, None if it is unknown. notes: sentences about omissions and
-    approximations, by subject: "objects", "octree", "codes", "view", "cycles". summary: lines for the panel, written
-    when a step ends, so that drawing computes nothing.
+    at each step, by step. made_by: keys of the job's settings by step, "cameras" of those that the depth was chosen
+    for, and "seen" of those that the light was baked for. state: of the scene when it was read, None if it is unknown.
+    notes: sentences about omissions and approximations, by subject: "objects", "octree", "codes", "view", "cycles".
+    summary: lines for the panel, written when a step ends, so that drawing computes nothing.
     """
 
     octree: Octree
@@ -75,6 +76,7 @@ class SceneResult:
     state: SceneState | None = None
     notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     summary: list[str] = field(default_factory=list)
+    unfinished: bool = False
 
     @property
     def stale(self) -> set[str]:

@@ -75,24 +75,26 @@ class SurfaceSettings:
 class LightSettings:
     """Settings of the light in the voxels.
 
-    kind: "cycles" bakes global illumination with `samples` per texel, "two-lights" is methods 7.3.
+    kind: "cycles" bakes global illumination, "two-lights" is methods 7.3.
+    noise_threshold, max_samples: surfels get paths until pixels are less noisy, at most so many (methods 7.2e).
+    cells: surface with fine light, "seen" by cameras or "everywhere" (methods 7.2g).
     exposure: factor on luminance; None chooses it by the surface (methods 7.1).
     gloss: which reflections are baked, seen from where: auto, off, above, camera.
-    denoise: average baked light with its neighbourhood, within its noise (methods 7.2g).
+    denoise: average light cells with their neighbours, within noise (methods 7.2h).
     color: keep colour beside luminance, for pictures and exports; two bytes a node (methods 7.2d).
-    texel_voxels: side of a baked texel in leaf voxels; 2 gives each voxel that stops a ray with look-ahead 4 texels.
     sides: whether voxels show light by direction, "six", or one mean (methods 7.2i).
     daylight: whether sun and sky are added for the bake; None adds them to a scene without light.
     from_camera: whether gloss is seen from the active camera; None: by `gloss` and the job's cameras.
     """
 
     kind: str = field(default=TABLE["light"].default, metadata={_FLAT: "light"})
-    samples: int = TABLE["samples"].default
+    noise_threshold: float = TABLE["noise_threshold"].default
+    max_samples: int = TABLE["max_samples"].default
+    cells: str = TABLE["cells"].default
     exposure: float | None = None
     gloss: str = TABLE["gloss"].default
     denoise: bool = TABLE["denoise"].default
     color: bool = TABLE["color"].default
-    texel_voxels: float = TABLE["texel_voxels"].default
     sides: str = TABLE["sides"].default
     daylight: bool | None = None
     from_camera: bool | None = None
@@ -101,7 +103,7 @@ class LightSettings:
         _check_numbers(self)
         if self.kind not in (CYCLES, TWO_LIGHTS):
             raise SettingError(f"There is no light {self.kind!r}: choose {CYCLES} or {TWO_LIGHTS}")
-        for name in ("gloss", "sides"):
+        for name in ("gloss", "sides", "cells"):
             _check_choice(name, getattr(self, name), [value for value, _, _ in TABLE[name].choices])
 
     @property

@@ -46,8 +46,11 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
             tab.draw_progress(row)
         else:
             row.operator("patchnet.run_all", icon="PLAY")
-        _draw_pictures(layout, context)
         result = results.result_of(context.scene)
+        running = JobOperator.running == "Preview Selection"
+        if result is not None and (text := results.unfinished_text(result, running=running)):
+            tab.draw_sentence(layout, context, text, "INFO")
+        _draw_pictures(layout, context)
         notes = [] if result is None else result.all_notes
         tab.draw_notes(layout, context, notes, "result")
         layout.operator("patchnet.estimate", icon="INFO")

@@ -11,8 +11,8 @@ from bl_ui.utils import PresetPanel
 
 _FOLDER = "patchnet"
 _VALUES = (
-    "resolution", "depth", "voxel_size", "track", "light", "samples", "texel_voxels", "color", "size", "strategy",
-    "unrefined", "budget", "refined_samples", "spp",
+    "resolution", "depth", "voxel_size", "track", "light", "noise_threshold", "max_samples", "color", "size",
+    "strategy", "unrefined", "budget", "refined_samples", "spp",
 )  # fmt: skip
 
 

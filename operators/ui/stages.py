@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ...patchnet_addon.export.fine_light import fine_light_text
 from ...patchnet_addon.runtime.quantities import error_text
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ..schema.table import AUTO, CYCLES, GLOSS_OFF, VIEW
@@ -35,11 +36,14 @@ class PATCHNET_PT_light(tab.SubPanel, bpy.types.Panel):
     bl_label = "Light"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw settings, the button, and limits of the bake."""
+        """Draw settings, the button, where light is fine, and limits of the bake."""
         layout = tab.split(self.layout)
         tab.draw_settings(layout, context.scene.patchnet, "light")
         layout.operator("patchnet.bake_light", icon="LIGHT")
         tab.draw_stale(layout, context, "light")
+        result = results.result_of(context.scene)
+        if result is not None and (text := fine_light_text(result.octree)):
+            tab.draw_sentence(layout, context, text, "INFO")
         if context.scene.patchnet.light == CYCLES and context.scene.patchnet.gloss == GLOSS_OFF:
             tab.draw_sentence(layout, context, "Diffuse light only, no gloss", "INFO")
         tab.draw_advanced(layout, context.scene.patchnet, "light")

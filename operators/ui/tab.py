@@ -27,10 +27,10 @@ else:
     PanelBase = object  # Blender requires its own class among the direct bases of each panel
 
 # Settings of the first panel; sub-panels have all others.
-FIRST = ("scope", "resolution", "depth", "voxel_size", "samples", "size", "budget")
+FIRST = ("scope", "resolution", "depth", "voxel_size", "noise_threshold", "size", "budget")
 # Rarely changed settings, under Advanced in their sub-panels.
 ADVANCED = (
-    "memory", "texel_voxels", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
+    "memory", "cells", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
 )  # fmt: skip
 # Placeholders of empty text settings.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}

@@ -21,7 +21,7 @@ from ...patchnet_addon.runtime.progress import Steps, labelled
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.camera_render import Reference, render_halves
-from ..pipeline.lit_octree import build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, ReadSurface, choose_leaves, light_octree, read_surface
 from ..pipeline.reports import REPORT_NAME, machine, versions, write_report
 from ..scene.cameras import camera_size_px, looking_cameras
 from ..scene_access.images import save_png
@@ -33,7 +33,7 @@ from ..settings.job_settings import JobSettings
 class CheckSettings:
     """Settings of a light check.
 
-    job: settings of the octree (depth, light, samples, texels), size and cameras; its `out` takes the results.
+    job: settings of the octree (depth and light), size and cameras; its `out` takes the results.
     viewpoints: number of cameras placed in the free space of the scene; 0 takes the job's cameras. render_samples:
     paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of the octree's
     picture. difference: luminance at the ends of the pictures' legend. whole_voxels: also compare the octree without
@@ -49,6 +49,7 @@ class CheckSettings:
 
 
 _COVERAGE_RAYS = 8
+_COARSE_DEPTH = 8  # of the voxels in whose free space cameras are placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,38 +78,41 @@ class LightCheck:
 def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[LightCheck]:
     """Compare the octree of the open scene with Cycles; the scene is as before afterwards; raises PatchNetError.
 
-    A restarted check reuses the pages of light that a stopped one has baked.
+    The light is baked for the compared cameras; a restarted check reuses what a stopped one has baked.
     """
-    from ...patchnet_addon.lightmap.page_cache import BakePageCache
     from ...patchnet_addon.tracing.empty_view import why_unseen
     from ...patchnet_addon.tracing.render import first_hits
 
     clock, checks, warnings = StageClock(), [], []
-    with BakePageCache() as kept:
-        made = yield from build_lit_octree(context, settings.job, clock, kept)
-        octree = made.octree
-        for camera in (yield from _cameras(context, octree, settings, made.source.bounds_world)):
-            with clock.stage("cameras"):
-                steps = check_camera(context, octree, camera, settings)
-                checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
-            brightest = float(checks[-1].octree.max())
-            if unseen := why_unseen(octree, camera, first_hits(octree, camera), brightest):
-                warnings.append(unseen)
+    surface = yield from read_surface(context, settings.job, clock, OctreeOverrides())
+    cameras = yield from _cameras(context, surface, settings)
+    choice = yield from choose_leaves(context, surface, clock, cameras)
+    made = yield from light_octree(context, surface, replace(choice, cameras=cameras), clock)
+    octree = made.octree
+    for camera in cameras:
+        with clock.stage("cameras"):
+            steps = check_camera(context, octree, camera, settings)
+            checks.append((yield from labelled(steps, f"{camera.name}: {{}}")))
+        brightest = float(checks[-1].octree.max())
+        if unseen := why_unseen(octree, camera, first_hits(octree, camera), brightest):
+            warnings.append(unseen)
     report = _report(octree, checks, settings, clock.seconds, [*made.warnings, *warnings])
     return LightCheck(octree, tuple(checks), report)
 
 
-def _cameras(
-    context: bpy.types.Context, octree: Octree, settings: CheckSettings, bounds_world: np.ndarray
-) -> Steps[list[Camera]]:
-    wanted = settings.job.view
+def _cameras(context: bpy.types.Context, surface: ReadSurface, settings: CheckSettings) -> Steps[list[Camera]]:
+    """Cameras to compare; those that are placed stand in the free space of coarse voxels."""
+    wanted, source = settings.job.view, surface.source
+    bounds_world = settings.job.surface.bounds_world(source)
     if settings.viewpoints:
+        from ...patchnet_addon.lod.depth import coarse_octree
         from ...patchnet_addon.tracing.viewpoints import viewpoints
 
-        size = camera_size_px(context.scene, wanted.size)
-        return (yield from viewpoints(octree, settings.viewpoints, size))
+        coarse = yield from coarse_octree(source, _COARSE_DEPTH, bounds_world)
+        size_px = camera_size_px(context.scene, wanted.size)
+        return (yield from viewpoints(coarse, settings.viewpoints, size_px, lit=False))
     depsgraph = context.evaluated_depsgraph_get()
-    return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, octree))
+    return (yield from looking_cameras(depsgraph, wanted.cameras, wanted.size, bounds_world, source))
 
 
 def check_camera(

@@ -11,7 +11,8 @@ normal        (n, 3) float32  mean normal, length at most 1
 area_world    (n,) float32    surface in the voxel, weighed by opacity
 
 and of the whole: grid_origin_world (3,) and grid_side_world () float64, the cube; grid_depth () and export_level ()
-int64; exposure () float64; provenance () text, JSON. A voxel of level l has its low corner at
+int64; exposure () float64; light () text, where light is fine and its noise, only of baked light; provenance () text,
+JSON. A voxel of level l has its low corner at
 grid_origin_world + cells * grid_side_world / 2**l.
 """
 
@@ -29,6 +30,7 @@ from ..octree.voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 from ..runtime.file_kinds import NPZ
 from ..runtime.progress import Progress, Steps
 from ..runtime.replace import replaced_file
+from .fine_light import fine_light_text
 
 # Type and width of each column, and its function of a run of voxels. A width of 0 makes a flat array.
 _COLUMNS: dict[str, tuple[str, int, Callable[[VoxelRun], np.ndarray]]] = {
@@ -69,6 +71,7 @@ def write_npz(octree: Octree, level: int, path: Path) -> Steps[int]:
 
 def _whole(octree: Octree, level: int) -> dict[str, np.ndarray]:
     """Arrays of the whole octree, written once."""
+    light = fine_light_text(octree)
     return {
         "grid_origin_world": np.array(octree.grid.origin_world, "<f8"),
         "grid_side_world": np.array(octree.grid.side_world, "<f8"),
@@ -76,4 +79,4 @@ def _whole(octree: Octree, level: int) -> dict[str, np.ndarray]:
         "export_level": np.array(level, "<i8"),
         "exposure": np.array(octree.exposure, "<f8"),
         "provenance": np.array(json.dumps(octree.provenance)),
-    }
+    } | ({"light": np.array(light)} if light else {})

@@ -6,6 +6,8 @@ nx, ny, nz       mean normal; shorter than 1 where the surface in the voxel is c
 red, green, blue colour for the eye, or luminance where the octree has none: sRGB, 0 to 255
 scalar_luminance linear, 0 to 1; CloudCompare uses this prefix for values of points scalar_side side of the voxel in
 world units scalar_area surface in the voxel in square world units
+
+A comment says where baked light is fine, and its noise.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from ..octree.voxel_cloud import VoxelRun, voxel_counts, voxel_runs
 from ..runtime.file_kinds import PLY
 from ..runtime.progress import Progress, Steps
 from ..runtime.replace import replaced_file
+from .fine_light import fine_light_text
 
 _FLOATS = ["x", "y", "z", "nx", "ny", "nz"]
 _COLOURS = ["red", "green", "blue"]
@@ -31,7 +34,7 @@ def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
     """Write the voxels of `level` to `path`; returns their number; raises PatchNetError if it cannot be written."""
     total, done = int(voxel_counts(octree)[level]), 0
     with replaced_file(path, PLY) as file:
-        file.write(_header(level, total))
+        file.write(_header(level, total, fine_light_text(octree)))
         for run in voxel_runs(octree, level):
             file.write(_rows(run).tobytes())
             done += len(run)
@@ -39,12 +42,13 @@ def write_ply(octree: Octree, level: int, path: Path) -> Steps[int]:
     return total
 
 
-def _header(level: int, count: int) -> bytes:
+def _header(level: int, count: int, light: str) -> bytes:
     types = {"<f4": "float", "|u1": "uchar"}
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         f"comment PatchNet voxels, level {level}",
+        *([f"comment {light}"] if light else []),
         f"element vertex {count}",
         *(f"property {types[_ROW[name].str]} {name}" for name in _ROW.names or ()),
         "end_header\n",

@@ -9,7 +9,8 @@ color      vectors, linear Rec. 709 of that luminance; only where the octree has
 
 OpenVDB's cell (i, j, k) has its centre at index (i, j, k), so index 0 lies half a voxel inside the octree's cube.
 Blender follows this from 5.0 on; older ones show every OpenVDB file half a voxel too far along each axis.
-Coarser leaves fill all the cells that they cover, as tiles where OpenVDB has tiles of that size.
+Coarser leaves fill all the cells that they cover, as tiles where OpenVDB has tiles of that size. The file's metadata
+name the level, and as "light" where baked light is fine, and its noise.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from ..runtime.errors import PatchNetError, SettingError
 from ..runtime.file_kinds import VDB
 from ..runtime.progress import Progress, Steps
 from ..runtime.replace import replaced_path
+from .fine_light import fine_light_text
 
 _MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the older one
 NO_VDB = (
@@ -64,9 +66,11 @@ def write_vdb(octree: Octree, level: int, path: Path) -> Steps[int]:
             done += _fill(grids, node, level) if run.level < top else _copy_block(grids, node, level)
             yield Progress(done, total, "Filling the grids")
     yield Progress(0, 1, "Writing the grids")
+    light = fine_light_text(octree)
+    metadata = {"creator": "PatchNet", "level": level} | ({"light": light} if light else {})
     with replaced_path(path, VDB) as temporary:
         try:
-            vdb.write(str(temporary), grids=list(grids.values()), metadata={"creator": "PatchNet", "level": level})
+            vdb.write(str(temporary), grids=list(grids.values()), metadata=metadata)
         except RuntimeError as cause:
             raise PatchNetError(f"{path} cannot be written: {cause}; choose another folder or make room") from cause
     return total

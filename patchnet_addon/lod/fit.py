@@ -20,7 +20,7 @@ from ..octree.grid import Grid
 from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.octree import Nodes, without_boxes
-from ..octree.voxelize import LeafDetail, LeafSums, voxelize
+from ..octree.voxelize import ClippedSurface, LeafDetail, LeafSums, voxelize
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel, lean_device
@@ -55,7 +55,7 @@ _ROWS_PER_STEP = 64
 FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
 
 
-class _Stops(NamedTuple):
+class RayStops(NamedTuple):
     """Stops of R rays.
 
     cell: (R, 3) int32 of the voxel, and its level (R,) uint8. wanted: (R,) uint8, level of leaves for look-ahead there,
@@ -92,7 +92,7 @@ def needed_levels(
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
         for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in FINE_OFFSETS)]:
-            stops = _stops(nodes, unit, (first, last), offset, levels + coarser, lookahead + coarser)
+            stops = ray_stops(nodes, unit, (first, last), offset, levels + coarser, lookahead + coarser)
             _request(stops, margin, block_level, needed)
             if margin:
                 _count(stops, block_level, pixels)
@@ -101,19 +101,19 @@ def needed_levels(
 
 def lookahead_share(nodes: Nodes, grid: Grid, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> float:
     """Share of the pixels that hit the octree whose voxel has descendants `lookahead` levels down; 1 without hits."""
-    stops = _stops(nodes, camera_in_unit_cube(camera, grid), (0, camera.height_px), (0.0, 0.0), 0, lookahead)
+    stops = ray_stops(nodes, camera_in_unit_cube(camera, grid), (0, camera.height_px), (0.0, 0.0), 0, lookahead)
     return float(stops.ahead[stops.wanted > 0].mean()) if (stops.wanted > 0).any() else 1.0
 
 
-def _stops(
+def ray_stops(
     nodes: Nodes, unit: CameraUnit, rows: tuple[int, int], offset: tuple[float, float], finer: int, lookahead: int
-) -> _Stops:
+) -> RayStops:
     """Stops of the rays of rows of pixels.
 
     offset: from the pixels' centres, in pixels. finer: levels by which the rays' footprint is finer than the pixel.
     """
     count = (rows[1] - rows[0]) * unit.width_px
-    stops = _Stops(
+    stops = RayStops(
         cell=np.zeros((count, 3), np.int32),
         level=np.zeros(count, np.uint8),
         wanted=np.zeros(count, np.uint8),
@@ -241,7 +241,7 @@ def fit_leaf_levels(
     block_level = min(BLOCK_LEVEL, deepest)
     grid = replace(grid, depth=deepest)
     layout = LeafLevels.uniform(block_level, block_level)
-    leaves = yield from _leaf_keys(source, grid, layout, shade)
+    leaves = yield from leaf_keys_of(ClippedSurface(source, grid, layout, keeps=False), shade)
     if not leaves:
         raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
     surface = leaves[block_level]
@@ -291,7 +291,8 @@ def _changed(
     kept = {
         level: keys[~different[keys >> np.uint64(3 * (level - before.block_level))]] for level, keys in leaves.items()
     }
-    made = yield from _leaf_keys(source, grid, LeafLevels(np.where(different, after.levels, np.uint8(0))), shade)
+    changed = LeafLevels(np.where(different, after.levels, np.uint8(0)))
+    made = yield from leaf_keys_of(ClippedSurface(source, grid, changed, keeps=False), shade)
     together = {level: _merged(kept.get(level), made.get(level)) for level in {*kept, *made}}
     return {level: keys for level, keys in together.items() if len(keys)}
 
@@ -342,16 +343,39 @@ def _within(
     return LeafLevels(levels), round(expected.sum(dtype=np.float64))
 
 
-def _leaf_keys(source: MeshSource, grid: Grid, layout: LeafLevels, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
+def leaf_keys_of(clipped: ClippedSurface, shade: ShadingFn) -> Steps[dict[int, np.ndarray]]:
     """Ascending keys of the leaves on each level."""
-    steps = voxelize(source, grid, shade, _keys_of, layout=layout, detail=LeafDetail(only_keys=True))
-    passes = yield from labelled(steps, LABEL)
+    passes = yield from labelled(voxelize(clipped, shade, _keys_of, detail=LeafDetail(only_keys=True)), LABEL)
     levels = sorted({level for keys in passes for level in keys})
     return {level: np.concatenate([keys[level] for keys in passes if level in keys]) for level in levels}
 
 
 def _keys_of(leaves: list[LeafSums], _block_level: int) -> dict[int, np.ndarray]:
     return {part.level: part.keys for part in leaves}
+
+
+class Leaves(NamedTuple):
+    """Leaves of an octree: their ascending keys by level, and its nodes with the boxes of the finest ones."""
+
+    keys: dict[int, np.ndarray]
+    nodes: Nodes
+
+
+def leaves_of(clipped: ClippedSurface, shade: ShadingFn) -> Steps[Leaves]:
+    """Leaves of a surface."""
+    parts = yield from voxelize(clipped, shade, _parts_of, detail=LeafDetail(only_keys=True))
+    levels = sorted({part.level for leaves in parts for part in leaves})
+    if not levels:
+        raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
+    by_level = {level: [part for leaves in parts for part in leaves if part.level == level] for level in levels}
+    keys = {level: np.concatenate([part.keys for part in own]) for level, own in by_level.items()}
+    boxes = np.concatenate([part.boxes for part in by_level[levels[-1]] if part.boxes is not None])
+    child_mask, first_child = hierarchy(keys, levels[-1])
+    return Leaves(keys, Nodes(child_mask, first_child, len(child_mask) - len(boxes), boxes))
+
+
+def _parts_of(leaves: list[LeafSums], _block_level: int) -> list[LeafSums]:
+    return leaves
 
 
 @kernel

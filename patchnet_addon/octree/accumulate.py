@@ -165,26 +165,47 @@ class LeafAccumulator:
 
 
 class OccupiedCells:
-    """Cells of the leaves that `LeafAccumulator` would have, without sums, for fitting leaf levels to cameras."""
+    """Cells of the leaves that `LeafAccumulator` would have and the boxes around what is in them, without sums."""
 
     def __init__(self) -> None:
-        self._keys: list[np.ndarray] = []
+        self._parts: list[tuple[np.ndarray, np.ndarray]] = []
 
     def __len__(self) -> int:
         """Number of cells, those of several calls counted in each."""
-        return sum(len(keys) for keys in self._keys)
+        return sum(len(keys) for keys, _ in self._parts)
 
     def add(
         self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
     ) -> None:
         """Add the cells of fragments, see `LeafAccumulator.add`."""
         opaque = np.asarray(opacity, np.float32).astype(np.float64) >= _MIN_OPACITY
-        self._keys.append(np.unique(fragments.keys[opaque]))
+        boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
+        self._parts.append(_joined_cells(fragments.keys[opaque], boxes[opaque]))
 
-    def take(self) -> tuple[np.ndarray, np.ndarray]:
-        """Keys (n,) uint64 of the cells, ascending, and no sums (n, 0)."""
-        keys = np.unique(np.concatenate(self._keys))
-        return keys, np.empty((len(keys), 0), np.float32)
+    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Keys (n,) uint64 of the cells, ascending, no sums (n, 0), and boxes (n, 3) uint8."""
+        keys, boxes = _joined_cells(*(np.concatenate(column) for column in zip(*self._parts, strict=True)))
+        return keys, np.empty((len(keys), 0), np.float32), unpacked(boxes)
+
+
+def _joined_cells(keys: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Different keys, ascending, of keys (n,) uint64, and the packed boxes around those (n,) of each."""
+    order = np.argsort(keys, kind="stable")
+    cells, joined, count = _join(keys, boxes, order)
+    return cells[:count].copy(), joined[:count].copy()
+
+
+@kernel
+def _join(keys, boxes, order):  # type: ignore[no-untyped-def]
+    cells, joined = np.empty(len(order), np.uint64), np.empty(len(order), np.uint32)
+    count = 0
+    for i in order:
+        if count == 0 or cells[count - 1] != keys[i]:
+            cells[count], joined[count] = keys[i], boxes[i]
+            count += 1
+        else:
+            joined[count - 1] = np.uint32(joined_boxes(joined[count - 1], boxes[i]))
+    return cells, joined, count
 
 
 @device

@@ -30,7 +30,7 @@ from .levels import (
 )
 from .octree import LUMINANCE_SCALE, POPCOUNT, Octree
 from .side_levels import LeafSides, LevelNodes, joined_sides, no_sides, sides_of_levels
-from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, LeafDetail, LeafSums, voxelize
+from .voxelize import BLOCK_FRAGMENTS, PLAIN_LEAVES, ClippedSurface, LeafDetail, LeafSums, voxelize
 
 _LEAST_ABOVE = 1.0 / 65535.0  # least stored luminance above white, the step of luminance itself
 
@@ -108,17 +108,28 @@ def build_octree(
     rays meet structures thinner than a voxel at their place (methods 4.1d); luminance by direction is stored for nodes
     whose sides differ (`sides.py`). Raises GeometryError without opaque surface.
     """
-    emitters = Emitters(source)
+    clipped = ClippedSurface(source, grid, layout, block_fragments=block_fragments, keeps=False)
+    return (yield from build_clipped(clipped, shade, exposure=exposure, provenance=provenance, detail=detail))
+
+
+def build_clipped(
+    clipped: ClippedSurface,
+    shade: ShadingFn,
+    *,
+    exposure: float | None = None,
+    provenance: dict[str, Any] | None = None,
+    detail: LeafDetail = PLAIN_LEAVES,
+) -> Steps[Octree]:
+    """Build the octree of a surface that may be clipped already, see `build_octree`."""
+    emitters = Emitters(clipped.source)
     watch = emitters.note if exposure is None and emitters.anything else None
-    parts = yield from voxelize(
-        source, grid, shade, subtrees, layout=layout, block_fragments=block_fragments, watch=watch, detail=detail
-    )
+    parts = yield from voxelize(clipped, shade, subtrees, watch=watch, detail=detail)
     parts = [part for part in parts if len(part.root_keys)]
     if not parts:
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, grid, exposure, provenance or {}, emitters, boxes=detail.boxes, sides=detail.sides)
+    return _joined(parts, clipped.grid, exposure, provenance or {}, emitters, boxes=detail.boxes, sides=detail.sides)
 
 
 def _joined(

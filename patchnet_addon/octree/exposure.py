@@ -47,13 +47,13 @@ class Emitters:
         """Return whether any material emits."""
         return bool((self._emission > 0.0).any())
 
-    def note(self, level: int, batch: TriangleBatch, fragments: Fragments, luminance: np.ndarray) -> None:
-        """Record fragments of cells on a `level`, with their shaded luminance (F,)."""
+    def note(self, batch: TriangleBatch, fragments: Fragments, luminance: np.ndarray) -> None:
+        """Record fragments with their shaded luminance (F,)."""
         materials = batch.materials[fragments.triangle]
         for material in np.unique(materials[self._emission[materials] > 0.0]).tolist():
             mine = materials == material
             area = fragments.area_world[mine]
-            self._cells.append((material, level, np.unique(fragments.keys[mine])))
+            self._cells.append((material, fragments.level, np.unique(fragments.keys[mine])))
             self._light.append((material, float(area @ luminance[mine].astype(np.float64)), float(area.sum())))
 
     def cells(self) -> dict[int, np.ndarray]:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -15,6 +16,8 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
+from ..surface.texture_lookup import surface_of_fragments
+from ..surface.textures import TextureTable
 from .accumulate import LeafAccumulator, OccupiedCells
 from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
@@ -23,7 +26,7 @@ from .leaf_levels import LeafLevels
 from .side_levels import LeafSides
 
 Kept = TypeVar("Kept")
-Watch = Callable[[int, TriangleBatch, Fragments, np.ndarray], None]
+Watch = Callable[[TriangleBatch, Fragments, np.ndarray], None]
 
 # Fragments whose leaves are summed at a time; a leaf takes 75 to 200 bytes meanwhile.
 BLOCK_FRAGMENTS = 16_000_000
@@ -72,31 +75,100 @@ def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, n
     return 0.5 * length, normals
 
 
+class ClippedSurface:
+    """Surface on a grid, cut into the fragments of its leaves once, if all of them fit into one pass.
+
+    Otherwise each `voxelize` clips it again. passes: the planned ones, see `plan_passes`.
+    """
+
+    def __init__(
+        self,
+        source: MeshSource,
+        grid: Grid,
+        layout: LeafLevels | None = None,
+        *,
+        block_fragments: int = BLOCK_FRAGMENTS,
+        keeps: bool = True,
+        color: bool = False,
+    ) -> None:
+        """Plan the passes; reads the triangles once.
+
+        layout: the leaves' levels, at most the grid's depth; None: all on that level. block_fragments: about as many
+        are in memory at a time; for more, there are several passes over blocks of space. keeps: keep fragments, with
+        their base luminance and opacity, that fit into one pass. color: `table` has colour.
+        """
+        self.source, self.grid = source, grid
+        self.layout = layout or LeafLevels.uniform(grid.depth)
+        self.passes = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
+        self._kept: dict[tuple[int, int], list[Fragments]] = {}
+        self._keeps, self._color = keeps and len(self.passes) == 1, color
+
+    def fragments(
+        self, share: int, batch: TriangleBatch, areas_world: np.ndarray, cells: dict[int, CellSet]
+    ) -> Iterator[Fragments]:
+        """Fragments of a batch, with areas (T,), in the cells of a share of a pass, level by level."""
+        number = share, batch.first_triangle
+        kept = self._kept.get(number) if self._keeps else self._kept.pop(number, None)
+        if kept is not None:
+            yield from kept
+            return
+        made: Iterator[Fragments] = (
+            fragments
+            for level, wanted in cells.items()
+            for fragments in clip_batch(batch, self.grid, areas_world, level, wanted)
+            if len(fragments)
+        )
+        if self._keeps:
+            self._kept[number] = [self._with_surface(batch, fragments) for fragments in made]
+            made = iter(self._kept[number])
+        yield from made
+
+    def let_go(self) -> None:
+        """Let go of kept fragments once they are used again."""
+        self._keeps = False
+
+    def _with_surface(self, batch: TriangleBatch, fragments: Fragments) -> Fragments:
+        """Fragments with their base luminance and opacity, instead of the outlines that these were looked up by."""
+        surface = surface_of_fragments(self.table, batch, fragments)
+        return replace(fragments, surface=surface, cut_keys=None, corners_voxel=None)
+
+    @cached_property
+    def table(self) -> TextureTable:
+        """Textures of the surface's materials."""
+        return TextureTable.from_materials(self.source.materials, color=self._color)
+
+    def parts(self) -> Iterator[tuple[TriangleBatch, Fragments]]:
+        """All fragments, batch by batch, in a fixed order."""
+        for ranges in self.passes:
+            cells = [blocks.cells() for blocks in ranges]
+            for batch in self.source.batches():
+                areas, _ = triangle_areas_and_normals(batch.corners_world)
+                for share, wanted in enumerate(cells):
+                    for fragments in self.fragments(share, batch, areas, wanted):
+                        yield batch, fragments
+
+
 def voxelize(
-    source: MeshSource,
-    grid: Grid,
+    clipped: ClippedSurface,
     shade: ShadingFn,
     keep: Callable[[list[LeafSums], int], Kept],
     *,
-    layout: LeafLevels | None = None,
-    block_fragments: int = BLOCK_FRAGMENTS,
     watch: Watch | None = None,
     detail: LeafDetail = PLAIN_LEAVES,
 ) -> Steps[list[Kept]]:
-    """Clip every triangle of `source` against the leaf cells and integrate the shading of the pieces.
+    """Clip every triangle of a surface against the leaf cells and integrate the shading of the pieces.
 
-    layout: the leaves' levels, at most the grid's depth; None: all on that level. About `block_fragments` fragments are
-    summed at a time; for more, the triangles are read again for each pass over blocks of space, in Morton order. Each
-    core has its own blocks of a pass. `keep` receives the leaves of these, level by level, coarse first, and the level
-    of the blocks, and returns the part to keep. `watch` receives level, batch and luminance of all fragments. Both and
-    `shade` are called in threads. The leaves do not depend on this division, nor on the order of triangles, unless
-    `shade` does.
+    If there are several passes, the triangles are read again for each, over blocks of space in Morton order. Each core
+    has its own blocks of a pass. `keep` receives the leaves of these, level by level, coarse first, and the level of
+    the blocks, and returns the part to keep. `watch` receives batch, fragments and their luminance. Both and `shade`
+    are called in threads. The leaves do not depend on this division, nor on the order of triangles, unless `shade`
+    does.
     """
-    passes = plan_passes(source, grid, layout or LeafLevels.uniform(grid.depth), block_fragments, usable_cores())
     kept: list[Kept] = []
+    source, grid, passes = clipped.source, clipped.grid, clipped.passes
     for number, ranges in enumerate(passes):
         shares = []
-        for blocks in ranges:
+        for index, blocks in enumerate(ranges):
             cells = blocks.cells()
             leaves: dict[int, LeafAccumulator | OccupiedCells] = {
                 level: OccupiedCells()
@@ -104,7 +176,7 @@ def voxelize(
                 else LeafAccumulator(grid.side_world / (1 << level), sides=detail.sides)
                 for level in cells
             }
-            shares.append(_Share(blocks.layout.block_level, cells, leaves, grid, shade, watch, detail.facing))
+            shares.append(_Share(clipped, index, blocks.layout.block_level, cells, leaves, shade, watch, detail.facing))
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
@@ -117,10 +189,11 @@ def voxelize(
 class _Share:
     """Part of a pass for one core: the leaves of some blocks, by level; others as in `voxelize`."""
 
+    clipped: ClippedSurface
+    number: int
     block_level: int
     cells: dict[int, CellSet]
     leaves: dict[int, LeafAccumulator | OccupiedCells]
-    grid: Grid
     shade: ShadingFn
     watch: Watch | None
     facing: np.ndarray | None
@@ -129,14 +202,11 @@ class _Share:
         """Clip, shade and sum up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
         facing = None if self.facing is None else self.facing[here]
-        for level, wanted in self.cells.items():
-            for fragments in clip_batch(batch, self.grid, areas_world, level, wanted):
-                if not len(fragments):
-                    continue
-                luminance, opacity, *more = self.shade(batch, fragments)
-                if self.watch is not None:
-                    self.watch(level, batch, fragments, luminance)
-                self.leaves[level].add(fragments, luminance, opacity, normals, *more, facing=facing)
+        for fragments in self.clipped.fragments(self.number, batch, areas_world, self.cells):
+            luminance, opacity, *more = self.shade(batch, fragments)
+            if self.watch is not None:
+                self.watch(batch, fragments, luminance)
+            self.leaves[fragments.level].add(fragments, luminance, opacity, normals, *more, facing=facing)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level, and release them here."""
@@ -184,4 +254,5 @@ def clip_batch(
     corners_voxel = to_cells(batch.corners_world, grid, level)
     chosen = wanted or all_cells(level)
     for task in tasks_of(corners_voxel, 1 << level, chosen):
-        yield Fragments(*clip_triangles(corners_voxel, areas_world, *task, 1 << level, chosen.near, chosen.block))
+        made = clip_triangles(corners_voxel, areas_world, *task, 1 << level, chosen.near, chosen.block)
+        yield replace(Fragments(*made), level=level)

@@ -81,8 +81,8 @@ SHARE = Bounds("Share", 0, 1)
 SHOWN_VOXELS = Bounds("Limit", 1, 2**31 - 1, True)
 
 # Light.
-SAMPLES = Bounds("Samples per texel", 1, _MAX_PATHS, True)
-TEXEL_VOXELS = Bounds("Texel size in voxels", 0.25, 16)
+SAMPLES = Bounds("Max samples of baked light", 2, _MAX_PATHS, True)
+NOISE_THRESHOLD = Bounds("Noise threshold of baked light", 0.0001, 1)
 EXPOSURE = Bounds("Exposure", 1e-9, _LARGEST, advice="choose a factor in this range, or leave it automatic")
 
 # Views.

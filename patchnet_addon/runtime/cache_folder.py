@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cache folder of kernels, baked pages and octrees: the user's cache folder or a fallback.
+"""Cache folder of kernels, baked light and octrees: the user's cache folder or a fallback.
 
 A cache folder may be read-only, as in a container, or belong to an administrator. Compiled kernels are code that is
 executed, so the fallback is the user's own, and lasts as long as the process.
@@ -112,7 +112,7 @@ def _usable(wanted: Path) -> Path:
         system = cause if isinstance(cause, OSError) else cause.__cause__
         reason = system.strerror if isinstance(system, OSError) else cause
         _LOG.warning(
-            "The cache folder %s cannot be used (%s): until this process ends, compiled kernels and pages of stopped "
+            "The cache folder %s cannot be used (%s): until this process ends, compiled kernels and light of "
             "bakes go to %s; name a folder that can be written in the preferences or in PATCHNET_CACHE",
             wanted, reason, fallback,
         )  # fmt: skip

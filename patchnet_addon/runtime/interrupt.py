@@ -4,7 +4,7 @@
 Python handles a signal between two of its own instructions, and a call into Blender, such as the bake of a page, is one
 instruction that takes minutes. A thread receives the signal at once, since Blender releases Python's lock while it
 bakes. If the main thread has not ended by a deadline, the thread removes unfinished files and ends the process. No
-finished work is lost: files are replaced atomically, and finished pages of a bake are kept for the next start.
+finished work is lost: files are replaced atomically, and finished calls of a bake are kept for the next start.
 
 Blender without a window installs its own handler for Ctrl-C, which Python cannot see. It only sets a flag: PatchNet's
 steps would not notice it, and Cycles notices it after half a minute. Within the block PatchNet's handler replaces it.

@@ -41,7 +41,7 @@ class Progress:
 
     @property
     def count_text(self) -> str:
-        """Finished units of a step with few of them, such as pages of a bake: " 3 of 8"; else ""."""
+        """Finished units of a step with few of them, such as calls of a bake: " 3 of 8"; else ""."""
         counts = 1 < self.total <= _COUNTED and self.total == int(self.total)
         return f" {int(self.done)} of {int(self.total)}" if counts else ""
 

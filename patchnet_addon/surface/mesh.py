@@ -42,6 +42,7 @@ class Material:
     alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     uv_map: str = ""  # that its textures lie on; "" is the one that renders
+    base_is_known: bool = True  # base colour and its texture are all that a renderer reads
 
 
 class TriangleArrays(NamedTuple):
@@ -117,6 +118,8 @@ class Fragments:
     cut_keys: (F,) uint64 cells that the pieces were cut out of, and corners_voxel: (T, 3, 3) float64, the batch's
     triangles in units of these cells: together the outline of each piece. None where only the centroids are known.
     boxes: (F,) uint32 around the pieces, packed (`octree/leaf_boxes.py`); None where they are not known.
+    level: of the cells, -1 where it is not known. surface: luminance of the base colour and opacity (F,) float32 each,
+    once they were looked up (`surface_of_fragments`).
     """
 
     keys: np.ndarray
@@ -126,6 +129,8 @@ class Fragments:
     cut_keys: np.ndarray | None = None
     corners_voxel: np.ndarray | None = None
     boxes: np.ndarray | None = None
+    level: int = -1
+    surface: tuple[np.ndarray, np.ndarray] | None = None
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -148,6 +153,8 @@ class Fragments:
             None if self.cut_keys is None else self.cut_keys[chosen],
             self.corners_voxel,
             None if self.boxes is None else self.boxes[chosen],
+            self.level,
+            None if self.surface is None else (self.surface[0][chosen], self.surface[1][chosen]),
         )
 
 

@@ -65,12 +65,17 @@ def _cosines(batch: TriangleBatch, fragments: Fragments, towards: np.ndarray) ->
     return cosine.astype(np.float32)[fragments.triangle - first]
 
 
-def opacity_shade(source: MeshSource) -> ShadingFn:
-    """Shading without luminance, with the lit surface's opacity; only cut-outs are looked up (methods 7.2a)."""
-    table = TextureTable.from_materials(source.materials)
+def opacity_shade(source: MeshSource, table: TextureTable | None = None) -> ShadingFn:
+    """Shading without luminance, with the lit surface's opacity; only cut-outs are looked up (methods 7.2a).
+
+    table: of its materials, if there is one.
+    """
+    table = table or TextureTable.from_materials(source.materials)
     cut_out = ~np.append(table.chains.solid.astype(bool), True)[table.materials.chain]  # the last: no texture
 
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+        if fragments.surface is not None:
+            return np.zeros(len(fragments), np.float32), fragments.surface[1]
         materials = batch.materials[fragments.triangle]
         opacity = table.materials.opacity[materials].astype(np.float32)
         chosen = np.flatnonzero(cut_out[materials])

@@ -30,6 +30,8 @@ def surface_of_fragments(
 
     Opacity is integrated over a fragment's outline if available, otherwise over a square of its size.
     """
+    if fragments.surface is not None:
+        return fragments.surface[0].copy(), fragments.surface[1].copy()
     luminance = np.empty(len(fragments), np.float32)
     opacity = np.empty(len(fragments), np.float32)
     run_parts(

@@ -14,6 +14,7 @@ import patchnet
 from patchnet.__main__ import leave
 from patchnet.operators.cycles.bake import baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
+from patchnet.patchnet_addon.light import surfel_cache
 from patchnet.patchnet_addon.runtime.cache_folder import user_cache_folder
 from patchnet.tests.blender.job_scene import build, moving_slab, random_weights
 
@@ -38,6 +39,14 @@ def libraries_are_no_garbage() -> None:
     """Every job ends with a collection of garbage, which does not look through what lives on from before a file."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def light_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of baked light that a test alone has; other processes have that of the cache folder."""
+    folder = tmp_path_factory.mktemp("light")
+    monkeypatch.setattr(surfel_cache, "user_cache_folder", lambda: folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +99,7 @@ def bakes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.fixture
 def cache(tmp_path: Path) -> Path:
-    """A cache folder of its own for pages, with the kernels that are compiled already."""
+    """A cache folder of its own, with the kernels that are compiled already."""
     folder = tmp_path / "cache"
     folder.mkdir()
     kernels = user_cache_folder() / "kernels"

@@ -1,33 +1,162 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small scenes whose baked light is compared with Cycles' picture of the same surface, region by region.
+"""Small scenes whose baked light is known at places of their surface, or compared with Cycles' picture of it.
 
-The surface lies at z = 0 within [-1, 1]^2. The camera looks straight down on it from just above, below all that shadows
-it, so that picture and bake show the same surface.
+The surface that is compared lies at z = 0 within [-1, 1]^2. The camera looks straight down on it from just above, below
+all that shadows it, so that picture and bake show the same surface.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import bpy
 import numpy as np
 
-from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.cycles.bake import BakeJob, EachRound, bake_light
+from patchnet.operators.cycles.bake.bake_job import choose
+from patchnet.operators.cycles.bake.baker import SurfelBaker
 from patchnet.operators.cycles.camera_render import render_reference
+from patchnet.operators.scene.cameras import choose_cameras
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
-from patchnet.patchnet_addon.lightmap.denoised_atlas import denoised_atlas
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.surface.mesh import Fragments
+from patchnet.patchnet_addon.light.surface_light import SurfaceLight
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
+from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 
 PIXELS = 16  # of the picture's side
-FINER = 8  # texels a pixel's side: a texel shows one point at its edges, a pixel its mean
 REGIONS = 8  # of the side that are compared
+DEPTHS = 7, 8  # of the two bakes that are compared, which share no surfel
+LOOKAHEAD = 2
+ALL_PATHS = 1e-4  # noise threshold with which all surfels get all paths
+_EDGE = 1e-4  # of the square: fragments at its very edge lie in the voxels beside it
+
+
+class LitFragments(NamedTuple):
+    """Light of F fragments: names of their objects (F,), triangles (F,) of the surface, places (F, 3) and areas (F,) in
+    the world, luminance and opacity (F,), and luminance (F, 2) of front and back.
+    """
+
+    names: np.ndarray
+    triangle: np.ndarray
+    place: np.ndarray
+    area: np.ndarray
+    luminance: np.ndarray
+    opacity: np.ndarray
+    sides: np.ndarray
+
+    def of(self, name: str) -> "LitFragments":
+        """Fragments of one object."""
+        return self.only(self.names == name)
+
+    def only(self, chosen: np.ndarray) -> "LitFragments":
+        """Fragments where `chosen` (F,) is true."""
+        return LitFragments(*(column[chosen] for column in self))
+
+    @property
+    def mean(self) -> float:
+        """Mean luminance over the surface."""
+        return float(np.average(self.luminance, weights=self.area))
+
+    @property
+    def mean_sides(self) -> np.ndarray:
+        """Mean luminance of front and back (2,) over the surface."""
+        return np.average(self.sides, axis=0, weights=self.area)
+
+
+@dataclass(frozen=True, eq=False)
+class Baked:
+    """Surface in its voxels, and its baked light."""
+
+    source: SceneMesh
+    clipped: ClippedSurface
+    light: SurfaceLight
+
+    @cached_property
+    def fragments(self) -> LitFragments:
+        """Light of all fragments, as the octree takes it."""
+        parts = []
+        for batch, fragments in self.clipped.parts():
+            corners = batch.corners_world[fragments.triangle]
+            weights = fragments.barycentric[..., None].astype(np.float64)
+            place = corners[:, 0] + (weights * (corners[:, 1:] - corners[:, :1])).sum(axis=1)
+            luminance, opacity, _, lights = self.light.shade(batch, fragments)
+            triangle = fragments.triangle + batch.first_triangle
+            parts.append((triangle, place, fragments.area_world, luminance, opacity, lights[..., 0]))
+        triangle, *rest = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return LitFragments(self.source.objects_of(triangle), triangle, *rest)
+
+
+def bake_job(
+    scope: str = "VISIBLE", depth: int = 5, cameras: Sequence[str] = (), state: str = "", **light: object
+) -> BakeJob:
+    """Job on the open scene: as fine as the voxels everywhere, or as cameras of these names see it.
+
+    light: settings; without colour unless they say so.
+    """
+    bpy.context.view_layer.update()
+    source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
+    light = {"color": False, "noise_threshold": ALL_PATHS, "cells": "seen" if cameras else "everywhere"} | light
+    return job_on(source, LightSettings(**light), depth, cameras, state)
+
+
+def job_on(
+    source: SceneMesh, light: LightSettings, depth: int = 5, cameras: Sequence[str] = (), state: str = ""
+) -> BakeJob:
+    """Job on a surface of the open scene."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    looking = tuple(choose_cameras(depsgraph, cameras, (32, 24), source.bounds_world)) if cameras else ()
+    clipped = ClippedSurface(source, Grid.around(source.bounds_world, depth), color=light.color)
+    return BakeJob(bpy.context, source, clipped, looking, light, LOOKAHEAD, state=state)
+
+
+def bake_on(source: SceneMesh, light: LightSettings, depth: int = 5) -> Baked:
+    """Bake the light of a surface of the open scene."""
+    job = job_on(source, light, depth)
+    return Baked(job.source, job.clipped, drain(bake_light(job)))
+
+
+def bake(
+    scope: str = "VISIBLE", depth: int = 5, cameras: Sequence[str] = (), state: str = "",
+    each_round: EachRound | None = None, **light: object,
+) -> Baked:  # fmt: skip
+    """Bake the light of the open scene, see `bake_job`. Without a state, nothing is kept."""
+    job = bake_job(scope, depth, cameras, state, **light)
+    return Baked(job.source, job.clipped, drain(bake_light(job, each_round)))
+
+
+class BakedSurfels(NamedTuple):
+    """Light of N surfels as Cycles computes it, before it is filtered and looked up.
+
+    surfels: (N,) SURFEL. names: (N,) of their objects. place: (N, 3) in the world. luminance, squared: (N,), mean and
+    mean square of their parts, times opacity. warnings: what was left out.
+    """
+
+    surfels: np.ndarray
+    names: np.ndarray
+    place: np.ndarray
+    luminance: np.ndarray
+    squared: np.ndarray
+    warnings: tuple[str, ...]
+
+    def only(self, chosen: np.ndarray) -> "BakedSurfels":
+        """Surfels where `chosen` (N,) is true."""
+        return BakedSurfels(*(column[chosen] for column in self[:-1]), self.warnings)
+
+
+def bake_surfels(samples: int, depth: int = 5, seed: int = 0, **light: object) -> BakedSurfels:
+    """Bake the surfels of the open scene by so many paths each."""
+    job = bake_job(depth=depth, **light)
+    chosen = drain(choose(job))
+    baker = SurfelBaker(bpy.context, job.source, job.light, job.clipped.grid.side_world)
+    light_of = drain(baker.bake(chosen.surfels, samples, seed, Progress(0, 1, "Baking light")))
+    names = job.source.objects_of(chosen.surfels["triangle"])
+    return BakedSurfels(chosen.surfels, names, chosen.surface.place, light_of[:, 0], light_of[:, -1], baker.warnings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +178,13 @@ class Comparison:
 
     @property
     def agrees(self) -> bool:
-        """Within four standard deviations, and 1 % of the brightest region for what shadow edges fall on texels."""
+        """Within four standard deviations, and 1 % of the brightest region for what shadow edges fall on cells."""
         return bool((np.abs(self.baked - self.rendered) < 4.0 * self.noise + 0.01 * self.bright).all())
 
 
 def mean_ratios(**settings: object) -> list[float]:
     """Mean luminance over that of Cycles, of each camera of a job."""
-    job = JobSettings.of(depth=6, color=False, texel_voxels=1.0, **settings)
+    job = JobSettings.of(**{"depth": 6, "color": False, **settings})
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
     return [camera["mean_ratio"] for camera in check.report["cameras"]]
 
@@ -63,19 +192,31 @@ def mean_ratios(**settings: object) -> list[float]:
 def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison:
     """Bake the objects `names` alone, denoised as by default, and render them, twice each, so that the noise is known.
 
-    samples: paths a pixel, of the picture and, spread over its texels, of the bake.
+    samples: paths a pixel, of the picture and, spread over its surfels, of the bake.
     """
     select(names)
-    source = read_scene(bpy.context.evaluated_depsgraph_get(), "SELECTED")
-    texel_world, paths = 2.0 / PIXELS / FINER, -(-samples // FINER**2)
-    light = LightSettings(samples=paths, color=False)
-    assert light.denoise, "what users get"
-    bakes = [drain(bake_luminance(bpy.context, source, texel_world, light, seed=seed)) for seed in (1, 2)]
-    atlases = [denoised_atlas(bake, source) for bake in bakes]
-    baked = [regions(luminance_at_points(source, atlas)) for atlas in atlases]
+    baked, warnings = [], ()
+    for depth in DEPTHS:
+        surfels_a_pixel = (2 ** (depth - 1) / PIXELS) ** 2  # a light cell is two voxels wide
+        found = bake("SELECTED", depth, max_samples=max(2, round(samples / surfels_a_pixel)))
+        assert JobSettings.of().light.denoise, "what users get"
+        warnings = found.light.warnings
+        baked.append(light_of_regions(found.fragments))
     rendered = [regions(picture(samples, seed)) for seed in (3, 4)]
     variance = sum(_smooth((one - other) ** 2) / 4.0 for one, other in (baked, rendered))
-    return Comparison(sum(baked) / 2.0, sum(rendered) / 2.0, np.sqrt(variance), atlases[0].warnings)
+    return Comparison(sum(baked) / 2.0, sum(rendered) / 2.0, np.sqrt(variance), warnings)
+
+
+def light_of_regions(found: LitFragments) -> np.ndarray:
+    """(REGIONS, REGIONS) mean luminance of the fragments at z = 0; zero where next to nothing is."""
+    flat = found.only((np.abs(found.place) < (1.0 - _EDGE, 1.0 - _EDGE, 1e-5)).all(axis=1))
+    at = ((flat.place[:, :2] + 1.0) / 2.0 * REGIONS).astype(int)
+    number = at[:, 1] * REGIONS + at[:, 0]
+    area, light = (
+        np.bincount(number, values, REGIONS**2).reshape(REGIONS, REGIONS)
+        for values in (flat.area * flat.opacity, flat.area * flat.opacity * flat.luminance)
+    )
+    return np.where(area > 0.05 * 4.0 / REGIONS**2, light / np.maximum(area, 1e-30), 0.0)
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
@@ -111,31 +252,6 @@ def picture(samples: int, seed: int, height: float = 0.02) -> np.ndarray:
     )  # fmt: skip
     reference = render_reference(bpy.context, camera, samples, seed)
     return np.stack([reference.luminance, reference.coverage])
-
-
-def luminance_at_points(source: SceneMesh, atlas: Atlas) -> np.ndarray:
-    """(2, side, side): baked luminance, and 1, at points as dense as texels; zero beside the surface."""
-    shade = atlas_shade(atlas, source)
-    side = PIXELS * FINER
-    centres = (np.arange(side) + 0.5) / side * 2.0 - 1.0
-    points = np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)
-    result = np.zeros((2, len(points)), np.float32)
-    for batch in source.batches():
-        flat = np.flatnonzero((np.abs(batch.corners_world[:, :, 2]) < 1e-5).all(axis=1))
-        for triangle in flat:
-            first, second, third = batch.corners_world[triangle, :, :2]
-            part = np.linalg.solve(np.stack([second - first, third - first], axis=1), (points - first).T).T
-            inside = (part >= -1e-9).all(axis=1) & (part.sum(axis=1) <= 1.0 + 1e-9)
-            result[0, inside], result[1, inside] = shade(batch, at_points(triangle, part[inside]))[0], 1.0
-    return result.reshape(2, side, side)
-
-
-def at_points(triangle: int, points: np.ndarray) -> Fragments:
-    """Fragments at points (N, 2) of a triangle, in units of its sides."""
-    count = len(points)
-    return Fragments(
-        np.zeros(count, np.uint64), np.full(count, triangle, np.int32), points.astype(np.float32), np.full(count, 1e-4)
-    )
 
 
 def regions(pixels: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from patchnet.tests.blender.objects import geometry_nodes
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 QUICK = {"light": "two-lights", "size": (16, 16), "depth": 5}
-LIT = {"light": "cycles", "samples": 2, "texel_voxels": 4.0, "size": (16, 16), "depth": 5}
+LIT = {"light": "cycles", "max_samples": 2, "size": (16, 16), "depth": 5}
 
 
 @pytest.fixture(autouse=True)

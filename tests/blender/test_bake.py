@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 from mathutils import Euler, Vector
 
-from patchnet.operators.cycles.bake import bake, bake_luminance, bake_scene, baker
+from patchnet.operators.cycles.bake import BakeJob, bake_light, bake_scene, baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
 from patchnet.operators.scene_access.devices import gpu_is_enabled
-from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
-from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners, triangle_means
 from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import at_points
-from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, mesh
+from patchnet.tests.blender.light_scene import bake, bake_job, bake_surfels
+from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown, simple
 
@@ -53,76 +47,85 @@ def sun(strength: float, rotation: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return item
 
 
-def baked(texel_world: float = 0.25, samples: int = 16, sides: str = "six") -> tuple[SceneMesh, Atlas]:
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=samples, sides=sides, color=False)
-    return source, drain(bake_luminance(bpy.context, source, texel_world, light))
-
-
-def shaded(source: SceneMesh, atlas: Atlas, grid: int = 6) -> dict[str, np.ndarray]:
-    """Luminance at the centres of grid^2 equal parts of each triangle, by object: (triangles, points)."""
-    shade = atlas_shade(atlas, source)
-    upright = [(i + 1 / 3, j + 1 / 3) for i in range(grid) for j in range(grid - i)]
-    turned = [(i + 2 / 3, j + 2 / 3) for i in range(grid) for j in range(grid - i - 1)]
-    points = np.array(upright + turned, np.float32) / grid
-    names = [name for part in source.parts for name in part.objects for _ in range(len(part.mesh))]
-    result: dict[str, list[np.ndarray]] = {}
-    for batch in source.batches():
-        for triangle in range(len(batch)):
-            values, *_ = shade(batch, at_points(triangle, points))
-            result.setdefault(names[batch.first_triangle + triangle], []).append(values)
-    return {name: np.array(values) for name, values in result.items()}
+def look_around(place: tuple[float, float, float], name: str) -> list[str]:
+    """Names of new cameras that see everything around a place."""
+    ways = np.concatenate([np.eye(3), -np.eye(3)])
+    for number, way in enumerate(ways):
+        look_from(place, tuple(place + way), f"{name} {number}").data.lens = 12.0
+    return [f"{name} {number}" for number in range(len(ways))]
 
 
 def test_closed_box_under_the_sun_is_lambertian() -> None:
     cube(diffuse((0.5, 0.5, 0.5))).data.shade_flat()
     light = sun(3.0, (0.5, 0.3, 0.0))
-    source, atlas = baked()
+    baked = bake(max_samples=16)
     towards = np.array(light.matrix_world.to_3x3() @ Vector((0, 0, 1)))
-    (batch,) = source.batches()
+    (batch,) = baked.source.batches()
     expected = np.maximum(triangle_areas_and_normals(batch.corners_world)[1] @ towards, 0.0) * 3.0 * 0.5 / np.pi
-    values = shaded(source, atlas)["Cube"]
-    np.testing.assert_allclose(values, np.broadcast_to(expected[:, None], values.shape), atol=1e-3)
+    found = baked.fragments
+    np.testing.assert_allclose(found.luminance, expected[found.triangle], atol=1e-3)
 
 
-# Sun from below, whether the material culls, sides of voxels, and light on front and back of sheets that face up and
-# down, None where that is not baked; the luminance of both is the first that is there.
+# Sun from below, whether the material culls, and the one luminance of sheets that face up and down.
 SHEETS = {
-    "a dark side is not baked, even if it is the front": (0.0, False, "six", (3.0, None), (None, 3.0)),
-    "both sides": (1.0, False, "six", (3.0, 1.0), (1.0, 3.0)),
-    "shade is shade": (0.3, False, "six", (3.0, 0.3), (0.3, 3.0)),
-    "next to no light is that of the inside of a building": (0.003, False, "six", (3.0, None), (None, 3.0)),
-    "voxels without sides": (1.0, False, "one", (3.0, None), (1.0, None)),
-    "Cycles culls nothing": (1.0, True, "six", (3.0, 1.0), (1.0, 3.0)),
-    "a dark front of a material that culls": (0.0, True, "six", (3.0, None), (None, 3.0)),
+    "a dark front does not count": (0.0, False, (3.0, 3.0)),
+    "both sides": (1.0, False, (3.0, 1.0)),
+    "shade is shade": (0.3, False, (3.0, 0.3)),
+    "next to no light is that of the inside of a building": (0.003, False, (3.0, 3.0)),
+    "Cycles culls nothing": (1.0, True, (3.0, 1.0)),
+    "a dark front of a material that culls": (0.0, True, (3.0, 3.0)),
 }
 
 
 @pytest.mark.parametrize("case", SHEETS)
 def test_sides_of_sheets(case: str) -> None:
-    below, culls, sides, up, down = SHEETS[case]
+    below, culls, wanted = SHEETS[case]
     paint = diffuse()
     paint.use_backface_culling = culls
     sun(3.0), sun(below, (np.pi, 0.0, 0.0))
     for index, name in enumerate(("Up", "Down")):
         square(name, paint, up=name == "Up").location = (10 * index, 0, 0)
-    source, atlas = baked(sides=sides)
-    values, names = shaded(source, atlas), [name for part in source.parts for name in part.objects for _ in (0, 1)]
-    for name, wanted in (("Up", up), ("Down", down)):
-        triangles = [index for index, owner in enumerate(names) if owner == name]
-        for side, light in zip((atlas, atlas.back), wanted, strict=True):
-            found = 0.0 if side is None else triangle_means(atlas.charts, side.texels, np.array(triangles))[:, 0].mean()
-            assert found == pytest.approx((light or 0.0) * 0.5 / np.pi, rel=1e-3)
-        assert values[name].mean() == pytest.approx((wanted[0] or wanted[1]) * 0.5 / np.pi, rel=1e-3)
+    found = bake(depth=6, max_samples=4).fragments
+    for name, sides, one in zip(("Up", "Down"), ((3.0, below), (below, 3.0)), wanted, strict=True):
+        own = found.of(name)
+        assert own.mean_sides == pytest.approx(np.array(sides) * 0.5 / np.pi, rel=1e-3)
+        assert own.mean == pytest.approx(one * 0.5 / np.pi, rel=1e-3)
 
 
-def test_closed_boxes_that_are_lit_from_inside() -> None:
-    """The inner side counts where nothing shines outside. A translucent sheet beside it has the mean of its
-    sides."""
-    cube(diffuse((0.5, 0.5, 0.5)))
+def test_the_one_luminance_is_that_of_the_side_that_cameras_see() -> None:
+    sun(3.0), sun(1.0, (np.pi, 0.0, 0.0))
+    square("Sheet", diffuse())
+    for name, height in (("Above", 5.0), ("Below", -5.0)):
+        look_from((0.2, 0.1, height), (0.0, 0.0, 0.0), name)
+    for cameras, wanted in ((("Above",), 3.0), (("Below",), 1.0), (("Above", "Below"), 3.0)):
+        found = bake(cameras=cameras, max_samples=4).fragments
+        assert found.mean == pytest.approx(wanted * 0.5 / np.pi, rel=1e-3)
+        assert found.mean_sides == pytest.approx(np.array([3.0, 1.0]) * 0.5 / np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_closed_boxes_have_the_light_of_the_side_that_cameras_see(inside_out: bool) -> None:
+    cube(diffuse((0.5, 0.5, 0.5)), inside_out)
     lamp("POINT", 40.0, (0.0, 0.0, 0.0), shadow_soft_size=0.01)
-    cube(diffuse((0.5, 0.5, 0.5))).location.x = 20
+    sun(2.0)
+    bpy.context.scene.cycles.diffuse_bounces = 0
+    inside = look_around((0.1, 0.2, 0.0), "Inside")
+    look_from((0.0, -9.0, 1.0), (0.0, 0.0, 0.0), "Outside")
+    inner, outer = (0, 1) if inside_out else (1, 0)
+    lit_inside, lit_outside = 40.0 / 24.0 * 0.5 / np.pi, 2.0 * 0.5 / np.pi  # the lamp's 40 W fall on 24 square metres
+    found = bake(cameras=inside, max_samples=64).fragments
+    assert found.mean == pytest.approx(lit_inside, rel=0.02) and not found.sides[:, outer].any()
+    for cameras in (["Outside"], []):
+        found = bake(cameras=cameras, max_samples=16).fragments
+        top = found.only(found.place[:, 2] > 0.999)
+        assert top.mean == pytest.approx(lit_outside, rel=0.02) and not found.sides[:, inner].any()
+    found = bake(cameras=[*inside, "Outside"], max_samples=64).fragments
+    assert found.mean_sides[inner] == pytest.approx(lit_inside, rel=0.02)
+    assert found.only(found.place[:, 2] > 0.999).mean_sides[outer] == pytest.approx(lit_outside, rel=0.02)
+
+
+def test_a_translucent_sheet_in_a_box_has_the_mean_of_its_sides() -> None:
+    cube(diffuse((0.5, 0.5, 0.5)))
     paint = diffuse((0.0, 0.0, 0.0))
     tree = paint.node_tree
     tree.nodes.new("ShaderNodeBsdfTranslucent")
@@ -131,14 +134,22 @@ def test_closed_boxes_that_are_lit_from_inside() -> None:
     strength.inputs[1].default_value, strength.inputs[2].default_value = 0.4, 0.4
     tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], strength.inputs[0])
     tree.links.new(strength.outputs[0], tree.nodes["Emission"].inputs["Strength"])
-    sheet = square("Sheet", paint)
-    sheet.location.x, sheet.scale = 20, (0.5, 0.5, 0.5)
-    bpy.context.scene.cycles.diffuse_bounces = 0
-    values = shaded(*baked(0.25, 64))
-    # The lamp's 40 W fall on 24 square metres.
-    assert values["Cube"].mean() == pytest.approx(40.0 / 24.0 * 0.5 / np.pi, rel=0.02)
-    assert values["Cube.001"].min() > 0.0
-    assert values["Sheet"].mean() == pytest.approx(0.6, rel=1e-3)
+    square("Sheet", paint).scale = (0.5, 0.5, 0.5)
+    found = bake(cameras=look_around((0.1, 0.2, 0.3), "Inside"), max_samples=16).fragments
+    assert found.of("Cube").luminance.min() > 0.0
+    assert found.of("Sheet").mean_sides == pytest.approx(np.array([0.4, 0.8]), rel=1e-3)
+    assert found.of("Sheet").mean == pytest.approx(0.6, rel=1e-3)
+
+
+def test_cells_whose_few_paths_met_darkness_get_more() -> None:
+    """Of six lamps, five shine on other things, so that most first paths of a surfel find none; without a filter."""
+    cube(diffuse((0.5, 0.5, 0.5)), inside_out=True)
+    lamp("POINT", 40.0, (0.0, 0.0, 0.0), shadow_soft_size=0.01)
+    for number in range(5):
+        sun(1.0 + number)
+    bpy.context.scene.cycles.diffuse_bounces, bpy.context.scene.cycles.use_light_tree = 0, False
+    found = bake(cameras=look_around((0.1, 0.2, 0.0), "Inside"), max_samples=256, denoise=False).fragments
+    assert found.mean == pytest.approx(40.0 / 24.0 * 0.5 / np.pi, rel=0.02)
 
 
 def test_furnace() -> None:
@@ -146,9 +157,9 @@ def test_furnace() -> None:
     cube(diffuse((0.5, 0.5, 0.5), emission=0.3), inside_out=True)
     cycles = bpy.context.scene.cycles
     cycles.max_bounces = cycles.diffuse_bounces = 24
-    values = shaded(*baked(0.5, 64))["Cube"]
-    assert values.mean() == pytest.approx(0.6, rel=0.02)
-    assert values.std() < 0.05
+    found = bake(depth=4, cameras=look_around((0.0, 0.0, 0.0), "Eye"), max_samples=64).fragments
+    assert found.mean == pytest.approx(0.6, rel=0.02)
+    assert found.luminance.std() < 0.05
 
 
 def test_emission_and_mixed_alpha() -> None:
@@ -156,31 +167,22 @@ def test_emission_and_mixed_alpha() -> None:
     half = {"Base_Color": (0.5, 0.5, 0.5, 1.0), "Specular_IOR_Level": 0.0, "Alpha": 0.75}
     square("Pane", simple("BsdfPrincipled", "Glassy", **half))
     sun(3.0)
-    source, atlas = baked()
-    values = shaded(source, atlas)
-    assert values["Lamp"].mean() == pytest.approx(2.5, rel=1e-3)
-    assert values["Pane"].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=5e-3), "opacity must be divided out"
-    assert atlas.texels[:, 1].max() <= 1.0
+    found = bake(depth=8, max_samples=16).fragments
+    assert found.of("Lamp").mean == pytest.approx(2.5, rel=1e-3)
+    assert found.of("Pane").sides[:, 0].mean() == pytest.approx(3.0 * 0.5 / np.pi, rel=5e-3), "opacity is divided out"
 
 
-def test_texels_of_no_triangle_stay_empty() -> None:
-    """Blender 5.3 bakes them where a triangle touches them; they may belong to one that is baked apart."""
-    for index in range(5):  # each fills half of a rectangle
-        link(mesh("Half", SQUARE[:3], [(0, 1, 2)], diffuse(emission=1.0))).scale = (0.3 + 0.3 * index, 1.0, 1.0)
-    _, atlas = baked(0.1)
-    owners = np.concatenate([texel_owners(atlas.charts, page) for page in range(atlas.charts.page_count)])
-    assert (owners < 0).any() and not atlas.texels[owners < 0].any()
-    assert atlas.texels[owners >= 0].all()
-
-
-def test_texels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bake, "MAX_TEXELS", 300)
-    square("Floor")
-    sun(1.0)
-    _, atlas = baked(0.01, 1)
-    assert atlas.charts.texel_world > 0.01
-    assert len(atlas.texels) <= 1024
-    assert "texels" in atlas.warnings[0]
+def test_surfels_of_a_call_do_not_mix() -> None:
+    """Each has texels of its own; those of a translucent material are baked apart, and added."""
+    for index in range(5):
+        paint = diffuse((0.0, 0.0, 0.0), emission=1.0 + index)
+        if index == 2:
+            paint.node_tree.nodes.new("ShaderNodeBsdfTranslucent")
+        link(mesh(f"Half {index}", SQUARE[:3], [(0, 1, 2)], paint), (0.0, 0.0, 0.5 * index))
+    found = bake_surfels(2)
+    assert len(found.surfels) > 500
+    for index in range(5):
+        np.testing.assert_allclose(found.luminance[found.names == f"Half {index}"], 1.0 + index, rtol=1e-5)
 
 
 def user_scene() -> dict:
@@ -201,10 +203,13 @@ def user_scene() -> dict:
     return scene_snapshot()
 
 
+def small_job() -> BakeJob:
+    return bake_job(depth=4, max_samples=2)
+
+
 def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPatch) -> None:
     before = user_scene()
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    steps = bake_luminance(bpy.context, source, 0.2, LightSettings(samples=2))
+    steps = bake_light(small_job())
     while next(steps).label != "Baking light":
         pass
     steps.close()
@@ -216,19 +221,18 @@ def test_scene_is_unchanged_after_cancel_and_error(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(baker, "bake_now", fail)
     with pytest.raises(RuntimeError, match="device"):
-        drain(bake_luminance(bpy.context, source, 0.2, LightSettings(samples=2)))
+        drain(bake_light(small_job()))
     assert_unchanged(before)
 
 
 def test_tiles_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     user_scene()
-    baked_with = []
+    found = []
     for side in (4096, 8):
         monkeypatch.setattr(bake_scene, "tile_side", lambda side=side: side)
-        source = read_scene(bpy.context.evaluated_depsgraph_get())
-        baked_with.append(drain(bake_luminance(bpy.context, source, 0.1, LightSettings(samples=3))))
-    assert baked_with[0].charts.page_side > 2 * 8
-    np.testing.assert_array_equal(baked_with[0].texels, baked_with[1].texels)
+        found.append(bake_surfels(4))
+    assert len(found[0].surfels) > 2 * 8 * 8
+    np.testing.assert_array_equal(found[0].luminance, found[1].luminance)
 
 
 @pytest.mark.parametrize("enabled", [False, True])
@@ -244,8 +248,7 @@ def test_gpus_bake_where_they_are_enabled(enabled: bool, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(baker, "bake_now", look)
     monkeypatch.setattr(baker, "bakes_on_gpu", lambda context, device: enabled or gpu_is_enabled(context))
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1)))
+    drain(bake_light(small_job()))
     assert set(devices) == {"GPU" if enabled or gpu_is_enabled(bpy.context) else "CPU"}
     assert_unchanged(before)
 

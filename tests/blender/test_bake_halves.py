@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The two halves of a bake, which estimate noise, share neither paths nor their origins."""
+"""The two parts of a surfel's paths tell its noise, and share no paths."""
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene_access.blender_version import BAKE_SPREAD
-from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.chart_lookup import texel_owners
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.objects import SQUARE, link, mesh
+from patchnet.tests.blender.light_scene import BakedSurfels, bake_surfels
+from patchnet.tests.blender.objects import SQUARE, lamp, link, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import material, shader
+from patchnet.tests.blender.shaders import grey, material, shader
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
-STEP = 0.125  # a texel of the bake, in units of the square, of which it is a half
+DEPTH = 5  # of the voxels, whose side is 2 / 32
 
 
 def ramp() -> None:
@@ -36,42 +30,41 @@ def ramp() -> None:
     bpy.context.view_layer.update()
 
 
-def baked(samples: int, denoise: bool) -> tuple[Atlas, np.ndarray]:
-    """Atlas, and its texels that belong to triangles."""
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=samples, denoise=denoise, gloss="off")
-    atlas = drain(bake_luminance(bpy.context, source, STEP, light))
-    side = atlas.charts.page_side**2
-    owned = [
-        np.flatnonzero(texel_owners(atlas.charts, page) >= 0) + page * side for page in range(atlas.charts.page_count)
-    ]
-    return atlas, np.concatenate(owned)
+def baked(samples: int, seed: int = 0) -> tuple[BakedSurfels, np.ndarray]:
+    """Surfels of whole voxels of the front, with (N,) half the difference of their two parts."""
+    found = bake_surfels(samples, DEPTH, seed, gloss="off")
+    found = found.only((found.surfels["side"] == 0) & (found.surfels["area"] > 0.9 * (2.0 / 2**DEPTH) ** 2))
+    assert len(found.surfels) > 100
+    return found, np.sqrt(np.maximum(found.squared - found.luminance**2, 0.0))
 
 
-def test_halves_know_nothing_of_each_other() -> None:
-    ramp()
+def test_noise_is_that_of_the_paths() -> None:
+    """Of three suns each path meets one. Both parts are off by as much as their paths make them."""
+    link(mesh("Square", SQUARE, [(0, 1, 2, 3)], grey()))
+    for strength in (1.0, 2.0, 6.0):
+        lamp("SUN", strength, angle=0.0)
+    bpy.context.scene.cycles.use_light_tree = False
+    bpy.context.view_layer.update()
     before = scene_snapshot()
-    one, index = baked(1, denoise=False)
-    few, _ = baked(4, denoise=True)
-    many, _ = baked(1024, denoise=True)
+    few, noise = baked(4)
+    many, less = baked(1024)
     assert_unchanged(before)
-    centre = many.texels[index, 0]
-    step = np.ptp(centre) / (np.sqrt(len(index)) - 1.0)  # what a texel's side is worth, about
-    np.testing.assert_allclose(one.texels[index, 0], centre, atol=0.1 * step)  # the first path is the centre's
-    assert few.noise is not None and many.noise is not None
-    # Both halves are off by as much as their two paths make them, in all directions.
-    noise, error = few.noise[index], few.texels[index, 0] - centre
+    wanted = 9.0 * 0.5 / np.pi
+    np.testing.assert_allclose(many.luminance, wanted, rtol=0.02)
+    error = few.luminance - wanted
     assert (noise**2).mean() == pytest.approx((error**2).mean(), rel=0.5)
-    assert abs(np.corrcoef(noise, error)[0, 1]) < 0.35
-    assert np.abs(many.noise[index]).mean() < 0.2 * np.abs(noise).mean()
+    assert less.mean() < 0.2 * noise.mean()
+    other = baked(4, seed=1)[0].luminance - wanted
+    assert abs(np.corrcoef(error, other)[0, 1]) < 0.35, "rounds share no paths"
 
 
-def test_paths_go_out_from_as_much_of_a_texel_as_is_said() -> None:
-    """Two paths, one a half: their difference is that of two places in the square."""
+def test_paths_go_out_from_all_of_a_surfel() -> None:
+    """Their mean is the light at its centre. Both parts are halves of it, so that what varies there counts as noise."""
     ramp()
-    many, index = baked(1024, denoise=True)
-    two, _ = baked(2, denoise=True)
-    assert two.spread == BAKE_SPREAD and two.noise is not None
-    step = np.ptp(many.texels[index, 0]) / (np.sqrt(len(index)) - 1.0)
-    places = two.noise[index] * 2.0 / step  # apart, in texels: sqrt(1/6) of the spread for even places
-    assert np.sqrt((places**2).mean()) == pytest.approx(BAKE_SPREAD / np.sqrt(6.0), rel=0.3)
+    few, noise = baked(4)
+    many, _ = baked(1024)
+    np.testing.assert_allclose(many.luminance, many.place[:, 0] + 1.0, atol=0.01)
+    error = few.luminance - many.luminance
+    assert 0.0 < (error**2).mean() < (noise**2).mean()
+    radius = np.sqrt((2.0 / 2**DEPTH) ** 2 / (3.0 * 3.0**0.5 / 4.0))  # of the triangle of a voxel's area
+    assert 0.2 * radius < np.sqrt((noise**2).mean()) < 0.5 * radius

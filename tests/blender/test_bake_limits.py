@@ -5,11 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance, baker
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import assert_agrees, compare
+from patchnet.operators.cycles.bake import baker
+from patchnet.tests.blender.light_scene import assert_agrees, bake, bake_surfels, compare
 from patchnet.tests.blender.objects import lamp, slab
 from patchnet.tests.blender.shaders import grey, material, shader, shown, simple
 
@@ -31,9 +28,7 @@ def paint(kind: str, output: str = "", **settings: object) -> bpy.types.Material
 
 def warnings(surface: bpy.types.Material, turned: bool = False) -> tuple[str, ...]:
     slab(paint=surface).rotation_euler.z = 0.5 if turned else 0.0
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1))).warnings
+    return bake(depth=3, max_samples=2).light.warnings
 
 
 LOST = [
@@ -74,13 +69,15 @@ def test_what_is_kept_is_not(kind: str, settings: dict) -> None:
     "surface",
     [("SubsurfaceScattering", {"Scale": 0.3}), ("BsdfPrincipled", {"Subsurface_Weight": 1.0, "Subsurface_Scale": 0.3})],
 )
-def test_scattering_under_surfaces_on_several_pages(surface: tuple[str, dict], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scattering_under_surfaces_is_baked_as_diffuse_and_named(surface: tuple[str, dict]) -> None:
     kind, inputs = surface
-    assert warnings(simple(kind, "Skin", **inputs)) == ()
-    bpy.data.objects.remove(bpy.data.objects["Floor"])
-    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "4")
+    lamp("SUN", 3.0, angle=0.0)
     (warning,) = warnings(simple(kind, "Wax", **inputs))
     assert "'Wax'" in warning
+    top = bake(depth=5, max_samples=4).fragments
+    top = top.only(top.place[:, 2] > -1e-5)
+    color = inputs.get("Color", (0.8, 0.8, 0.8))[0]
+    assert top.mean == pytest.approx(3.0 * color / np.pi, rel=0.05)
 
 
 @pytest.mark.parametrize("output", ["Is Camera Ray", "Is Shadow Ray", "Ray Depth"])
@@ -115,16 +112,13 @@ def test_bumps() -> None:
     assert_agrees(compare(), contrast=0.1)
 
 
-def test_a_page_in_many_calls_has_the_same_light(monkeypatch: pytest.MonkeyPatch, bakes: list[str]) -> None:
+def test_many_calls_have_the_same_light(monkeypatch: pytest.MonkeyPatch, bakes: list[str]) -> None:
     for number in range(6):
         slab(f"Slab {number}", grey(), low=(-1.0 + 0.3 * number, -1.0))
     lamp("POINT", 50.0)
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=4)
-    whole = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
+    whole = bake_surfels(4).luminance
     once = len(bakes)
     monkeypatch.setattr(baker, "most_paths", lambda _count: 1024)
-    parts = drain(bake_luminance(bpy.context, source, 0.1, light)).texels
+    parts = bake_surfels(4).luminance
     assert whole.any() and np.array_equal(parts, whole)
     assert len(bakes) - once > 3 * once

@@ -8,18 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender.full_scene import build_full
+from patchnet.tests.blender.light_scene import bake_surfels
 
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-def baked() -> np.ndarray:
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return drain(bake_luminance(bpy.context, source, 0.05, LightSettings(samples=2, denoise=False))).texels
 
 
 @pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
@@ -31,9 +23,9 @@ def test_light_of_a_mesh_that_is_edited(mode: str, tmp_path: Path) -> None:
         for vertex in mesh.verts:
             vertex.co *= 0.5
         bmesh.update_edit_mesh(slab.data)
-    while_edited = baked()
+    while_edited = bake_surfels(2).luminance
     assert slab.mode == mode
     bpy.ops.object.mode_set(mode="OBJECT")
-    afterwards = baked()
+    afterwards = bake_surfels(2).luminance
     assert np.allclose(while_edited, afterwards, atol=1e-6)  # rounding: Cycles builds its trees in threads
     assert while_edited.max() > 0

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.scene.read import read_scene
-from patchnet.operators.scene.scene_mesh import SceneMesh
-from patchnet.operators.settings.groups import LightSettings
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.atlas_shade import atlas_shade
-from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.light_scene import assert_agrees, at_points, compare, picture
+from patchnet.tests.blender.light_scene import BakedSurfels, assert_agrees, bake, bake_surfels, compare, picture
 from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown
@@ -49,23 +43,13 @@ def square(name: str, paint: bpy.types.Material) -> bpy.types.Object:
     return item
 
 
-def baked(texel_world: float = 0.05) -> tuple[SceneMesh, Atlas]:
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    return source, drain(bake_luminance(bpy.context, source, texel_world, LightSettings(samples=16, color=False)))
-
-
-def light_inside(source: SceneMesh, atlas: Atlas) -> tuple[np.ndarray, np.ndarray]:
-    """World points (N, 3) inside triangles and the luminance there."""
-    shade = atlas_shade(atlas, source)
-    points, values = [], []
-    local = np.array([(0.3, 0.3), (0.2, 0.5), (0.5, 0.2), (0.4, 0.4)], np.float32)
-    for batch in source.batches():
-        for triangle in range(len(batch)):
-            values.append(shade(batch, at_points(triangle, local))[0])
-            corners = batch.corners_world[triangle]
-            points.append(corners[0] + local @ (corners[1:] - corners[0]))
-    return np.concatenate(points), np.concatenate(values)
+def baked(extent: float, voxel: float = 0.05) -> BakedSurfels:
+    """Surfels of a surface of this extent in voxels of about that side."""
+    found = bake_surfels(16, depth=int(np.ceil(np.log2(extent / voxel))))
+    inside = np.minimum(
+        np.minimum(found.surfels["one"], found.surfels["two"]), 1 - found.surfels["one"] - found.surfels["two"]
+    )
+    return found.only(inside > 0.05)  # off the edges, where colours change
 
 
 def absolute(tree: bpy.types.NodeTree, value: bpy.types.NodeSocket, scale: float = 1.0) -> bpy.types.NodeSocket:
@@ -91,16 +75,16 @@ def test_coordinates_of_each_object(kind: str, in_group: bool) -> None:
     second.matrix_world = Matrix.Translation((-5, 2, 4)) @ Matrix.Diagonal((-0.5, 2.0, 1.0, 1.0))
     bpy.context.view_layer.update()
     before = scene_snapshot()
-    source, atlas = baked()
+    found = baked(12.0)
     assert_unchanged(before)
-    assert atlas.warnings == ()
-    points, values = light_inside(source, atlas)
-    for item, part in zip((first, second), np.split(np.arange(len(points)), 2), strict=True):
+    assert found.warnings == ()
+    for item in (first, second):
+        own = found.only(found.names == item.name)
         inverse = np.array(item.matrix_world.inverted())
-        local = points[part] @ inverse[:3, :3].T + inverse[:3, 3]
+        local = own.place @ inverse[:3, :3].T + inverse[:3, 3]
         expected = (local + 1) / 2 if kind == "Generated" else local
         expected[:, 2] = 0.5 if kind == "Generated" else 0.0  # a flat mesh lies in the middle of its texture space
-        np.testing.assert_allclose(values[part], np.abs(expected) @ REC709, atol=0.02)
+        np.testing.assert_allclose(own.luminance, np.abs(expected) @ REC709, atol=0.02)
 
 
 def own_bake(item: bpy.types.Object, side: int = 64) -> np.ndarray:
@@ -117,6 +101,15 @@ def own_bake(item: bpy.types.Object, side: int = 64) -> np.ndarray:
     pixels = np.empty(side * side * 4, np.float32)
     image.pixels.foreach_get(pixels)
     return pixels.reshape(side, side, 4)[..., :3] @ REC709
+
+
+def between_texels(image: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Values at places (N, 3) of the square, linear between the texels of its image."""
+    at = (places[:, :2] + 1.0) / 2.0 * len(image) - 0.5
+    low = np.clip(np.floor(at).astype(int), 0, len(image) - 2)
+    (x, y), (i, j) = (at - low).T, low.T
+    rows = [(1.0 - x) * image[j + up, i] + x * image[j + up, i + 1] for up in (0, 1)]
+    return (1.0 - y) * rows[0] + y * rows[1]
 
 
 def noise(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
@@ -136,9 +129,9 @@ def test_object_info_is_what_cycles_says(output: str) -> None:
 def test_back_sides_know_it() -> None:
     """A material that glows on its back only."""
     square("Paper", glowing(lambda tree: tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"]))
-    source, atlas = baked(0.5)
-    assert atlas.back is not None and not atlas.texels[:, 0].any()
-    assert light_inside(source, atlas)[1] == pytest.approx(1.0, rel=1e-3), "the dark front does not count"
+    found = bake(max_samples=4).fragments
+    assert not found.sides[:, 0].any() and found.sides[:, 1] == pytest.approx(1.0, rel=1e-3)
+    assert found.luminance == pytest.approx(1.0, rel=1e-3), "the dark front does not count"
 
 
 ATTRIBUTE_TYPES = {  # key of the values and their width
@@ -183,16 +176,13 @@ def painted(name: str, kind: str, domain: str, seed: int = 0) -> bpy.types.Objec
 def assert_as_cycles(items: list[bpy.types.Object], tolerance: float = 0.02) -> None:
     """Baked together, objects show what Cycles bakes of each alone."""
     bpy.context.view_layer.update()
-    source, atlas = baked(0.03)
-    points, values = light_inside(source, atlas)
-    owners = np.split(np.arange(len(points)), len(items))
-    for item, mine in zip(items, owners, strict=True):
-        expected = own_bake(item)
-        local = points[mine] - np.array(item.matrix_world.translation)
-        texel = ((local[:, :2] + 1) / 2 * 64).astype(int)
-        expected = expected[texel[:, 1], texel[:, 0]]
-        np.testing.assert_allclose(values[mine], expected, rtol=tolerance, atol=tolerance * max(expected.max(), 0.1))
-        assert expected.max() > 0.01
+    found = baked(2.0 + 3.0 * (len(items) - 1))
+    for item in items:
+        own = found.only((found.names == item.name) & (found.surfels["side"] == 0))
+        expected = between_texels(own_bake(item), own.place - np.array(item.matrix_world.translation))
+        atol = tolerance * max(expected.max(), 0.1)
+        np.testing.assert_allclose(own.luminance, expected, rtol=tolerance, atol=atol)
+        assert len(expected) > 100 and expected.max() > 0.01
 
 
 @pytest.mark.parametrize(
@@ -234,12 +224,16 @@ def test_color_attribute_without_a_name_is_the_default_one(kind: str) -> None:
 
 
 def test_more_uv_maps_than_a_mesh_takes_by_its_own_operator() -> None:
-    """Twelve objects whose materials read twelve maps, one of them as a tangent."""
+    """Twelve objects whose materials read twelve maps, one of them as a tangent.
+
+    That one is even over its faces: a surfel has the tangent of its triangle, while Cycles smooths it between them.
+    """
     items = []
     for number in range(12):
         item = square(f"Plate {number}", bpy.data.materials.new("To be replaced"))
         layer = item.data.uv_layers.new(name=f"map {number}")
-        layer.uv.foreach_set("vector", np.array([0.2, 0.9, 0.4, 0.1, 0.8, 0.3, 0.9, 0.7], np.float32))
+        corners = [0.2, 0.9, 0.4, 0.1, 0.8, 0.3, 0.9, 0.7] if number < 11 else [0.2, 0.4, 0.8, 0.1, 1.1, 0.7, 0.5, 1.0]
+        layer.uv.foreach_set("vector", np.array(corners, np.float32))
         node = read_by("UVMap", "UV", uv_map=layer.name)
         if number == 11:
             node = read_by("Tangent", "Tangent", direction_type="UV_MAP", uv_map=layer.name)
@@ -325,8 +319,7 @@ def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
     bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
     bpy.context.object.data.materials.append(glowing(read_by("LayerWeight", "Facing")))
     bpy.ops.object.shade_smooth()
-    source, atlas = baked(0.2)
-    _, values = light_inside(source, atlas)
+    found = bake_surfels(16)
     light, alpha = picture(16, 1, height=1.5)
-    assert values.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
-    assert np.ptp(values) < 0.01 * values.mean() and len(atlas.warnings) == 1
+    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
+    assert np.ptp(found.luminance) < 0.01 * found.luminance.mean() and len(found.warnings) == 1

@@ -68,7 +68,7 @@ def test_rays_that_do_not_meet_an_object(ray: str) -> None:
     wall = pane("Wall", mixed_emission())
     setattr(wall, f"visible_{ray}", False)
     sun().rotation_euler.y = 0.3
-    assert_agrees(compare(128), contrast=0.05)
+    assert_agrees(compare(512), contrast=0.05)
 
 
 def mixed_emission() -> bpy.types.Material:

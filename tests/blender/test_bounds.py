@@ -43,7 +43,7 @@ def test_every_number_of_ours_has_bounds_of_the_table(registered: None) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["memory", "voxel_size", "texel_voxels", "exposure", "budget", "spp", "heatmap_maximum"]
+    "name", ["memory", "voxel_size", "noise_threshold", "exposure", "budget", "spp", "heatmap_maximum"]
 )
 def test_nan_is_refused_with_a_sentence(name: str, scene: bpy.types.Scene) -> None:
     scene.patchnet.resolution = "VOXEL_SIZE" if name == "voxel_size" else "DEPTH"

@@ -83,7 +83,7 @@ def test_a_rerun_with_fewer_cameras_leaves_no_folders_that_its_report_omits(
 
 def test_pictures_by_cycles_are_foreseen(scene: Path, tmp_path: Path, weights: Path) -> None:
     cycles = ["--cycles-budget", "0.1", "--cycles-samples", "1", "--cycles-compare"]
-    report = run(scene, tmp_path, weights, "--light", "cycles", "--samples", "1", *cycles)
+    report = run(scene, tmp_path, weights, "--light", "cycles", "--max-samples", "2", *cycles)
     assert set(report["files"]) == set(job_files(["Eye"], CyclesSettings(compare=True)))
     assert (tmp_path / "Eye" / "cycles_compare.png").is_file()
     run(scene, tmp_path, weights)

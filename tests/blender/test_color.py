@@ -90,7 +90,7 @@ def regions() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("light", ["cycles", "two-lights"])
 def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
-    gray, colored = (octree_of(JobSettings.of(light=light, samples=2, color=color), 6) for color in (False, True))
+    gray, colored = (octree_of(JobSettings.of(light=light, max_samples=2, color=color), 6) for color in (False, True))
     assert gray.chroma is None and colored.chroma is not None
     assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
     assert gray.exposure == colored.exposure
@@ -100,7 +100,7 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
 
 
 def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
-    octree = octree_of(JobSettings.of(samples=64, color=True))
+    octree = octree_of(JobSettings.of(max_samples=64, color=True))
     (camera,) = choose_cameras(
         bpy.context.evaluated_depsgraph_get(), (), SIZE, octree.grid.to_world(np.array([[0.0] * 3, [1.0] * 3]))
     )
@@ -118,8 +118,8 @@ def test_pictures_agree_with_cycles_in_each_region(tmp_path: Path) -> None:
 
 
 def test_fine_texture_keeps_its_colours() -> None:
-    """Texels of the bake as large as two stripes: voxels show the stripes' own colours."""
-    octree = octree_of(JobSettings.of(samples=16, color=True, texel_voxels=16.0))
+    """Light cells as large as stripes: voxels show the stripes' own colours."""
+    octree = octree_of(JobSettings.of(max_samples=16, color=True, size=(12, 8)))
     level = octree.depth
     centres = octree.grid.to_world((octree.cells(level) + 0.5) / (1 << level))
     x, y, z = centres.T

@@ -35,7 +35,7 @@ STOPS = 6
 
 
 def job(weights: Path, cycles: CyclesSettings | None = CYCLES, **values: object) -> JobSettings:
-    given = {"depth": 7, "samples": 1, "size": SIZE, "weights": weights, "cycles": cycles}
+    given = {"depth": 7, "max_samples": 2, "size": SIZE, "weights": weights, "cycles": cycles}
     return JobSettings.of(**{**given, **values})
 
 
@@ -303,7 +303,7 @@ def test_operator_leaves_pictures_and_nothing_else(weights: Path, tmp_path: Path
     bpy.context.scene.patchnet.weights = str(weights)
     with pytest.raises(RuntimeError, match="not prepared yet"):
         bpy.ops.patchnet.refine_with_cycles()
-    bpy.ops.patchnet.run_all(depth=7, samples=1, size=SIZE)
+    bpy.ops.patchnet.run_all(depth=7, max_samples=2, size=SIZE)
     drop_result_images()
     before = scene_snapshot()
     values = {"cycles_budget": 0.3, "cycles_samples": 2, "cycles_compare": True}

@@ -11,7 +11,7 @@ from patchnet.operators.add_demo_scene import NAME
 from patchnet.operators.demo_scene import build_courtyard, save_demo_scene
 from patchnet.operators.demo_scene.geometry import Shape, projected_uv
 from patchnet.operators.jobs.job_operator import JobOperator
-from patchnet.patchnet_addon.lightmap.sheet_sides import sheets_of
+from patchnet.patchnet_addon.light.sheets import sheets_of
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
 

@@ -81,9 +81,7 @@ def test_lamp_that_reaches_nothing_is_named_as_the_reason(weights: Path) -> None
     lamp.data.type, lamp.data.energy = "SPOT", 10.0
     lamp.location, lamp.rotation_euler = (0.0, 0.0, 50.0), (np.pi, 0.0, 0.0)  # into the sky
     bpy.context.view_layer.update()
-    settings = JobSettings.of(
-        depth=5, samples=1, texel_voxels=8.0, size=(24, 16), weights=weights, strategy="patchnet-behind"
-    )
+    settings = JobSettings.of(depth=5, max_samples=2, size=(24, 16), weights=weights, strategy="patchnet-behind")
     (warning,) = drain(run_job(bpy.context, settings)).warnings
     assert warning.startswith("Camera 'Eye' sees only black: no light of the scene reaches 'Slab'")
 
@@ -129,7 +127,7 @@ BLACK = {
 def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
     make, below, said = BLACK[case]
     plate(make, below)
-    settings = JobSettings.of(depth=4, samples=1, size=(24, 16), cameras=("Eye",), gloss="off")
+    settings = JobSettings.of(depth=4, max_samples=2, size=(24, 16), cameras=("Eye",), gloss="off")
     made = drain(build_lit_octree(bpy.context, settings, StageClock()))
     assert said in made.octree.provenance[BLACK_VIEWS]["Eye"]
 
@@ -137,7 +135,7 @@ def test_reason_of_a_black_picture_names_object_and_material(case: str) -> None:
 def test_a_back_without_light_is_black_though_nothing_else_has_a_lit_back() -> None:
     plate(grey, below=True)
     bpy.data.objects["Plate"].data.flip_normals()
-    settings = JobSettings.of(depth=4, samples=1, size=(24, 16), cameras=("Eye",), gloss="off")
+    settings = JobSettings.of(depth=4, max_samples=2, size=(24, 16), cameras=("Eye",), gloss="off")
     made = drain(build_lit_octree(bpy.context, settings, StageClock()))
     assert "light falls on the other side of 'Plate' alone" in made.octree.provenance[BLACK_VIEWS]["Eye"]
     camera = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("Eye",), (24, 16), made.source.bounds_world)[0]

@@ -19,7 +19,7 @@ def update() -> None:
 
 def test_estimate(scene: bpy.types.Scene) -> None:
     before = scene_snapshot()
-    assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), samples=4) == {"FINISHED"}
+    assert bpy.ops.patchnet.estimate(depth=7, size=(24, 16), max_samples=4) == {"FINISHED"}
     assert_unchanged(before)
     found = session_of(scene).estimate
     assert results.result_of(scene) is None and found.depth == 7 and not found.too_large
@@ -28,7 +28,7 @@ def test_estimate(scene: bpy.types.Scene) -> None:
     assert found.octree_bytes == pytest.approx(made.octree.nbytes, rel=0.3)
     assert found.codes_bytes == pytest.approx(made.coded.nbytes, rel=0.6)
     assert found.lookahead_share == pytest.approx(made.lookahead_share, abs=0.1)
-    assert found.peak_bytes > found.octree_bytes and found.paths == 4 * found.texels > 0
+    assert found.peak_bytes > found.octree_bytes and found.paths > 0
     text = drawn(PATCHNET_PT_main)
     assert "6 objects, 72 triangles" in text and "Camera 'Eye' at 24 x 16" in text
     for line in found.lines:

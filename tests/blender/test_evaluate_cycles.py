@@ -52,11 +52,11 @@ def scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Scene]:
     (tmp_path / FILE).write_text(boxes())
     (tmp_path / "bars.mtl").write_text("newmtl grey\nKd 0.4 0.4 0.4\nnewmtl light\nKd 0.7 0.6 0.5\nd 1.0\n")
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    common = {"file": FILE, "source": "a test", "licence": "none", "role": TEST, "samples": 2, "depth": DEPTH}
+    common = {"file": FILE, "source": "a test", "licence": "none", "role": TEST, "max_samples": 2, "depth": DEPTH}
     found = {
         "bars": Scene("bars", "Bars", light=CYCLES, **common),
         "bars-cut": Scene("bars-cut", "Bars, cut", light=TWO_LIGHTS, bisect=("x", 0.75), **common),
-        "bars-open": Scene("bars-open", "Bars, cut", light=CYCLES, bisect=("x", 0.75), **common | {"samples": 64}),
+        "bars-open": Scene("bars-open", "Bars, cut", light=CYCLES, bisect=("x", 0.75), **common | {"max_samples": 64}),
     }
     for name, scene in found.items():
         monkeypatch.setitem(SCENES, name, scene)

@@ -7,8 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
+from patchnet import commands
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.octree.file import load_octree
+from patchnet.patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE, fine_light_text
+from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud
 from patchnet.tests.blender.job_scene import build
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -74,3 +76,33 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
     build()
     with pytest.raises(RuntimeError, match="no voxels yet"):
         bpy.ops.patchnet.export_octree(filepath=str(tmp_path / "voxels.ply"))
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (None, ""),
+        (1.0, "Fine light everywhere; noise 0.8%"),
+        (0.25, "Fine light on 25% of the voxels, those that cameras see; noise 0.8%"),
+        (0.9999, "Fine light on 99% of the voxels, those that cameras see; noise 0.8%"),
+    ],
+)
+def test_files_say_where_light_is_fine(
+    share: float | None, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    octree = results.voxels_of(bpy.context.scene).octree
+    assert fine_light_text(octree) == "", "it is not baked"
+    octree.provenance.update({} if share is None else {FINE_LIGHT: share, LIGHT_NOISE: 0.008})
+    assert fine_light_text(octree) == words
+    ply, npz, file = (tmp_path / f"voxels{ending}" for ending in (".ply", ".npz", ".safetensors"))
+    for path in (ply, npz):
+        bpy.ops.patchnet.export_octree(filepath=str(path), level=4)
+    header = ply.read_bytes().split(b"end_header")[0].decode("ascii").splitlines()
+    assert [line for line in header if "light" in line] == ([f"comment {words}"] if words else [])
+    with np.load(npz) as read:
+        assert (str(read["light"]) if "light" in read else "") == words
+    save_octree(octree, file)
+    capsys.readouterr()
+    assert commands.main(["info", str(file)]) == 0
+    said = [line.strip() for line in capsys.readouterr().out.splitlines() if "fine light" in line]
+    assert said == ([words.lower()] if words else [])

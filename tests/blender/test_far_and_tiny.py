@@ -29,7 +29,7 @@ def placed(offset: float = 0.0, scale: float = 1.0) -> None:
 
 
 def look(weights: Path, light: str = "two-lights") -> JobResult:
-    settings = JobSettings.of(depth=5, light=light, samples=1, size=(24, 16), weights=weights, strategy="patchnet")
+    settings = JobSettings.of(depth=5, light=light, max_samples=2, size=(24, 16), weights=weights, strategy="patchnet")
     settings = settings.changed(reference=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # of NumPy

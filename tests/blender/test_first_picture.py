@@ -26,7 +26,7 @@ def test_pictures_come_before_the_result(weights: Path, monkeypatch: pytest.Monk
     build()
     before = scene_snapshot()
     seen: list[Unfinished | str] = []
-    settings = JobSettings.of(samples=1, weights=weights, color=color, refined_samples=1024.0, **SMALL)
+    settings = JobSettings.of(max_samples=2, weights=weights, color=color, refined_samples=1024.0, **SMALL)
     steps = run_job(bpy.context, settings, seen.append)
     result = drain(steps, lambda report: seen.append(report.label))
     shown = [item for item in seen if isinstance(item, Unfinished)]

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles.bake import bake_luminance
 from patchnet.operators.cycles.bake.gloss_passes import gloss_warnings, seen_through, with_view
 from patchnet.operators.cycles.camera_render import baked_light, baked_light_with_gloss
 from patchnet.operators.demo_scene import build_glossy_room
@@ -23,14 +22,13 @@ from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.image.comparison import picture_psnr
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.chart_lookup import triangle_means
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.job_scene import saved
+from patchnet.tests.blender.light_scene import ALL_PATHS, bake_on
 from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import material, shader, shown, simple, world
@@ -57,21 +55,16 @@ def sky() -> None:
     world().nodes["Background"].inputs["Color"].default_value = (*SKY, 1.0)
 
 
-def baked(light: LightSettings) -> tuple[dict[str, float], Atlas]:
-    """Mean luminance of each object, and the atlas."""
+def baked(**values: object) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Mean luminance of the front of each object, and warnings."""
     bpy.context.view_layer.update()
+    light = LightSettings(**{"cells": "everywhere", "noise_threshold": ALL_PATHS, **values})
     light = with_view(bpy.context, light, ())
     source = seen_through(read_scene(bpy.context.evaluated_depsgraph_get()), light.gloss)
-    atlas = drain(bake_luminance(bpy.context, source, 0.5, light))
-    means = triangle_means(atlas.charts, atlas.texels, np.arange(source.triangle_count))[:, 0]
-    found: dict[str, list[float]] = {}
-    for batch_name, mean in zip(names_of_triangles(source), means, strict=True):
-        found.setdefault(batch_name, []).append(float(mean))
-    return {name: float(np.mean(values)) for name, values in found.items()}, atlas
-
-
-def names_of_triangles(source) -> list[str]:
-    return [name for part in source.parts for name in part.objects for _ in range(len(part.mesh))]
+    found = bake_on(source, light, depth=6)
+    fragments = found.fragments
+    names = dict.fromkeys(source.object_names, 0.0)
+    return names | {name: fragments.of(name).mean_sides[0] for name in set(fragments.names)}, found.light.warnings
 
 
 def plates() -> None:
@@ -113,18 +106,18 @@ def test_metals_show_the_sky_and_what_is_not_shown_is_named() -> None:
     plates()
     bpy.context.view_layer.update()
     before = scene_snapshot()
-    found, atlas = baked(LightSettings(samples=32))
+    found, warnings = baked(max_samples=32)
     assert_unchanged(before)
     assert found["Mirror"] == pytest.approx(WORLD, rel=0.02)
     assert found["Gold"] == pytest.approx(WORLD, rel=0.2)
     assert found["Glass"] == 0.0, "it is not baked, since it is see-through"
-    text = " ".join(atlas.warnings)
+    text = " ".join(warnings)
     assert "'Mirror'" in text and "'Glass' is see-through" in text and "'Gold'" not in text and "'Grey'" not in text
-    off, atlas = baked(LightSettings(samples=32, gloss="off"))
+    off, warnings = baked(max_samples=32, gloss="off")
     assert off["Mirror"] == off["Gold"] == 0.0
     assert off["Grey"] == pytest.approx(found["Grey"], rel=0.02), "what has a diffuse part is baked as before"
-    assert any("'Gold', 'Mirror'" in warning and "black: choose Gloss" in warning for warning in atlas.warnings)
-    above, _ = baked(LightSettings(samples=32, gloss="above"))
+    assert any("'Gold', 'Mirror'" in warning and "black: choose Gloss" in warning for warning in warnings)
+    above, _ = baked(max_samples=32, gloss="above")
     assert above["Grey"] > 1.02 * off["Grey"], "gloss of all materials"
 
 
@@ -138,11 +131,11 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
     bpy.context.scene.collection.objects.link(eye)
     with pytest.raises(SceneError, match="no active camera"):
         with_view(bpy.context, LightSettings(gloss="camera"), ())
-    above, _ = baked(LightSettings(samples=4))
+    above, _ = baked(max_samples=4)
     bpy.context.scene.camera = eye
-    seen, atlas = baked(LightSettings(samples=4))
+    seen, warnings = baked(max_samples=4)
     assert above["Mirror"] < 0.01 and seen["Mirror"] == pytest.approx(1.6, rel=0.1)
-    assert any("as the active camera sees" in warning for warning in atlas.warnings)
+    assert any("as the active camera sees" in warning for warning in warnings)
     assert not with_view(bpy.context, LightSettings(), ("Eye", "Other")).from_camera, "others look, too"
     assert with_view(bpy.context, LightSettings(), ("Eye",)).from_camera
 
@@ -174,7 +167,7 @@ def test_a_room_of_metal_and_glass_is_what_cycles_renders() -> None:
     bpy.ops.wm.read_homefile(use_empty=True)
     build_glossy_room(bpy.context.scene)
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=7, size=(40, 40), samples=8)
+    job = JobSettings.of(depth=7, size=(40, 40), max_samples=8)
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=128, rays=8)))
     assert check.report["light"]["gloss"] == "auto" and check.report["cameras"][0]["psnr_db"] >= 22.0
     off = drain(build_lit_octree(bpy.context, job.changed(gloss="off"), StageClock())).octree
@@ -192,7 +185,19 @@ def test_command_of_octrees_bakes_for_any_camera(tmp_path: Path) -> None:
     scene = saved(tmp_path / "plates.blend")
     for gloss, noise, said in (("auto", [], "above the surface"), ("camera", ["--no-denoise"], "active camera sees")):
         out = tmp_path / f"{gloss}.safetensors"
-        words = ["octree", str(scene), "--depth", "4", "--samples", "2", "--gloss", gloss, *noise, "--out", str(out)]
+        words = [
+            "octree",
+            str(scene),
+            "--depth",
+            "4",
+            "--max-samples",
+            "2",
+            "--gloss",
+            gloss,
+            *noise,
+            "--out",
+            str(out),
+        ]
         error = io.StringIO()
         with redirect_stderr(error):
             assert commands.main(words) == 0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gloss that a camera sees is outdated when that camera moves, and only then."""
 
+import shutil
 from pathlib import Path
 
 import bpy
@@ -14,7 +15,7 @@ from patchnet.operators.ui.tab import stale_text
 from patchnet.tests.blender.job_scene import principled, result, saved
 
 pytestmark = pytest.mark.usefixtures("scene")
-QUICK = {"light": "cycles", "samples": 1, "depth": 5, "size": (16, 12)}
+QUICK = {"light": "cycles", "max_samples": 2, "depth": 5, "size": (16, 12)}
 ADVICE = "The camera that gloss is seen from moved: bake again"
 
 
@@ -45,7 +46,7 @@ def test_a_camera_that_moves_makes_gloss_stale_until_it_is_baked_again() -> None
     assert result().stale == set(), "moved back"
     shift()
     octree = result().octree
-    assert bpy.ops.patchnet.bake_light(light="cycles", samples=1) == {"FINISHED"}
+    assert bpy.ops.patchnet.bake_light(light="cycles", max_samples=2) == {"FINISHED"}
     assert result().octree is not octree and result().stale == set()
     shift(0.1)
     assert result().stale == {"light"}, "seen from where it was baked last"
@@ -105,7 +106,7 @@ def test_the_engine_shows_the_gloss_that_is_there_and_says_so(
 
 
 def test_an_animation_has_one_gloss_in_all_frames(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bakes: list[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, bakes: list[str], light_of_its_own: Path
 ) -> None:
     """Automatic sees it from above there, also in the frame that a still with its camera's gloss was made of.
 
@@ -127,6 +128,7 @@ def test_an_animation_has_one_gloss_in_all_frames(
     count = len(bakes)
     assert count and not any("Gloss" in text for text in said) and result() is still
     scene.frame_end += 2
+    shutil.rmtree(light_of_its_own)
     bpy.ops.render.render(animation=True)
     assert len(bakes) == 2 * count, "once for all frames"
     scene.patchnet.gloss = "camera"

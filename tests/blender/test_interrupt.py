@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C and SIGTERM during a bake of days: the process ends, finished pages stay."""
+"""Ctrl-C and SIGTERM during a bake of days: the process ends, finished light stays."""
 
 import importlib
 import json
@@ -15,12 +15,9 @@ import bpy
 import pytest
 
 from patchnet import commands
-from patchnet.operators.cycles.bake import bake_luminance
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.groups import LightSettings
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.interrupt import prompt_interrupt
-from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender import light_scene
 from patchnet.tests.blender.job_scene import QUICK, build, random_weights, read_until, saved
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -40,11 +37,22 @@ def start(command: str, folder: Path, variables: dict[str, str]) -> subprocess.P
     """A command whose bake would take days, at work in Cycles."""
     (folder / "work").mkdir(exist_ok=True)
     scene = saved(folder / "work" / "small.blend")
-    words = [command, str(scene), "--depth", "6", "--samples", "65536", "--out", str(folder / "work" / "out")]
+    words = [
+        command,
+        str(scene),
+        "--depth",
+        "6",
+        "--max-samples",
+        "65536",
+        "--noise-threshold",
+        "0.0001",
+        "--out",
+        str(folder / "work" / "out"),
+    ]
     if command == "run":
         words += ["--size", "16", "16", "--weights", str(random_weights(folder))]
     process = subprocess.Popen([sys.executable, "-m", "patchnet", *words], env=variables, stderr=subprocess.PIPE)
-    read_until(process, b"Baking light")
+    read_until(process, b"Refining light")
     time.sleep(1.0)  # now Cycles is at work
     assert process.poll() is None
     return process
@@ -107,11 +115,11 @@ def test_ctrl_c_in_what_blender_calls_is_no_error_of_theirs(
         bake(*values)
 
     monkeypatch.setattr(engine, "bake", interrupted)
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
+    bpy.context.view_layer.update()
     before = scene_snapshot()
     monkeypatch.setattr("patchnet.patchnet_addon.runtime.interrupt.end_process", lambda *_: None)
     with pytest.raises(KeyboardInterrupt), prompt_interrupt():
-        drain(bake_luminance(bpy.context, source, 0.5, LightSettings(samples=1)))
+        light_scene.bake(depth=4, max_samples=2)
     assert calls == ["interrupted", "went on"]
     said = capfd.readouterr()
     assert "Traceback" not in said.out + said.err

@@ -15,7 +15,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.tests.blender.job_scene import SMALL, build
 
-FIGURES = {"triangles": 1000, "leaves": 1_000_000, "texels": 500_000, "pixels": 384}
+FIGURES = {"triangles": 1000, "leaves": 1_000_000, "pixels": 100_000}
 
 
 @pytest.fixture
@@ -26,7 +26,11 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_work_follows_what_is_asked_for() -> None:
     plain = work_of(JobSettings(), **FIGURES)
-    assert work_of(JobSettings.of(samples=36), **FIGURES)["light"] == pytest.approx(plain["light"] * 40 / 8)
+    assert work_of(JobSettings.of(max_samples=2), **FIGURES)["light"] == pytest.approx(plain["light"] / 5)
+    assert work_of(JobSettings.of(light="two-lights"), **FIGURES)["light"] == 0.0
+    everywhere, fine = JobSettings.of(cells="everywhere"), FIGURES | {"leaves": 2_000_000}
+    assert work_of(JobSettings(), **fine)["light"] == plain["light"]
+    assert work_of(everywhere, **fine)["light"] == 2 * work_of(everywhere, **FIGURES)["light"]
     assert work_of(JobSettings.of(reference=True), **FIGURES)["views"] > 20 * plain["views"]
     assert work_of(JobSettings.of(refined_samples=1024.0), **FIGURES)["views"] > 3 * plain["views"]
     assert plain["cycles"] == 0.0 < work_of(JobSettings.of(cycles=CyclesSettings()), **FIGURES)["cycles"]
@@ -58,7 +62,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
 ) -> None:
     monkeypatch.setattr("patchnet.operators.pipeline.job_work._LEAST_S", 0.0)  # the job is small
     build()
-    settings = JobSettings.of(samples=1, weights=weights, **SMALL)
+    settings = JobSettings.of(max_samples=2, weights=weights, **SMALL)
     reports: list[Progress] = []
     result = drain(run_job(bpy.context, settings), reports.append)
     known = [report for report in reports if report.whole is not None]
@@ -72,7 +76,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
         assert seconds == pytest.approx(result.report["timings_s"][name])
     found = drain(estimate_job(bpy.context, settings))
     assert found.time_line in found.lines and "elsewhere" not in found.time_line
-    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves, "texels": found.texels}
+    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves}
     assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, **figures)))
     for name, (seconds, _) in learned.items():
         assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"

@@ -13,7 +13,7 @@ from patchnet.operators.session.scene_result import SceneResult
 from patchnet.operators.session.staleness import look_again
 from patchnet.tests.blender.job_scene import SMALL, build, saved
 
-CYCLES = {"light": "cycles", "samples": 1, **SMALL}
+CYCLES = {"light": "cycles", "max_samples": 2, **SMALL}
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ def test_operator_script_and_files_have_the_same_pictures(
 def test_run_all_with_cycles(scene: bpy.types.Scene, tmp_path: Path, weights: Path) -> None:
     out = tmp_path / "new" / "out"
     before = scene_snapshot()
-    assert bpy.ops.patchnet.run_all(samples=1, depth=5, size=(24, 16), out=str(out)) == {"FINISHED"}
+    assert bpy.ops.patchnet.run_all(max_samples=2, depth=5, size=(24, 16), out=str(out)) == {"FINISHED"}
     assert results.voxels_of(scene).light == "cycles"
     refinement = pixels_of(bpy.data.images["PatchNet Eye priority"])[..., 0]
     drop_result_images()
@@ -186,7 +186,7 @@ def test_stopping_anywhere_leaves_nothing_behind(weights: Path, tmp_path: Path) 
     """Neither files nor the daylight that a scene without light gets."""
     build(light=False)
     before = scene_snapshot()
-    settings = JobSettings.of(depth=5, size=(16, 16), samples=1, weights=weights, out=tmp_path / "out")
+    settings = JobSettings.of(depth=5, size=(16, 16), max_samples=2, weights=weights, out=tmp_path / "out")
     count = len(list(run_job(bpy.context, settings)))
     assert count > 8 and (tmp_path / "out").is_dir()
     for stop in range(0, count, max(1, count // 6)):

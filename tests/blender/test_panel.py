@@ -50,7 +50,7 @@ def test_first_panel_has_five_settings(scene: bpy.types.Scene) -> None:
     def shown() -> list[str]:
         return [text for text in drawn(PATCHNET_PT_main) if text in names]
 
-    assert shown() == ["scope", "resolution", "samples", "use_size_x", "size_x", "use_size_y", "budget"]
+    assert shown() == ["scope", "resolution", "noise_threshold", "use_size_x", "size_x", "use_size_y", "budget"]
     scene.patchnet.resolution, scene.patchnet.light = "DEPTH", "two-lights"
     assert shown() == ["scope", "resolution", "depth", "use_size_x", "size_x", "use_size_y", "budget"]
     assert not set(FIRST[:-2]) & {text for item in (PATCHNET_PT_octree, PATCHNET_PT_preview) for text in drawn(item)}
@@ -231,7 +231,7 @@ def test_what_is_left_out_is_said_in_the_panel(scene: bpy.types.Scene) -> None:
     for name in ("'Eye'", "'Glass'", "'Mirror'", "'Curtain'", "'Mist'", "'Smoke'"):
         assert any(name in text for text in known), name
     scene.patchnet.gloss = "off"
-    bpy.ops.patchnet.run_all(samples=1, light="cycles", **values)
+    bpy.ops.patchnet.run_all(max_samples=2, light="cycles", **values)
     result = results.voxels_of(scene)
     assert set(known) - set(result.all_notes) == {text for text in known if "reflections" in text}
     text = drawn(PATCHNET_PT_main)

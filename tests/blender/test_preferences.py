@@ -14,7 +14,7 @@ from patchnet.operators.cache import cache_size, clear_cache, size_text
 from patchnet.operators.copy_diagnostics import diagnostics
 from patchnet.operators.properties import preferences
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
+from patchnet.patchnet_addon.light.surfel_cache import SurfelCache
 from patchnet.patchnet_addon.runtime.kernels import compiled_mark
 from patchnet.tests.blender.drawn import drawn
 from patchnet.tests.blender.job_scene import SMALL
@@ -31,14 +31,13 @@ def fill(root: Path) -> set[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", str(kernels.parent))
         compiled_mark("all").touch()
-    pages = BakePageCache(root / "bakes")
-    pages.open("0123456789abcdef" * 2)
-    pages.save(3, np.ones((2, 16, 2), np.float32), np.ones(3, np.int8), np.zeros(3, np.float32))
+    kept = SurfelCache("0123456789abcdef" * 2, root / "bakes")
+    kept.save(3, np.arange(16, dtype=np.uint64), 4, np.ones((16, 6), np.float32))
     own = {
         root / "holiday.jpg", root / "kernels" / "notes.txt", root / "kernels" / "0123456789abcdef" / "mine.txt",
-        root / "bakes" / "cake.txt", root / "bakes" / "page-00001.safetensors",
+        root / "bakes" / "cake.txt", root / "bakes" / "round-00-0123456789abcdef.safetensors",
         root / "bakes" / ("0123456789abcdef" * 2) / "mine.safetensors",
-        root / "bakes" / "bread" / "page-00001.safetensors",
+        root / "bakes" / "bread" / "round-00-0123456789abcdef.safetensors",
         root / "kernels" / "0123456789abcdef" / "octree_1a" / "all-0123456789abcdef",
     }  # fmt: skip
     for path in own:

@@ -43,12 +43,12 @@ def value_of(settings: bpy.types.PropertyGroup, name: str) -> object:
 
 def test_presets_of_the_user(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bpy.utils, "user_resource", lambda kind, path="", create=False: made(tmp_path / path))
-    scene.patchnet.samples, scene.patchnet.budget = 77, 0.25
+    scene.patchnet.max_samples, scene.patchnet.budget = 77, 0.25
     assert bpy.ops.patchnet.add_preset(name="Mine") == {"FINISHED"}
     (path,) = tmp_path.rglob("*.py")
-    scene.patchnet.samples, scene.patchnet.budget = 1, 1.0
+    scene.patchnet.max_samples, scene.patchnet.budget = 1, 1.0
     apply(path)
-    assert scene.patchnet.samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
+    assert scene.patchnet.max_samples == 77 and scene.patchnet.budget == pytest.approx(0.25)
 
 
 def made(path: Path) -> str:

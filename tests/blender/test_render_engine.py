@@ -321,7 +321,7 @@ def test_the_properties_editor_is_not_empty() -> None:
 @pytest.mark.parametrize("moving", [True, False], ids=["all of it", "the world alone"])
 def test_what_is_baked_is_lit_as_at_its_frame(scene: bpy.types.Scene, moving: bool) -> None:
     """Against a still of the same frame: Blender leaves data-blocks as they are while it goes from frame to frame."""
-    scene.patchnet.light, scene.patchnet.samples = "cycles", 64
+    scene.patchnet.light, scene.patchnet.max_samples = "cycles", 64
     lath, lamp = scene.objects["Lath 2"], bpy.data.lights.new("Lamp", "SUN")
     scene.collection.objects.link(bpy.data.objects.new("Lamp", lamp))
     strength = scene.world.node_tree.nodes["Background"].inputs["Strength"]

@@ -170,7 +170,7 @@ def test_a_linked_scene_is_refused_with_a_sentence(small: bpy.types.Scene, tmp_p
         wanted.scenes = ["Shot"]
     bpy.context.window.scene = wanted.scenes[0]
     with pytest.raises(RuntimeError, match=r"Scene 'Shot' is linked from .*shot\.blend.*open that file"):
-        bpy.ops.patchnet.run_all(depth=4, samples=1, scope="VISIBLE")
+        bpy.ops.patchnet.run_all(depth=4, max_samples=2, scope="VISIBLE")
     assert not any(item.name.startswith("PatchNet") for item in bpy.data.objects)
 
 

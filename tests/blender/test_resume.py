@@ -1,118 +1,168 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A stopped or killed bake resumes and ends with the same bits; keys of its pages."""
+"""Light that is kept: a stopped bake resumes with the same bits, further cameras and samples add to it; its keys."""
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from patchnet.operators.cycles.bake import KeptPages, bake_luminance
-from patchnet.operators.cycles.bake.bake import bake_key
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.cycles.bake import bake, baker
+from patchnet.operators.cycles.bake.bake import bake_key, bake_light
+from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.state.scene_state import scene_state
-from patchnet.patchnet_addon.lightmap.atlas import Atlas
-from patchnet.patchnet_addon.lightmap.charts import layout_charts
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache
-from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.light import surfel_cache
+from patchnet.patchnet_addon.light.surface_light import SurfaceLight
+from patchnet.patchnet_addon.runtime.files import read_arrays
+from patchnet.patchnet_addon.runtime.progress import Progress
 from patchnet.tests.blender.job_scene import build, principled
-from patchnet.tests.blender.objects import geometry_nodes
+from patchnet.tests.blender.light_scene import Baked, bake_job
+from patchnet.tests.blender.objects import geometry_nodes, look_from
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
-LABEL = "Baking light"
+LABEL, CALL_SURFELS = "Baking light", 500
 
 
 @pytest.fixture(autouse=True)
-def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATCHNET_PAGE_SIDE", "16")
+def small_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bake, "_CALL_SURFELS", ((np.inf, CALL_SURFELS),))
     build()
 
 
-def bake(kept: BakePageCache | None, stop_at: int | None = None) -> tuple[Atlas | None, list[Progress]]:
-    """Bake the open scene; `stop_at` closes the bake when so many pages are finished."""
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    pages = None if kept is None else KeptPages(kept, scene_state(bpy.context.scene).identity())
-    steps = bake_luminance(bpy.context, read_scene(depsgraph), 0.1, LightSettings(samples=4), kept=pages)
-    reports: list[Progress] = []
+@pytest.fixture
+def surfels(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Number of surfels of each call while a test runs."""
+    seen: list[int] = []
+    run = baker.bake_now
+
+    def count(context: bpy.types.Context, target: BakeTarget) -> None:
+        seen.append(len(target.item.data.polygons))
+        run(context, target)
+
+    monkeypatch.setattr(baker, "bake_now", count)
+    return seen
+
+
+def bake_kept(
+    stop_at: int | None = None, *, keeps: bool = True, cameras: Sequence[str] = (), **light: object
+) -> tuple[SurfaceLight | None, np.ndarray, list[Progress]]:
+    """Bake the open scene: light, its luminance of all fragments, reports.
+
+    stop_at: closes the bake when so many surfels are finished.
+    """
+    state = scene_state(bpy.context.scene).identity() if keeps else ""
+    job = bake_job(depth=6, cameras=cameras, state=state, **{"max_samples": 8, **light})
+    steps, reports = bake_light(job), []
     try:
         while True:
             reports.append(next(steps))
             if stop_at is not None and reports[-1].label == LABEL and reports[-1].done >= stop_at:
                 steps.close()
-                return None, reports
+                return None, np.empty(0), reports
     except StopIteration as stop:
-        return stop.value, reports
+        return stop.value, Baked(job.source, job.clipped, stop.value).fragments.sides, reports
 
 
-def folders(root: Path) -> list[Path]:
-    return sorted(root.iterdir()) if root.exists() else []
+def files(root: Path) -> list[Path]:
+    """Files of the only bake below a folder."""
+    return sorted((root / "bakes").glob("*/*.safetensors"))
 
 
-def test_resumed_bake_has_the_same_bits(tmp_path: Path, bakes: list[str]) -> None:
-    slab = bpy.data.objects["Slab"].copy()  # one more, for more pages
-    slab.location.x += 5.0
-    bpy.context.scene.collection.objects.link(slab)
-    bpy.context.view_layer.update()
+def test_resumed_bake_has_the_same_bits(light_of_its_own: Path, surfels: list[int]) -> None:
     before = scene_snapshot()
-    whole, _ = bake(None)
-    assert whole is not None
-    count, all_calls = whole.charts.page_count, len(bakes)
-    assert count >= 5
-    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
-        bake(kept, stop_at=3)
-        raise KeyboardInterrupt
+    whole, light, _ = bake_kept(keeps=False)
+    assert whole is not None and files(light_of_its_own) == []
+    all_calls = len(surfels)
+    assert all_calls >= 8
+    stopped, _, _ = bake_kept(stop_at=3 * CALL_SURFELS)
+    assert stopped is None and len(files(light_of_its_own)) == 3
     assert_unchanged(before)
-    (folder,) = folders(tmp_path)
-    assert len(list(folder.iterdir())) == 3
-    bakes.clear()
-    with BakePageCache(tmp_path) as kept:
-        resumed, reports = bake(kept)
-        assert len(list(folder.iterdir())) == count
+    surfels.clear()
+    resumed, again, reports = bake_kept()
     assert resumed is not None
-    np.testing.assert_array_equal(resumed.texels, whole.texels)
-    assert resumed.warnings == whole.warnings
-    assert 0 < len(bakes) < all_calls
-    assert f"Resuming: 3 of {count} pages are there" in [report.label for report in reports]
-    assert min(report.done for report in reports if report.label == LABEL) == 3
-    assert folders(tmp_path) == [], "nobody needs them any more"
+    np.testing.assert_array_equal(again, light)
+    assert resumed.warnings == whole.warnings and resumed.notes == whole.notes
+    assert len(surfels) == all_calls - 3 and len(files(light_of_its_own)) == all_calls
+    assert any(report.label.startswith("Resuming: ") for report in reports)
+    assert 0.0 < resumed.reused < 1.0
+    surfels.clear()
+    third, again, _ = bake_kept()
+    assert third is not None and third.reused == 1.0 and not surfels, "finished light stays"
+    np.testing.assert_array_equal(again, light)
     assert_unchanged(before)
 
 
-def test_damaged_and_foreign_pages_are_baked_again(tmp_path: Path) -> None:
-    whole, _ = bake(None)
-    assert whole is not None
-    with pytest.raises(KeyboardInterrupt), BakePageCache(tmp_path) as kept:
-        bake(kept, stop_at=3)
-        raise KeyboardInterrupt
-    (folder,) = folders(tmp_path)
-    pages = sorted(folder.iterdir())
-    content = bytearray(pages[0].read_bytes())
+def test_damaged_and_foreign_files_are_baked_again(light_of_its_own: Path, surfels: list[int]) -> None:
+    _, light, _ = bake_kept()
+    kept = files(light_of_its_own)
+    count = sum(len(read_arrays(path, surfel_cache.KIND)[0]["ids"]) for path in kept[:2])
+    content = bytearray(kept[0].read_bytes())
     content[-9] ^= 0xFF
-    pages[0].write_bytes(content)
-    pages[1].write_bytes(b"")
-    (folder / "notes.txt").write_text("not a page")
-    with BakePageCache(tmp_path) as kept:
-        resumed, _ = bake(kept)
-    assert resumed is not None
-    np.testing.assert_array_equal(resumed.texels, whole.texels)
+    kept[0].write_bytes(content)
+    kept[1].write_bytes(b"")
+    (kept[0].parent / "notes.txt").write_text("no surfels")
+    surfels.clear()
+    _, again, _ = bake_kept()
+    np.testing.assert_array_equal(again, light)
+    assert sum(surfels) == count
 
 
-def test_a_folder_that_cannot_be_written_costs_only_the_resuming(tmp_path: Path) -> None:
-    occupied = tmp_path / "file"
+def test_a_folder_that_cannot_be_written_costs_only_the_resuming(light_of_its_own: Path) -> None:
+    occupied = light_of_its_own / "bakes"
     occupied.write_text("in the way")
-    with BakePageCache(occupied) as kept:
-        atlas, _ = bake(kept)
-    assert atlas is not None and atlas.texels.any()
+    light, values, _ = bake_kept(max_samples=2)
+    assert light is not None and values.any()
     assert occupied.read_text() == "in the way"
 
 
-def key(scope: str = "VISIBLE", samples: int = 4) -> str:
-    bpy.context.view_layer.update()
-    source = read_scene(bpy.context.evaluated_depsgraph_get(), scope)
-    charts = drain(layout_charts(source, 0.1))
-    return bake_key(scene_state(bpy.context.scene).identity(), source, charts, samples, 0)
+def test_a_full_disk_costs_only_the_resuming(light_of_its_own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(surfel_cache, "write_arrays", full)
+    light, values, _ = bake_kept(max_samples=2)
+    assert light is not None and values.any() and files(light_of_its_own) == []
+
+
+def test_a_further_camera_bakes_only_what_it_newly_sees(light_of_its_own: Path, surfels: list[int]) -> None:
+    look_from((3.0, -4.0, 0.4), (0.0, 0.0, 0.0), "Other")
+    for name in ("Eye", "Other"):
+        bpy.data.objects[name].data.lens = 30.0
+    first, light, _ = bake_kept(cameras=("Eye",))
+    alone = sum(surfels)
+    surfels.clear()
+    both, _, _ = bake_kept(cameras=("Eye", "Other"))
+    newly = sum(surfels)
+    shutil.rmtree(light_of_its_own / "bakes")
+    surfels.clear()
+    bake_kept(cameras=("Eye", "Other"))
+    assert first is not None and both is not None
+    assert 0 < newly < 0.7 * sum(surfels) and newly >= sum(surfels) - alone
+    surfels.clear()
+    _, again, _ = bake_kept(cameras=("Eye",))
+    assert np.abs(again - light).mean() < 0.05 * light.mean(), "other paths of the same surfels"
+
+
+def test_more_samples_add_to_what_is_there(surfels: list[int]) -> None:
+    few, coarse, _ = bake_kept(max_samples=4)
+    first = list(surfels)
+    surfels.clear()
+    more, fine, _ = bake_kept(max_samples=16)
+    assert few is not None and more is not None
+    assert sum(surfels) <= sum(first), "a further round, and not the first one again"
+    assert more.reused == few.notes["light_paths"] / more.notes["light_paths"]
+    assert more.notes["light_noise"] < few.notes["light_noise"]
+    surfels.clear()
+    _, again, _ = bake_kept(max_samples=4)
+    assert not surfels
+    np.testing.assert_array_equal(again, coarse)
+    assert fine.any()
+
+
+def key(scope: str = "VISIBLE", **light: object) -> str:
+    return bake_key(bake_job(scope, depth=4, state=scene_state(bpy.context.scene).identity(), **light))
 
 
 def group_node(name: str) -> bpy.types.Node:
@@ -198,7 +248,8 @@ def test_key_changes_with_what_is_seen(name: str, tmp_path: Path) -> None:
 def test_key_stays_with_what_is_not_seen(tmp_path: Path) -> None:
     richer_scene(tmp_path)
     before = key()
-    assert key() == before and key(samples=5) != before
+    assert key() == before == key(max_samples=5, noise_threshold=0.5, denoise=False)
+    assert key(color=True) != before != key(daylight=True)
     principled("Slab").location = (5.0, 5.0)
     principled("Slab").select = True
     bpy.context.scene.render.filepath = "//elsewhere"

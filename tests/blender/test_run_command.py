@@ -39,7 +39,7 @@ def test_run_writes_what_it_promises(
     assert {"nodes", "leaves", "bytes", "depth"} <= set(report["octree"])
     printed, noted = capsys.readouterr()
     assert all(f"Note: {flag} has no effect with --light two-lights" in noted for flag in ("--denoise", "--gloss"))
-    assert "--samples has" not in noted and "Fra:" not in printed
+    assert "--max-samples has" not in noted and "Fra:" not in printed
     assert "ss-variance" in printed and "Octree: depth 5" in printed
     assert f"Results are in {out}: look at {out / 'overview.png'}" in printed and (out / "overview.png").is_file()
     for name, error in report["frames"][0]["mse"].items():
@@ -56,7 +56,7 @@ def test_another_format_without_a_camera_and_light(
     build()
     path = tmp_path / "small.obj"
     bpy.ops.wm.obj_export(filepath=str(path))
-    arguments = ["--light", "cycles", "--samples", "1", "--cameras", "auto"]
+    arguments = ["--light", "cycles", "--max-samples", "2", "--cameras", "auto"]
     assert run(path, tmp_path / "out", weights, *arguments) == 0
     assert "Note: The scene has no light: it was lit with a sun and a sky" in capsys.readouterr().err
     report = json.loads((tmp_path / "out" / "report.json").read_text())

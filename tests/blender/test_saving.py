@@ -7,14 +7,15 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance, baker
+from patchnet.operators.cycles.bake import baker
 from patchnet.operators.cycles.bake.bake_call import BakeTarget
 from patchnet.operators.cycles.pixel_renders import pixel_renders
-from patchnet.operators.scene.read import read_scene
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.scene_access.frames import kept_frame
 from patchnet.operators.scene_access.overrides import changed
-from patchnet.operators.settings.groups import LightSettings
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -61,9 +62,8 @@ def test_saved_while_cycles_bakes(prepare: Callable[[], None], tmp_path: Path, m
         run(context, target)
 
     monkeypatch.setattr(baker, "bake_now", save_and_run)
-    source = read_scene(bpy.context.evaluated_depsgraph_get())
-    light = LightSettings(samples=1, daylight=prepare is remove_light)
-    drain(bake_luminance(bpy.context, source, 0.3, light))
+    settings = JobSettings.of(depth=4, size=(16, 16), max_samples=2)
+    drain(build_lit_octree(bpy.context, settings, StageClock()))
     assert saves
     for path in saves:
         assert_same_file(before, path)

@@ -43,7 +43,9 @@ def principled(name: str, **inputs: object) -> bpy.types.Material:
 
 def checked(**values: object) -> LightCheck:
     bpy.context.view_layer.update()
-    job = JobSettings.of(**{"depth": 7, "size": (96, 96), "samples": 4, "cameras": ("Eye",), "gloss": "off"} | values)
+    job = JobSettings.of(
+        **{"depth": 7, "size": (96, 96), "max_samples": 4, "cameras": ("Eye",), "gloss": "off"} | values
+    )
     return drain(verify_light(bpy.context, CheckSettings(job, 0, 16, 6, 0.2, False)))
 
 
@@ -131,9 +133,9 @@ def test_light_is_that_of_cycles(name: str) -> None:
 
 @pytest.mark.parametrize("kind", ["square texels", "second UV map"])
 def test_texture_is_finer_than_the_light(kind: str) -> None:
-    """With texels of light that are as large as those of the texture, which is then the material's alone."""
+    """With cells of light that are as large as its texels, which are then the material's alone."""
     textured("REPEAT", "Closest", "" if kind == "square texels" else "Second")
-    assert_right(checked(texel_voxels=8.0))
+    assert_right(checked(size=(24, 24), depth=9))
 
 
 def test_what_passes_light_is_not_black_whatever_its_specular() -> None:
@@ -143,7 +145,7 @@ def test_what_passes_light_is_not_black_whatever_its_specular() -> None:
         color = (0.8, 0.8, 0.8, 1.0)
         values = {"Base_Color": color, "Specular_IOR_Level": specular, "Roughness": 0.4, "Transmission_Weight": 1.0}
         cube(principled(f"Glass {specular}", **values), 3.0 * number - 1.5)
-    check = checked(gloss="auto")
+    check = checked(gloss="auto", max_samples=16)
     (figures,) = check.report["cameras"]
     assert figures["psnr_db"] > 30.0 and 0.85 < figures["mean_ratio"] < 1.0, "0.45 and 20 dB where one of them is black"
     (warning,) = check.report["warnings"]

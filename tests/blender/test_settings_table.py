@@ -19,8 +19,8 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "memory_bytes": 2**30, "light": "two-lights",
-    "samples": 3, "texel_voxels": 1.0, "exposure": 2.0, "color": False, "weights": Path("other"),
-    "gloss": "off", "denoise": False, "sides": "one",
+    "noise_threshold": 0.1, "max_samples": 3, "cells": "everywhere", "exposure": 2.0, "color": False,
+    "weights": Path("other"), "gloss": "off", "denoise": False, "sides": "one",
 }  # fmt: skip
 
 
@@ -56,7 +56,8 @@ def test_devices_change_no_key() -> None:
         (SurfaceSettings, {"track": True, "depth": 7}, "can follow a track"),
         (SurfaceSettings, {"track": True, "voxel_size_world": 0.1}, "can follow a track"),
         (LightSettings, {"kind": "moon"}, "There is no light 'moon': choose cycles or two-lights"),
-        (LightSettings, {"samples": 0}, "Samples per texel 0 is outside"),
+        (LightSettings, {"max_samples": 0}, "Max samples of baked light 0 is outside"),
+        (LightSettings, {"cells": "all"}, "choose one of seen, everywhere"),
         (LightSettings, {"gloss": "sideways"}, "auto, off, above, camera"),
         (CyclesSettings, {"budget": 1.5}, "is outside"),
         (CyclesSettings, {"samples": 0}, "is outside"),
@@ -88,7 +89,7 @@ def test_settings_that_do_not_count_make_nothing_stale() -> None:
     values = bpy.context.scene.patchnet
     values.light = "two-lights"
     before = recorded(values, LIGHT)
-    values.samples, values.device = 99, "CPU"
+    values.max_samples, values.device = 99, "CPU"
     assert recorded(values, LIGHT) == before
     values.light = "cycles"
     assert recorded(values, LIGHT) != before and "device" not in recorded(values, LIGHT)

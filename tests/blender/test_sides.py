@@ -44,7 +44,7 @@ SCENES: dict[str, Callable[[], None]] = {
 
 def ratios(sides: str) -> list[float]:
     """Mean luminance over that of Cycles, from above and from below."""
-    return mean_ratios(size=(24, 24), samples=32, cameras=("Above", "Below"), sides=sides)
+    return mean_ratios(size=(24, 24), max_samples=32, cameras=("Above", "Below"), sides=sides)
 
 
 @pytest.mark.parametrize("scene", SCENES)

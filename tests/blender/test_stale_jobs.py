@@ -33,7 +33,7 @@ def test_preview_selection_makes_what_is_stale_and_nothing_else(weights: Path, t
     bpy.data.lights["Lamp"].energy = 9.0
     bpy.context.view_layer.update()
     assert made() == (False, True, False)
-    assert made(light="cycles", samples=1) == (False, True, False)
+    assert made(light="cycles", max_samples=2) == (False, True, False)
     bpy.data.objects["Slab"].location.x += 0.1
     bpy.context.view_layer.update()
     assert made() == (False, False, False)
@@ -56,7 +56,7 @@ def test_a_selection_without_a_surface_keeps_the_objects_and_another_one_is_told
     bpy.data.objects["Lamp"].select_set(True)
     bpy.data.lights["Lamp"].energy = 9.0
     bpy.context.view_layer.update()
-    assert bpy.ops.patchnet.bake_light(light="cycles", samples=1) == {"FINISHED"}
+    assert bpy.ops.patchnet.bake_light(light="cycles", max_samples=2) == {"FINISHED"}
     assert result().octree.leaf_count == before and result().stale == set()
     bpy.data.lights["Lamp"].energy = 5.0
     bpy.context.view_layer.update()

@@ -35,7 +35,7 @@ def assert_as_cycles() -> str:
     world()
     look_from((1.6, -3.0, 2.6), (0, 0, 0.3))
     bpy.context.view_layer.update()
-    job = JobSettings.of(depth=8, size=(48, 48), samples=2, cameras=("Eye",))
+    job = JobSettings.of(depth=8, size=(48, 48), max_samples=8, cameras=("Eye",))
     before = scene_snapshot()
     check = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8)))
     assert_unchanged(before)

@@ -8,14 +8,13 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.cycles.bake import bake_luminance
+from patchnet.operators.pipeline.lit_octree import build_lit_octree
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene.read import read_scene
-from patchnet.operators.settings.groups import LightSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.errors import SceneError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
+from patchnet.patchnet_addon.runtime.stage_clock import StageClock
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import drop_result_images
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
@@ -58,10 +57,10 @@ def test_operators_that_do_their_work(weights: Path, tmp_path: Path) -> None:
     before = scene_snapshot()
     for name, settings in (
         ("voxelize", {"depth": 5}),
-        ("bake_light", {"samples": 1}),
+        ("bake_light", {"max_samples": 2}),
         ("precompute_codes", {}),
         ("render_preview", {"size": (16, 16)}),
-        ("run_all", {"depth": 5, "samples": 1, "size": (16, 16)}),
+        ("run_all", {"depth": 5, "max_samples": 2, "size": (16, 16)}),
     ):
         assert getattr(bpy.ops.patchnet, name)(**settings) == {"FINISHED"}
         drop_result_images()
@@ -69,11 +68,11 @@ def test_operators_that_do_their_work(weights: Path, tmp_path: Path) -> None:
 
 
 def job(**values: object) -> JobSettings:
-    return JobSettings.of(**{"depth": 5, "size": (16, 16), "samples": 1, **values})
+    return JobSettings.of(**{"depth": 5, "size": (16, 16), "max_samples": 2, **values})
 
 
 def bake() -> Steps[object]:
-    return bake_luminance(bpy.context, read_scene(bpy.context.evaluated_depsgraph_get()), 0.1, LightSettings(samples=1))
+    return build_lit_octree(bpy.context, job(), StageClock())
 
 
 @pytest.mark.parametrize("kind", ["run", "verify", "bake"])
@@ -89,7 +88,7 @@ def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
     assert_unchanged(before)
     for stop in range(0, count, max(1, count // STOPS)):
         steps = kinds[kind]()
-        for _ in itertools.islice(steps, stop + 1):  # fewer where it goes on with pages of the one before
+        for _ in itertools.islice(steps, stop + 1):  # fewer where it goes on with the light of the one before
             pass
         steps.close()
         assert_unchanged(before)
@@ -98,8 +97,8 @@ def test_stopped_steps(kind: str, weights: Path, tmp_path: Path) -> None:
 # Where memory runs out: functions that stages call when they begin, and in their middle.
 PLACES = (
     "patchnet_addon.lod.depth.expected_leaves",
-    "patchnet_addon.lightmap.charts.layout_charts",
-    "patchnet_addon.lightmap.atlas_shade.atlas_shade",
+    "patchnet_addon.light.surfels.choose_surfels",
+    "patchnet_addon.light.surface_light.cells_shade",
     "patchnet_addon.codes.encode.encode_octree",
 )
 
@@ -114,7 +113,7 @@ def test_memory_runs_out(place: str, weights: Path, tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(f"patchnet.{place}", fail)
     with pytest.raises(RuntimeError, match="ran out of memory"):
-        bpy.ops.patchnet.run_all(depth=5, samples=1, size=(16, 16), weights=str(weights))
+        bpy.ops.patchnet.run_all(depth=5, max_samples=2, size=(16, 16), weights=str(weights))
     assert_unchanged(before)
 
 

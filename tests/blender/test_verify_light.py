@@ -25,7 +25,7 @@ RATIO = 0.04
 
 
 def settings(**job: object) -> CheckSettings:
-    values = {"depth": 7, "size": (48, 48), "samples": 8, "cameras": ("Front",)} | job
+    values = {"depth": 7, "size": (48, 48), "max_samples": 8, "cameras": ("Front",)} | job
     return CheckSettings(JobSettings.of(**values), render_samples=256, rays=8)
 
 
@@ -109,7 +109,7 @@ def test_reference_is_diffuse_light_and_emission(empty_scene: None) -> None:
 
 def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "check"
-    arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--samples", "4", "--rays", "4"]
+    arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--max-samples", "4", "--rays", "4"]
     arguments += ["--render-samples", "8", "--whole-voxels", "--out", str(out)]
     assert commands.main(["verify-light", *arguments]) == 0
     printed = capsys.readouterr().out

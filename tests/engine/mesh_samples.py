@@ -3,7 +3,14 @@
 
 import numpy as np
 
-from patchnet.patchnet_addon.octree.voxelize import LeafSums, clip_batch, triangle_areas_and_normals, voxelize
+from patchnet.patchnet_addon.octree.voxelize import (
+    PLAIN_LEAVES,
+    ClippedSurface,
+    LeafSums,
+    clip_batch,
+    triangle_areas_and_normals,
+    voxelize,
+)
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
 
@@ -41,9 +48,9 @@ def all_leaves(leaves, _block_level):
     return leaves
 
 
-def leaves_of(source, grid, shade, **settings):
-    """Leaf sums of each level with leaves, coarse first, all passes together."""
-    passes = drain(voxelize(source, grid, shade, all_leaves, **settings))
+def leaves_of(source, grid, shade, layout=None, detail=PLAIN_LEAVES, **settings):
+    """Leaf sums of each level with leaves, coarse first, all passes together; settings of `ClippedSurface`."""
+    passes = drain(voxelize(ClippedSurface(source, grid, layout, **settings), shade, all_leaves, detail=detail))
     parts = [part for leaves in passes for part in leaves]
     return [_joined(level, parts) for level in sorted({part.level for part in parts})]
 

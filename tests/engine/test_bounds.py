@@ -52,8 +52,8 @@ def test_numbers_outside_their_bounds_are_refused_by_name(name: str) -> None:
 def test_refusal_is_a_sentence_and_exit_code_2(capsys: pytest.CaptureFixture[str]) -> None:
     for words, said in (
         (["--memory", "nan"], "--memory nan is outside 0.001 to 1048576"),
-        (["--samples", "100000000000"], "--samples 100000000000 is outside 1 to 65536"),
-        (["--samples", "1.5"], "--samples '1.5' is not a whole number"),
+        (["--max-samples", "100000000000"], "--max-samples 100000000000 is outside 2 to 65536"),
+        (["--max-samples", "1.5"], "--max-samples '1.5' is not a whole number"),
         (["--size", "20000", "16"], "--size 20000 is outside 0 to 16384"),
         (["--out", ""], "--out is empty"),
     ):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fallbacks for an unusable cache folder, the cache of compiled kernels, age and size of pages of bakes."""
+"""Fallbacks for an unusable cache folder, the cache of compiled kernels, age and size of bakes."""
 
 import logging
 import os
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from numba.core.caching import IndexDataCacheFile
 
-from patchnet.patchnet_addon.lightmap.page_cache import BakePageCache, tidy
+from patchnet.patchnet_addon.light.surfel_cache import SurfelCache, tidy
 from patchnet.patchnet_addon.runtime import cache_folder
 from patchnet.patchnet_addon.runtime.cache_folder import kernel_folder, user_cache_folder
 from patchnet.patchnet_addon.runtime.kernels import CacheFile
@@ -66,9 +66,7 @@ def test_another_takes_its_place_and_it_is_said_once(
     with caplog.at_level(logging.WARNING, "patchnet"):
         first = user_cache_folder()
         assert user_cache_folder() == first
-        with pytest.raises(ZeroDivisionError), BakePageCache() as kept:
-            kept.open("0" * 32)
-            raise ZeroDivisionError
+        SurfelCache("0" * 32)
     assert first.parent == temporary and not first.stat().st_mode & 0o077
     (said,) = caplog.messages
     assert str(unusable) in said and str(first) in said and "cannot be used" in said and "PATCHNET_CACHE" in said
@@ -155,7 +153,7 @@ def test_processes_that_compile_at_once_do_not_swap_their_code(temporary: Path) 
 def bake_of(root: Path, name: str, age_s: float, size: int) -> Path:
     folder = root / name
     folder.mkdir()
-    (folder / "page-00000.safetensors").write_bytes(bytes(size))
+    (folder / "round-00-0.safetensors").write_bytes(bytes(size))
     then = time.time() - age_s
     os.utime(folder, (then, then))
     return folder

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.runtime import stage_clock
 from patchnet.patchnet_addon.runtime.eta import Eta, FramesEta, JobEta, duration_text, left_text
 from patchnet.patchnet_addon.runtime.progress import Progress
 
@@ -13,6 +14,26 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now
+
+
+def test_stages_within_another_one_do_not_count_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the views that are shown between two rounds of a bake."""
+    clock = Clock()
+    monkeypatch.setattr(stage_clock.time, "perf_counter", clock)
+    stages = stage_clock.StageClock()
+
+    def spend(name: str, seconds: float) -> None:
+        with stages.stage(name):
+            clock.now += seconds
+
+    with stages.stage("light"):
+        clock.now += 5.0
+        spend("codes", 2.0)
+        spend("views", 3.0)
+        assert stages.present == "light"
+        clock.now += 1.0
+    spend("views", 4.0)
+    assert stages.present == "views" and stages.seconds == {"codes": 2.0, "views": 7.0, "light": 6.0}
 
 
 @pytest.mark.parametrize("factor", [0.07, 0.3, 0.7, 1.0, 1.5, 3.0, 14.0])
@@ -36,13 +57,17 @@ def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> Non
 
 
 def test_time_left_does_not_rise_when_a_stage_that_was_fast_goes_on() -> None:
-    """A bake of 40 s that was expected to take 64, then its denoising and its textures, then codes and views."""
+    """A bake of 40 s that was expected to take 64, then its filter and the voxels, then codes and views."""
     clock = Clock()
     job = JobEta(frozenset({"views"}), clock)
-    job.expect({"light": 64.0, "denoise": 20.0, "codes": 10.0, "views": 30.0})
+    job.expect({"light": 64.0, "voxelize": 20.0, "codes": 10.0, "views": 30.0})
     left = []
-    steps = [("light", "Baking", 40), ("light", "Packing", 2), ("denoise", "Denoising", 16), ("denoise", "Textures", 4)]
-    steps += [("codes", "Encoding", 10), *(("views", f"View {number // 2} {number}", 5) for number in range(6))]
+    steps = [("light", "Baking", 40), ("light", "Filtering", 2), ("voxelize", "Voxelizing", 16)]
+    steps += [
+        ("voxelize", "Levels", 4),
+        ("codes", "Encoding", 10),
+        *(("views", f"View {number // 2} {number}", 5) for number in range(6)),
+    ]
     for stage, label, seconds in steps:
         for at in range(seconds):
             fraction = at / seconds if stage in ("light", "views") else 0.0

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Connected sheets of meshes: consistent fronts, open boundaries, lit sides by measured light."""
+"""Connected sheets of meshes: consistent fronts, open boundaries, volumes, solid angles."""
 
 from collections import defaultdict
 
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.sheet_sides import lit_sides, sheets_of
+from patchnet.patchnet_addon.light.sheets import add_solid_angles, add_volumes, faces_of, sheets_of
+from patchnet.tests.references.surfels import face_reference
+
+from .mesh_samples import QUADS, box
 
 CUBE = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
-QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
 def halves(quads: list[tuple[int, ...]]) -> np.ndarray:
@@ -86,26 +88,51 @@ def test_a_cube_with_a_wall_within_falls_into_open_sheets() -> None:
     assert [len(set(part.tolist())) for part in (number[:10], number[10:20], number[20:])] == [1, 1, 1]
 
 
-@pytest.mark.parametrize(
-    ("front", "back", "lit"),
-    [
-        (1.0, 1.0, 0),
-        (0.1, 1.0, 0),  # ceiling of a dim room, the sun on its top
-        (1.0, 0.021, 0),
-        (1.0, 0.019, 1),  # a building's wall, dark inside
-        (0.019, 1.0, -1),  # the same, with normals into the building
-        (0.0, 1.0, -1),
-        (0.0, 1e-4, 1),  # dark on both sides
-        (0.0, 0.0, 1),
-    ],
-)
-def test_one_sheet_among_others_in_light(front: float, back: float, lit: int) -> None:
-    light = np.array([(1.0, 0.8), (front, back), (1.2, 0.0)])
-    assert lit_sides(light, np.array([4.0, 1.0, 4.0])).tolist() == [0, lit, 1]
+def test_faces_are_those_that_directions_face_most() -> None:
+    """The back faces the opposite one, also where axes are equal."""
+    axes = np.array([1.0, -1.0, 0.0, 0.5])
+    directions = np.concatenate([np.stack(np.meshgrid(axes, axes, axes), axis=-1).reshape(-1, 3), np.eye(3)])
+    directions = np.concatenate([directions, np.random.default_rng(0).normal(size=(50, 3))])
+    directions = directions[directions.any(axis=1)]
+    faces = faces_of(directions)
+    assert faces.dtype == np.uint8 and faces_of(np.concatenate([np.eye(3), -np.eye(3)])).tolist() == [0, 2, 4, 1, 3, 5]
+    assert faces.tolist() == [face_reference(direction) for direction in directions]
+    np.testing.assert_array_equal(faces_of(-directions), faces ^ 1)
 
 
-def test_a_front_as_bright_as_others_is_lit_whatever_falls_on_its_back() -> None:
-    light = np.array([(0.01, 1.0), (0.012, 1.0), (0.011, 0.9)])
-    assert lit_sides(light, np.ones(3)).tolist() == [0, 0, 0]
-    light[1, 0] = 1e-4
-    assert lit_sides(light, np.ones(3)).tolist() == [0, -1, 0]
+def test_volumes_are_those_of_boxes() -> None:
+    """Two boxes, the second turned inside out, and a triangle of no sheet; any origin gives the same."""
+    corners = np.concatenate([box((0, 0, 0), (1, 2, 3)), box((4, 5, 6), (5, 5.5, 7), inwards=True), np.ones((1, 3, 3))])
+    corners[-1] = np.random.default_rng(0).random((3, 3))
+    sheet = np.repeat([0, 1, -1], [12, 12, 1]).astype(np.int32)
+    for origin in (np.zeros(3), np.array([4.5, 5.25, 6.5]), np.array([-30.0, 7.0, 11.0])):
+        volumes = np.zeros(2)
+        for part in (slice(0, 7), slice(7, 25)):  # sums go on over batches
+            add_volumes(corners[part], sheet[part], origin, volumes)
+        np.testing.assert_allclose(volumes, [6.0 * 6.0, -6.0 * 0.5], rtol=1e-9)  # six times the volume
+
+
+def test_solid_angles_tell_inside_from_outside() -> None:
+    """Eyes inside, outside, and near an edge on either side of it; the other sheet is flipped, one eye not asked."""
+    corners = np.concatenate([box((0, 0, 0), (1, 1, 1)), box((0, 0, 0), (1, 1, 1), inwards=True)])
+    sheet = np.repeat([0, 1], 12).astype(np.int32)
+    eyes = np.array([(0.5, 0.5, 0.5), (2.0, 0.3, 0.4), (1e-6, 1e-6, 0.4), (-1e-6, -1e-6, 0.4)])
+    within = np.ones((2, 4), bool)
+    within[1, 2] = False
+    angles = np.zeros((2, 4))
+    add_solid_angles(corners, sheet, eyes, within, angles)
+    inside = np.array([1.0, 0.0, 1.0, 0.0])
+    # Angles of the triangles at an edge are differences of numbers a million times as large.
+    np.testing.assert_allclose(angles / (4.0 * np.pi), [inside, -inside * within[1]], atol=1e-6)
+
+
+def test_solid_angle_of_a_triangle_is_that_of_sampled_directions() -> None:
+    rng = np.random.default_rng(3)
+    corners, eye = rng.normal(size=(1, 3, 3)), np.array([0.1, 0.2, -0.3])
+    angles = np.zeros((1, 1))
+    add_solid_angles(corners, np.zeros(1, np.int32), eye[None], np.ones((1, 1), bool), angles)
+    directions = rng.normal(size=(400_000, 3))
+    weights = np.linalg.solve((corners[0] - eye).T, directions.T)  # all positive: the ray meets the triangle
+    share = (weights > 0.0).all(axis=0).mean()
+    assert share > 0.01
+    assert abs(angles[0, 0]) / (4.0 * np.pi) == pytest.approx(share, abs=5.0 * np.sqrt(share / 400_000))

@@ -18,7 +18,7 @@ print(*(module.__file__ for name, module in sys.modules.items() if name.startswi
 
 
 @pytest.mark.parametrize(
-    "module", ["patchnet_addon.lightmap.atlas", "patchnet_addon.codes.encode", "patchnet_addon.sampling.registry"]
+    "module", ["patchnet_addon.light.surface_light", "patchnet_addon.codes.encode", "patchnet_addon.sampling.registry"]
 )
 def test_everything_that_is_loaded_counts(module: str) -> None:
     done = subprocess.run([sys.executable, "-c", LOADED, module], capture_output=True, text=True, check=True)

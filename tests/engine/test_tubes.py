@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.lightmap.sheet_sides import sheets_of
+from patchnet.patchnet_addon.light.sheets import sheets_of
 from patchnet.patchnet_addon.surface.tubes import sphere_triangles, spheres, tube_triangles, tubes
 
 

@@ -25,7 +25,7 @@ from visits import OUT, Visit, choose, module, open_tab, running
 
 PART = sys.argv[-1]
 SIZE = (48, 32)
-SETTINGS = {"resolution": "DEPTH", "depth": 7, "scope": "VISIBLE", "size": SIZE, "samples": 1, "cameras": "Eye"}
+SETTINGS = {"resolution": "DEPTH", "depth": 7, "scope": "VISIBLE", "size": SIZE, "max_samples": 2, "cameras": "Eye"}
 CYCLES = {"budget": 0.2, "samples": 512, "compare": True}
 FEW, MANY = 16, 65536  # samples: a second or two for a region of one tile, half a minute for the whole picture
 THIRD = 3  # render: after the pixel with which Cycles reads the scene, and the region

@@ -14,11 +14,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clicks
-from visits import OUT, Heard, Visit, baking, choose, ends_of_renders, modal, module, result, running
+from visits import OUT, Heard, Visit, baking, choose, ends_of_renders, modal, module, press, result, running
 from visits import render as press_f12
 
 SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
-LONG, SHORT = 4096, 1  # samples of a page that takes a minute, and of one that takes a moment
+LONG = 65536  # samples of a bake that takes many minutes
 
 visit = Visit("jobs")
 seen = visit.seen
@@ -56,7 +56,7 @@ def shown() -> str | None:
 
 
 def use_blender_meanwhile() -> clicks.Session:
-    """Ctrl-S, the File menu, a key that would move an object, while a page is baked."""
+    """Ctrl-S, the File menu, a key that would move an object, during a bake."""
     window, (x, y), file = clicks.window(), clicks.over_viewport(), OUT / "jobs.blend"
     yield from start(LONG)
     times = [file.stat().st_mtime_ns]
@@ -84,8 +84,8 @@ def use_blender_meanwhile() -> clicks.Session:
 
 
 def edit_meanwhile() -> clicks.Session:
-    """A script changes what is baked: the job ends with a sentence, and keeps no page of a scene that is none."""
-    yield from start(SHORT)
+    """A script changes what is baked: the job ends with a sentence, and keeps no light of a scene that is none."""
+    yield from start(LONG)
     watch = module("state.watch")._monitor
     clicks.window().scene.objects["Sun"].rotation_euler.x += 0.1
     yield from clicks.wait_for(lambda: not running(), "the job ends", 60.0)
@@ -93,7 +93,7 @@ def edit_meanwhile() -> clicks.Session:
     seen["edited"] = {
         "edited": watch.edited,
         "told": heard.told[-1:],
-        "result": result() is not None,
+        "result": result() is not None and not result().unfinished,
         "modal": modal(),
     }
     clicks.window().scene.objects["Sun"].rotation_euler.x -= 0.1
@@ -116,19 +116,23 @@ def undo_meanwhile() -> clicks.Session:
 
 
 def resume() -> clicks.Session:
-    """Esc after some pages; the next job goes on there."""
-    yield from start(4)
+    """Esc after the first round; the next job goes on there."""
+    clicks.window().scene.objects["Sun"].data.energy *= 1.1  # of which no light is there
+    yield from start(LONG)
     share = module("jobs.job_operator").JobOperator.in_window._display
-    yield from clicks.wait_for(lambda: share.progress.label == "Baking light" and share.progress.done >= 2, "two pages")
+    yield from clicks.wait_for(lambda: share.progress.label.startswith("Refining light"), "the first round ends", 240.0)
     yield from stop()
+    heard.begun.clear()
     heard.labels.clear()
-    yield from start(4)
+    choose(max_samples=64)
+    press("run_all")
+    yield from clicks.wait_for(lambda: bool(heard.begun), "the job starts")
     yield from clicks.wait_for(lambda: not running(), "the job ends", 240.0)
     seen["resumed"] = [label for label in heard.labels if label.startswith("Resuming")]
 
 
 def reports() -> clicks.Session:
-    """Blender's report at the end of each page is not shown."""
+    """Blender's report at the end of each bake call is not shown."""
     editor = clicks.area("PROPERTIES")
     editor.type = "INFO"
     editor.spaces.active.show_report_info = True

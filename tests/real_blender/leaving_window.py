@@ -16,8 +16,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from visits import OUT, PACKAGE, Heard, Visit, baking, choose, ends_of_renders, modal, module, press, render, running
 
-SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1}
-ENDLESS = 65536  # samples of a bake of hours
+SMALL = {
+    "scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (48, 32), "cameras": "Far", "budget": 0.1,
+    "cells": "everywhere",
+}  # fmt: skip
+ENDLESS = 65536  # samples of a bake that no visit waits for
 KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "collections", "scenes", "images")
 
 visit = Visit("leaving")
@@ -60,8 +63,8 @@ def start(samples: int) -> clicks.Session:
 
 
 def left(name: str, leave) -> clicks.Session:
-    """Start a bake of hours, call `leave`, and record its seconds and the changed state."""
-    choose(samples=ENDLESS)
+    """Start an endless bake, call `leave`, and record its seconds and the changed state."""
+    choose(max_samples=ENDLESS, noise_threshold=0.0001)
     before = state()
     yield from start(ENDLESS)
     begun = time.monotonic()
@@ -89,7 +92,7 @@ def prepare() -> clicks.Session:
 def rendered(engine: str) -> clicks.Session:
     """A render during a bake: the job waits and continues."""
     scene, ended = clicks.window().scene, ends_of_renders()
-    yield from start(2)
+    yield from start(ENDLESS)
     scene.cycles.samples = 512
     render(48, 32, engine)
     display = module("jobs.job_operator").JobOperator.in_window._display
@@ -164,7 +167,7 @@ def other_scene_shown() -> clicks.Session:
 
 def undone() -> clicks.Session:
     """An undo step is pushed during a bake and restored later."""
-    choose(samples=ENDLESS)
+    choose(max_samples=ENDLESS, noise_threshold=0.0001)
     bpy.ops.ed.undo_push(message="before")
     before = state()
     yield from start(ENDLESS)

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from visits import PACKAGE, Heard, Visit, choose, ends_of_renders, module, press, render, running
 
-SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "samples": 1, "cameras": "Middle"}
+SETTINGS = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 9, "max_samples": 2, "cameras": "Middle"}
 
 visit = Visit("memory")
 seen = visit.seen

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from visits import OUT, Heard, Visit, choose, ends_of_renders, open_tab, press, render, result, running, side_box
 
-SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (96, 64), "cameras": "Far", "samples": 1}
+SMALL = {"scope": "VISIBLE", "resolution": "DEPTH", "depth": 6, "size": (96, 64), "cameras": "Far", "max_samples": 2}
 
 name = sys.argv[-1]
 visit = Visit(name)

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import clicks
 from visits import OUT, Heard, Visit, choose, open_panels, open_tab, result, running, side_box
 
-SMALL = {"resolution": "DEPTH", "depth": 6, "samples": 1, "size": (48, 32), "cameras": "Far"}
+SMALL = {"resolution": "DEPTH", "depth": 6, "max_samples": 2, "size": (48, 32), "cameras": "Far"}
 
 STEPS = ("run_all", "voxelize", "bake_light", "precompute_codes", "render_preview")
 
@@ -83,10 +83,10 @@ def step_by_step(buttons: dict[str, tuple[int, int]]):
     before = blocks()
     yield from job(buttons, "patchnet.voxelize")
     seen["octree"] = {"voxels": result().octree.leaf_count, "depth": result().octree.depth}
-    settings.samples = 65536  # hours for a single page, beside which the window lives
+    settings.max_samples, settings.noise_threshold = 65536, 0.0001  # many minutes, beside which the window lives
     seen["stopped bake"] = yield from stopped_job(buttons, "patchnet.bake_light")
     seen["stopped bake"] |= {"light": result().light, "unchanged": blocks() == before}
-    settings.samples = 1
+    settings.max_samples = 2
     yield from job(buttons, "patchnet.bake_light")
     seen["light"] = result().light
     yield from job(buttons, "patchnet.precompute_codes")

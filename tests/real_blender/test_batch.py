@@ -28,7 +28,7 @@ def test_blender_has_no_complaints_about_the_extension(installed: Blender) -> No
 
 
 def test_batch_line_writes_pictures_and_report(installed: Blender, yard: Path, out: Path) -> None:
-    done = batch(installed, yard, "depth=6, samples=1, cameras='Far', size=(48, 32), reference=True, out='//batch'")
+    done = batch(installed, yard, "depth=6, max_samples=2, cameras='Far', size=(48, 32), reference=True, out='//batch'")
     assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout + done.stderr
     report = json.loads((out / "batch" / "report.json").read_text())
     assert report["octree"]["depth"] == 6
@@ -60,7 +60,8 @@ def test_command_on_the_open_file(installed: Blender, cube: Path, out: Path) -> 
 
 
 SMALL = (
-    "import bpy; s = bpy.context.scene; s.render.resolution_x, s.render.resolution_y = 48, 32; s.patchnet.samples = 1"
+    "import bpy; s = bpy.context.scene; s.patchnet.max_samples = 2"
+    "; s.render.resolution_x, s.render.resolution_y = 48, 32"
 )
 MOVED = (
     "o = s.objects['Cube']; [o.keyframe_insert('location', frame=f) for f in (1, 3) if not setattr(o.location, 'x', f)]"

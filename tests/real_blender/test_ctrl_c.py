@@ -43,15 +43,17 @@ def test_bake_that_would_take_hours_ends(installed: Blender, courtyard: Path) ->
     tell = "from cycles import engine; bake, calls = engine.bake, []"
     tell += "; told = lambda: print('Cycles bakes', len(calls), flush=True)"
     tell += "; engine.bake = lambda *values: (calls.append(1), told(), bake(*values))"
-    bake = "bpy.ops.patchnet.voxelize(depth=5); bpy.ops.patchnet.bake_light(light='cycles', samples=65536)"
+    endless = "max_samples=65536, noise_threshold=0.0001, cells='everywhere'"
+    bake = f"bpy.ops.patchnet.voxelize(depth=5); bpy.ops.patchnet.bake_light({endless})"
     process = installed.start(*batch(courtyard, f"{tell}; {bake}"))
-    rest = stopped(process, "Cycles bakes 2", signal.SIGINT)  # before it, a small bake looks at sides of sheets
+    rest = stopped(process, "Cycles bakes 6", signal.SIGINT)  # the first rounds take a moment each
     assert process.returncode == 128 + signal.SIGINT
     assert "again" in rest and "Traceback" not in rest
 
 
 def test_sigterm_ends_the_command(installed: Blender, courtyard: Path, out: Path) -> None:
-    words = ("run", "--depth", "5", "--samples", "65536", "--cameras", "Far", "--size", "16", "16")
+    endless = ("--max-samples", "65536", "--noise-threshold", "0.0001", "--light-cells", "everywhere")
+    words = ("run", "--depth", "5", *endless, "--cameras", "Far", "--size", "16", "16")
     process = installed.start("-b", courtyard, "--command", "patchnet", *words, "--out", out / "terminated")
     rest = stopped(process, "Baking light", signal.SIGTERM)
     assert process.returncode == 143

@@ -14,8 +14,7 @@ KINDS = ("objects", "meshes", "materials", "worlds", "lights", "cameras", "colle
 @pytest.fixture(scope="module")
 def jobs(installed: Blender, courtyard: Path, out: Path) -> dict:
     """Report of jobs_window.py."""
-    small_pages = Blender(installed.prefix, installed.program, installed.environment | {"PATCHNET_PAGE_SIDE": "256"})
-    return small_pages.visit("jobs", out, file=courtyard)
+    return installed.visit("jobs", out, file=courtyard)
 
 
 def test_keys_and_menus_save_beside_a_job(jobs: dict) -> None:
@@ -47,7 +46,8 @@ def test_a_new_window_leaves_the_viewport_free(jobs: dict) -> None:
 
 
 def test_escape_says_that_a_bake_goes_on(jobs: dict) -> None:
-    assert set(jobs["stopped with"]) == {"Stopped. Press again to go on."}
+    first, refined = "Stopped. Press again to go on.", "Stopped. The pictures have light of noise "
+    assert jobs["stopped with"] and all(text == first or text.startswith(refined) for text in jobs["stopped with"])
 
 
 def test_jobs_leave_no_handler(jobs: dict) -> None:
@@ -64,7 +64,7 @@ def test_undo_ends_the_job(jobs: dict) -> None:
 
 
 def test_demo_scene_resumes(jobs: dict) -> None:
-    assert len(jobs["resumed"]) == 1
+    assert len(jobs["resumed"]) >= 1
 
 
 def test_users_are_not_told_to_save_what_was_baked(jobs: dict) -> None:

@@ -44,8 +44,8 @@ def press(name: str) -> None:
 
 
 def baking(samples: int) -> clicks.Session:
-    """Press Preview Selection, and wait until Cycles bakes."""
-    choose(samples=samples)
+    """Press Preview Selection, and wait until Cycles bakes; each place whose light is noisy gets up to `samples`."""
+    choose(max_samples=samples, noise_threshold=0.0001)
     press("run_all")
     yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes beside the window", 240.0)
 

@@ -85,8 +85,8 @@ def test_all_scenes_are_those_whose_files_are_there(
 
 def test_arguments_say_only_what_counts() -> None:
     assert SMALL.arguments() == ["--depth", "4", "--light", "two-lights", "--sides", "one", "--bisect", "x", "0.5"]
-    lit = replace(SMALL, light=CYCLES, samples=8, without=("ivy", "rose"), bisect=None)
-    of_cycles = ["--depth", "4", "--light", "cycles", "--sides", "one", "--samples", "8", "--without", "ivy,rose"]
+    lit = replace(SMALL, light=CYCLES, max_samples=8, without=("ivy", "rose"), bisect=None)
+    of_cycles = ["--depth", "4", "--light", "cycles", "--sides", "one", "--max-samples", "8", "--without", "ivy,rose"]
     assert lit.arguments() == of_cycles
 
 

@@ -43,12 +43,12 @@ class Scene:
 
     name: in commands and file names. title: in tables. file: in the folder PATCHNET_SCENES, or one of OWN_SCENES.
     light: "cycles" (diffuse light with global illumination; a scene without lamps gets sun and sky) or "two-lights"
-    (methods 7.3). samples: Cycles samples per texel. depth: of the octree. without: lower-case texts; objects below a
-    name with one of them are left out. bisect: axis ("x", "y" or "z") and position of a cut plane, as a share of the
-    extent. views: position and target (6 numbers, world units) of cameras to fit the octree to, instead of `depth`;
-    view_px: size of their square pictures. source, licence: credits of the file. role: "train" if the shipped weights
-    were trained on the scene, else "test". composed: arguments of `patchnet` that create the file, without --out; ""
-    for a downloaded file.
+    (methods 7.3). max_samples: most Cycles samples of a place. depth: of the octree. without: lower-case texts; objects
+    below a name with one of them are left out. bisect: axis ("x", "y" or "z") and position of a cut plane, as a share
+    of the extent. views: position and target (6 numbers, world units) of cameras to fit the octree to, instead of
+    `depth`; view_px: size of their square pictures. source, licence: credits of the file. role: "train" if the shipped
+    weights were trained on the scene, else "test". composed: arguments of `patchnet` that create the file, without
+    --out; "" for a downloaded file.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Scene:
     source: str
     licence: str
     role: str
-    samples: int = 32
+    max_samples: int = 64
     depth: int = 10
     without: tuple[str, ...] = ()
     bisect: tuple[str, float] | None = None
@@ -96,7 +96,7 @@ class Scene:
         if self.views:
             words += ["--size", str(self.view_px), str(self.view_px)]
         if self.light == CYCLES:
-            words += ["--samples", str(self.samples)]
+            words += ["--max-samples", str(self.max_samples)]
         if self.without:
             words += ["--without", ",".join(self.without)]
         if self.bisect is not None:

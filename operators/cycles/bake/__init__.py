@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles bake of view-independent light on the triangle charts of a surface."""
+"""Cycles bake of view-independent light on the surfels of a surface."""
 
-from .bake import KeptPages, bake_luminance
+from .bake import EachRound, bake_light
+from .bake_job import BakeJob
 
-__all__ = ["KeptPages", "bake_luminance"]
+__all__ = ["BakeJob", "EachRound", "bake_light"]

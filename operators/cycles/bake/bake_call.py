@@ -17,7 +17,7 @@ from ....patchnet_addon.runtime.errors import SceneError, StoppedError
 from ....patchnet_addon.runtime.interrupt import interrupts_wait
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ...scene_access.window_job import BAKE, CANCEL, COMPLETE, INTERRUPTED, as_job, editors_keep_images
-from .page_mesh import CHART_LAYER
+from .surfel_mesh import TEXEL_LAYER
 
 _STOPPED = "Cycles stopped baking the light of the scene: start the bake again to resume it"
 _DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
@@ -29,7 +29,7 @@ _ARGUMENTS: dict[str, Any] = {
     "use_selected_to_active": False,
     "target": "IMAGE_TEXTURES",
     "save_mode": "INTERNAL",
-    "uv_layer": CHART_LAYER,
+    "uv_layer": TEXEL_LAYER,
 }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scene setup of a page's bake: a copy of the scene with its own settings, and the image, mesh and object in it.
+"""Scene setup of a bake: a copy of the scene with its own settings, and the image, mesh and object in it.
 
 The user's scene is not changed, because Blender can write quit.blend, autosaves and undo steps at any time. A copy is
 cheap, since Blender evaluates the scene for each bake anyway.
@@ -66,18 +66,16 @@ def bake_scene(context: bpy.types.Context, *, with_daylight: bool) -> Iterator[t
         yield scene, context.view_layer.name
 
 
-def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool, *, skips_centers: bool = False) -> None:
+def set_cycles(scene: bpy.types.Scene, samples: int, seed: int, on_gpu: bool) -> None:
     """Set up Cycles for a bake in a scene of ours.
 
-    Hair is rendered as ribbons, which do not shadow surfaces inside of them as tubes do (`scene/strands.py`).
-    skips_centers: skip the first path of each texel, which Cycles starts at its centre whatever the seed, so that two
-    bakes of a few paths are independent.
+    Hair is rendered as ribbons, which do not shadow surfaces inside of them as tubes do (`scene/strands.py`). The first
+    path of each texel is skipped: Cycles starts it at the texel's centre whatever the seed.
     """
-    values: dict[str, Any] = UNBIASED | {"samples": samples, "seed": seed, "device": "GPU" if on_gpu else "CPU"}
-    if skips_centers:
-        values |= {
-            "samples": samples + 1, "use_sample_subset": True, "sample_offset": 1, "sample_subset_length": samples
-        }  # fmt: skip
+    values: dict[str, Any] = UNBIASED | {
+        "samples": samples + 1, "use_sample_subset": True, "sample_offset": 1, "sample_subset_length": samples,
+        "seed": seed, "device": "GPU" if on_gpu else "CPU",
+    }  # fmt: skip
     if not on_gpu:  # a GPU bakes large tiles fast
         values |= {"use_auto_tile": True, "tile_size": tile_side()}
     scene.render.engine, scene.cycles_curves.shape = "CYCLES", "RIBBONS"
@@ -95,14 +93,13 @@ def tile_side() -> int:
     return _TILE_SIDE_IN_WINDOW if window_is_alive() else _TILE_SIDE
 
 
-def page_image(size: np.ndarray, pages: int) -> AbstractContextManager[bpy.types.Image]:
-    """Temporary image for `pages` pages of width and height (2,), one above the other."""
-    width, height = int(size[0]), int(size[1]) * pages
-    return temporary(bpy.data.images.new(_NAME, width, height, alpha=True, float_buffer=True, is_data=True))
+def bake_image(size: tuple[int, int]) -> AbstractContextManager[bpy.types.Image]:
+    """Temporary image of a width and height."""
+    return temporary(bpy.data.images.new(_NAME, *size, alpha=True, float_buffer=True, is_data=True))
 
 
 @contextmanager
-def page_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
+def bake_object(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> Iterator[bpy.types.Object]:
     """Object of `mesh` in a scene of ours that is invisible to all rays.
 
     A twin at the same place makes the mesh an instance, which rays skip as a whole. Cycles would merge a mesh with one

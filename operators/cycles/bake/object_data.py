@@ -47,21 +47,21 @@ def needs_coordinates(materials: Sequence[bpy.types.Material]) -> bool:
     return any(_own_coordinates(node) and node.outputs["Object"].is_linked for node in _nodes(materials))
 
 
-def lost_inputs(material: bpy.types.Material, turned: bool = True, divided: bool = True) -> tuple[str, ...]:
+def lost_inputs(material: bpy.types.Material, turned: bool = True) -> tuple[str, ...]:
     """Names of nodes in a material whose values the bake cannot reproduce.
 
-    turned: the material is on objects that are turned or scaled. divided: not all of the surface is baked at once.
+    turned: the material is on objects that are turned or scaled.
     """
     names = []
     for node in _nodes([material]):
         linked = {socket.name for socket in node.outputs if socket.is_linked}
         outputs = _LOST.get(node.type, frozenset())
-        if linked and (outputs is None or linked & outputs or _asks_whole_object(node, turned, divided)):
+        if linked and (outputs is None or linked & outputs or _asks_whole_object(node, turned)):
             names.append(node.name)
     return tuple(dict.fromkeys(names))
 
 
-def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> bool:
+def _asks_whole_object(node: bpy.types.Node, turned: bool) -> bool:
     """Return whether a node depends on its object, its instancer or the surface around, by its settings."""
     match node.type:
         case "AMBIENT_OCCLUSION":
@@ -72,11 +72,8 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
             return turned and node.space in ("OBJECT", "BLENDER_OBJECT")
         case "TANGENT":
             return node.direction_type == "RADIAL"
-        case "SUBSURFACE_SCATTERING":
-            return divided
-        case "BSDF_PRINCIPLED":
-            weight = node.inputs["Subsurface Weight"]
-            return divided and (weight.is_linked or weight.default_value > 0.0)
+        case "SUBSURFACE_SCATTERING" | "BSDF_PRINCIPLED":
+            return _scatters(node)
         case "VECT_TRANSFORM":
             spaces = {node.convert_from, node.convert_to}
             of_object = "OBJECT" in spaces and (turned or node.vector_type == "POINT")
@@ -87,7 +84,7 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool, divided: bool) -> boo
 def needs_redirect(material: bpy.types.Material) -> bool:
     """Return whether `redirect` changes anything in a material."""
     return any(
-        node.type in ("NEW_GEOMETRY", *_BY_ANGLE) or _own_coordinates(node) or needs_generated(node)
+        node.type in ("NEW_GEOMETRY", *_BY_ANGLE) or _own_coordinates(node) or _scatters(node) or needs_generated(node)
         or asks_default_color(node) or any(asked_by(node, socket.name) for socket in node.outputs)
         for node in _nodes([material])
     )  # fmt: skip
@@ -97,9 +94,12 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique:
     """Replace links of a tree from object data by links from attributes; groups in it are left to the caller.
 
     back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1. oblique: nodes that depend on
-    the angle of view use the mean of all views, whose cosine is 2/3, instead of the view from above.
+    the angle of view use the mean of all views, whose cosine is 2/3, instead of the view from above. Light that
+    scatters below the surface needs the whole object: it is baked as diffuse light.
     """
     for node in list(tree.nodes):
+        if _scatters(node):
+            _make_diffuse(tree, node)
         for socket in node.outputs:
             if asked := asked_by(node, socket.name):
                 kind = socket.name if node.type == "ATTRIBUTE" else _KINDS[socket.type]
@@ -117,6 +117,29 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique:
             tree.links.new(_oblique_normal(tree), node.inputs["Normal"])
         if node.type == "NEW_GEOMETRY" and back:
             _replace_constant(tree, node.outputs["Backfacing"], 1.0)
+
+
+def _scatters(node: bpy.types.Node) -> bool:
+    """Return whether light scatters below the surface of a shader."""
+    weight = node.inputs.get("Subsurface Weight") if node.type == "BSDF_PRINCIPLED" else None
+    return node.type == "SUBSURFACE_SCATTERING" or (
+        weight is not None and (weight.is_linked or weight.default_value > 0.0)
+    )
+
+
+def _make_diffuse(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
+    if node.type == "BSDF_PRINCIPLED":
+        weight = node.inputs["Subsurface Weight"]
+        for link in list(weight.links):
+            tree.links.remove(link)
+        weight.default_value = 0.0
+        return
+    diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    for name in ("Color", "Normal"):
+        for link in node.inputs[name].links:
+            tree.links.new(link.from_socket, diffuse.inputs[name])
+    diffuse.inputs["Color"].default_value = node.inputs["Color"].default_value
+    _move_links(tree, node.outputs[0], diffuse.outputs[0])
 
 
 def _oblique_normal(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:

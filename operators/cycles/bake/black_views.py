@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reason why the whole surface in a camera's view was baked black."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....patchnet_addon.runtime.progress import drain
+from ....patchnet_addon.runtime.quantities import named_list
+from ....patchnet_addon.surface.mesh import Fragments, ShadingFn
+from ...scene.scene_mesh import SceneMesh
+from ...schema.table import GLOSS_OFF
+
+if TYPE_CHECKING:
+    from ....patchnet_addon.light.light_cells import LightCells
+    from ....patchnet_addon.light.surface_light import SurfaceLight
+    from .bake_job import BakeJob, ChosenSurfels
+
+_DARK = 1e-5  # of the brightest light: black in any picture
+_LIT = 1e-3  # of the light on the other side
+_MOST_CAMERAS, _SIZE_PX = 16, (96, 72)
+
+
+def black_views(job: BakeJob, chosen: ChosenSurfels, cells: LightCells, lit: SurfaceLight) -> dict[str, str]:
+    """Reason for each camera, by name, whose whole surface in view is black; none for others.
+
+    Only the first cameras of a job are asked.
+    """
+    from ....patchnet_addon.light.seen_cells import seen_cells
+
+    reasons: dict[str, str] = {}
+    radiance = cells.radiance[: len(chosen.surfels)]
+    brightest = float(radiance.max(initial=0.0))
+    for camera in job.cameras[:_MOST_CAMERAS]:
+        steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
+        mine = np.flatnonzero(np.isin(chosen.surfels["leaf"], drain(steps).cells) & (chosen.surfels["pixels"] > 0.0))
+        if len(mine) and radiance[mine].max() <= _DARK * brightest:
+            reasons[camera.name] = _reason(job, chosen, mine, lit)
+    return reasons
+
+
+def _reason(job: BakeJob, chosen: ChosenSurfels, mine: np.ndarray, lit: SurfaceLight) -> str:
+    """Reason why surfels (n,) are black."""
+    from ....patchnet_addon.light.light_cells import LEAST_BASE
+
+    surfels, source = chosen.surfels[mine], job.source
+    names = source.objects_of(surfels["triangle"])
+    material = chosen.surface.material[mine]
+    base = chosen.surface.base[mine, 0]
+    without_gloss = job.light.gloss == GLOSS_OFF
+    shows_gloss_alone = np.array([gloss.is_glossy for gloss in source.gloss], bool)[material] & without_gloss
+    if np.mean((base <= LEAST_BASE) | ~chosen.surface.is_filtered[mine] | shows_gloss_alone) > 0.5:
+        return _black_material(source, names, material, without_gloss, lit.warnings)
+    objects = named_list(name for name, _ in Counter(names.tolist()).most_common())
+    own, other = _both_sides(source, surfels, lit.shade)
+    if np.median(other) > 0.0 and np.median(own) <= _LIT * np.median(other):
+        return f"light falls on the other side of {objects} alone, in Cycles too"
+    return f"no light of the scene reaches {objects}; add light, or look at the lamps' strength and visibility"
+
+
+def _both_sides(source: SceneMesh, surfels: np.ndarray, shade: ShadingFn) -> tuple[np.ndarray, np.ndarray]:
+    """Luminance (n,) of surfels on their side, and on the other."""
+    lights = np.zeros((len(surfels), 2))
+    for batch in source.batches():
+        local = surfels["triangle"] - batch.first_triangle
+        for leaf_level in np.unique(surfels["leaf"] & np.uint64(31)).tolist():
+            here = (local >= 0) & (local < len(batch)) & ((surfels["leaf"] & np.uint64(31)) == leaf_level)
+            own = surfels[here]
+            places = np.stack([own["one"], own["two"]], axis=1)
+            keys, area = own["leaf"] >> np.uint64(5), own["area"].astype(np.float64)
+            fragments = Fragments(keys, local[here].astype(np.int32), places, area, level=int(leaf_level))
+            lights[here] = shade(batch, fragments)[3][..., 0]
+    side, rows = surfels["side"].astype(int), np.arange(len(surfels))
+    return lights[rows, side], lights[rows, 1 - side]
+
+
+def _black_material(
+    source: SceneMesh, names: np.ndarray, materials: np.ndarray, without_gloss: bool, lost: Sequence[str]
+) -> str:
+    """Reason why the surface is black that most of what is seen belongs to. materials: (n,), names: their objects.
+
+    lost: sentences about what was not baked.
+    """
+    number, _ = Counter(materials.tolist()).most_common(1)[0]
+    material, owner = source.materials[number], names[np.flatnonzero(materials == number)[0]]
+    why = ", in Cycles too"
+    if source.gloss[number].is_glossy and without_gloss:
+        why = " without its gloss; choose Gloss: Automatic"
+    elif notes := [text for text in source.warnings if text.startswith("Material") and f"'{material.name}'" in text]:
+        why = f": {notes[0]}"
+    elif any(f"of material '{material.name}'" in text for text in lost):
+        why = " without what depends on the view or on whole objects"
+    elif max(*material.base_color, *material.emission) <= 0.0:
+        why = "; give it a color"
+    return f"the material '{source.material_names[number]}' of '{owner}' is black{why}"

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Leaves that cameras see, and the light cells that their pixels need (methods 7.2g)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..cells.morton import morton_encode
+from ..lod.fit import ray_stops
+from ..octree.grid import Grid
+from ..octree.octree import Nodes
+from ..runtime.bounds import DEFAULT_LOOKAHEAD
+from ..runtime.progress import Progress, Steps
+from ..tracing.camera import Camera, camera_in_unit_cube
+
+LEVEL_BITS = 5  # of a cell: its Morton key << 5 | its level
+ABOVE_LEAVES = 1  # least levels of light cells above the leaves
+_FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
+_BELOW_FITTING = 1  # level of light cells below that of the voxel that fits a pixel
+_RAYS, _RAYS_OF_TRACKS, _MOST_STILLS = 4, 2, 4  # rays along a pixel's side; most cameras that get the first number
+_ROWS = 64
+LABEL = "Looking where cameras look"
+
+
+class SeenCells(NamedTuple):
+    """Voxels that S rays end in, each once.
+
+    cells: (S,) uint64, Morton key << 5 | level, ascending. level: (S,) int64, of the light cells that the nearest
+    camera's pixels need there. pixels: (S,) float32, pixels of all cameras that show the light cell.
+    """
+
+    cells: np.ndarray
+    level: np.ndarray
+    pixels: np.ndarray
+
+
+def cells_of(keys: np.ndarray, level: int) -> np.ndarray:
+    """Cells (n,) uint64 of Morton keys (n,) of a level."""
+    return (keys << np.uint64(LEVEL_BITS)) | np.uint64(level)
+
+
+def all_cells(leaf_keys: Mapping[int, np.ndarray]) -> SeenCells:
+    """All leaves, by level, as if cameras saw each in a pixel of its size."""
+    cells = np.concatenate([cells_of(keys, level) for level, keys in leaf_keys.items()])
+    levels = np.concatenate([np.full(len(keys), level, np.int64) for level, keys in leaf_keys.items()])
+    order = np.argsort(cells)
+    return SeenCells(cells[order], levels[order], np.ones(len(cells), np.float32))
+
+
+def seen_cells(
+    nodes: Nodes,
+    grid: Grid,
+    cameras: Sequence[Camera],
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
+) -> Steps[SeenCells]:
+    """Leaves in which rays of all cameras end, 16 rays a pixel, 4 for more than four cameras.
+
+    lookahead: levels, of the weights in use.
+    """
+    side = _RAYS if len(cameras) <= _MOST_STILLS else _RAYS_OF_TRACKS
+    offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
+    found = _none()
+    for number, camera in enumerate(cameras):
+        unit = camera_in_unit_cube(camera, grid)
+        parts = []
+        for first in range(0, camera.height_px, _ROWS):
+            rows = first, min(first + _ROWS, camera.height_px)
+            for offset in offsets:
+                stops = ray_stops(nodes, unit, rows, offset, lookahead + _FINER, lookahead)
+                hit = np.flatnonzero(stops.wanted > 0)
+                keys = morton_encode(stops.cell[hit])
+                cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
+                level = stops.wanted[hit].astype(np.int64) - lookahead + _BELOW_FITTING
+                parts.append(SeenCells(cells, level, np.full(len(hit), 1.0 / side**2, np.float32)))
+            yield Progress(number * camera.height_px + rows[1], len(cameras) * camera.height_px, LABEL)
+        found = _joined([found, _joined(parts)])
+    return found._replace(pixels=_of_light_cells(found))
+
+
+def _of_light_cells(seen: SeenCells) -> np.ndarray:
+    """Pixels (S,) float32 that show the light cell around each voxel."""
+    level = (seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64)
+    up = np.maximum(level - seen.level, np.minimum(ABOVE_LEAVES, level)).astype(np.uint64)
+    keys = (seen.cells >> np.uint64(LEVEL_BITS)) >> (np.uint64(3) * up)
+    _, mine = np.unique((keys << np.uint64(LEVEL_BITS)) | (level.astype(np.uint64) - up), return_inverse=True)
+    mine = mine.reshape(-1)
+    return np.bincount(mine, seen.pixels)[mine].astype(np.float32) if len(mine) else seen.pixels
+
+
+def _none() -> SeenCells:
+    return SeenCells(np.empty(0, np.uint64), np.empty(0, np.int64), np.empty(0, np.float32))
+
+
+def _joined(parts: Sequence[SeenCells]) -> SeenCells:
+    """All cells of several, each once: the finest level, the sum of the pixels."""
+    cells, level, pixels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(cells, kind="stable")
+    first = np.flatnonzero(np.diff(cells[order], prepend=np.uint64(np.iinfo(np.uint64).max)))
+    if not len(first):
+        return _none()
+    return SeenCells(
+        cells[order][first], np.maximum.reduceat(level[order], first), np.add.reduceat(pixels[order], first)
+    )

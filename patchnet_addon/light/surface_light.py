@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light of a surface, as the octree's builder takes it, and the look-up of baked light by fragments (methods 7.2h)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..cells.morton import morton_encode
+from ..octree.grid import Grid
+from ..runtime.kernels import device, kernel
+from ..runtime.threads import run_parts
+from ..surface.chroma import REC709
+from ..surface.mesh import Fragments, ShadingFn, TriangleBatch
+from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
+from ..surface.textures import TextureTable
+from .hashing import mixed, row_of_key
+from .light_cells import ANY_FACE, ANY_SHEET, LEAST_BASE, LightCells
+from .seen_cells import LEVEL_BITS
+from .sheets import Sheets
+from .surfels import BACK, COARSE, FRONT
+
+_DARK = 0.02  # of the other side's light: enclosed
+_LEAST_LIGHT = np.float32(1e-30)
+NOWHERE, COARSELY, FINELY = 0, 1, 2  # where the light of a side was found
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceLight:
+    """Light of a surface.
+
+    shade: of fragments. facing: (T,) int8, side of each triangle that gets light: 1 front, -1 back, 0 both.
+    warnings: sentences about what was left out. reused: share of its paths that an earlier bake had traced. notes:
+    entries of the octree's file, as plain JSON values.
+    """
+
+    shade: ShadingFn
+    facing: np.ndarray
+    warnings: tuple[str, ...] = ()
+    notes: dict[str, Any] = field(default_factory=dict)
+    reused: float = 0.0
+
+
+class MaterialSides(NamedTuple):
+    """Materials (M,) bool: `reflects`, see `reflecting`; `through`, cut-out and translucent ones, whose one luminance
+    is the mean of both sides.
+    """
+
+    reflects: np.ndarray
+    through: np.ndarray
+
+
+def cells_shade(
+    cells: LightCells, table: TextureTable, sheets: Sheets, materials: MaterialSides, *, color: bool
+) -> ShadingFn:
+    """ShadingFn of light cells: that of the finest one above a fragment with its sheet and face, times its base colour.
+
+    Without such a cell, the mean over the cell's sheets. Lights are of both sides. The one luminance is that of the
+    side that cameras see; of both, or without cameras, that of the front, or of the back where the front is enclosed
+    and dark. Of `through` materials it is the mean, without an enclosed, dark side.
+    """
+
+    def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        luminance, opacity = surface_of_fragments(table, batch, fragments)
+        here = slice(batch.first_triangle, batch.first_triangle + len(batch))
+        surface = Sheets(*(column[here] for column in sheets))
+        lights = np.zeros((len(fragments), 2, cells.light.shape[1]), np.float32)
+        where = np.zeros((len(fragments), 2), np.uint8)
+        places = fragments.keys, fragments.triangle, fragments.level
+        run_parts(_look_up, len(fragments), places, surface, cells, lights, where)
+        base = luminance[:, None]
+        if color:
+            base = np.concatenate([base, color_of_fragments(table, batch, fragments, luminance)], axis=1)
+        material = batch.materials[fragments.triangle]
+        base = np.where(materials.reflects[material][:, None], np.maximum(base, LEAST_BASE), np.float32(1.0))
+        lights *= base[:, None]
+        facing = surface.facing[fragments.triangle]
+        mean = _mean(lights, _back_share(lights[..., 0], where, facing, materials.through[material]))
+        return mean[:, 0], opacity, mean[:, 1:], lights
+
+    return shade
+
+
+def upright_shade(shade: ShadingFn, rotation: np.ndarray, grid: Grid) -> ShadingFn:
+    """ShadingFn for fragments of a rotated surface by that of the upright one, which looks up cells of `grid`.
+
+    rotation: (3, 3), of `RotatedSource`.
+    """
+
+    def upright(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
+        corners = batch.corners_world @ rotation
+        own = corners[fragments.triangle]
+        one, two = fragments.barycentric[:, :1].astype(np.float64), fragments.barycentric[:, 1:].astype(np.float64)
+        places = own[:, 0] + one * (own[:, 1] - own[:, 0]) + two * (own[:, 2] - own[:, 0])
+        last = (1 << fragments.level) - 1
+        cells = np.clip(np.floor(grid.to_unit(places) * (last + 1)), 0, last).astype(np.int64)
+        return shade(replace(batch, corners_world=corners), replace(fragments, keys=morton_encode(cells)))
+
+    return upright
+
+
+def _back_share(light: np.ndarray, where: np.ndarray, facing: np.ndarray, through: np.ndarray) -> np.ndarray:
+    """Share (F,) float32 of the back in the one luminance of fragments with light (F, 2) found `where` (F, 2)."""
+    front, back = light.T
+    fine = where == FINELY
+    only_front, only_back = fine[:, FRONT] & ~fine[:, BACK], fine[:, BACK] & ~fine[:, FRONT]
+    share = np.where(through, np.float32(0.5), only_back.astype(np.float32))
+    share[(front < _DARK * back) & (through | ~only_front)] = 1.0
+    share[through & (back < _DARK * front)] = 0.0
+    share[facing > 0], share[facing < 0] = 0.0, 1.0
+    return share
+
+
+def _mean(lights: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Light (F, C) of both sides (F, 2, C), blended with the share (F,) of the back."""
+    luminance, hue, back = lights[..., :1], lights[..., 1:], share[:, None]
+    scale = luminance / np.maximum(hue @ REC709[:, None], _LEAST_LIGHT) if hue.shape[-1] else luminance[..., :0]
+    light = np.concatenate([luminance, hue * scale], axis=-1)
+    return np.asarray((1.0 - back) * light[:, FRONT] + back * light[:, BACK], np.float32)
+
+
+@device
+def _found(keys, slots, cell, face, sheet):  # type: ignore[no-untyped-def]
+    return row_of_key(slots, keys, mixed(mixed(cell, np.int64(face)), np.int64(sheet)))
+
+
+@kernel
+def _look_up(first, last, places, surface, cells, lights, where):  # type: ignore[no-untyped-def]
+    """Write the light of both sides of fragments, and where it was found. places: their keys, triangles and level."""
+    key, triangle, level = places
+    keys, slots, light = cells.keys, cells.slots, cells.light
+    top = min(COARSE, level)
+    for f in range(first, last):
+        t = triangle[f]
+        for side in range(2):
+            if (surface.facing[t] == 1 and side == BACK) or (surface.facing[t] == -1 and side == FRONT):
+                continue
+            face = np.int64(surface.face[t]) ^ side
+            row = np.int64(-1)
+            for up in range(top + 1):
+                cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
+                row = _found(keys, slots, cell, face, surface.sheet[t])
+                if row >= 0:
+                    break
+            for up in range(top + 1):
+                if row < 0:
+                    cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
+                    row = _found(keys, slots, cell, face, ANY_SHEET)
+            if row < 0:
+                row = _found(keys, slots, cell, ANY_FACE, ANY_SHEET)
+            if row < 0:
+                continue
+            where[f, side] = FINELY if cells.pixels[row] > 0.0 else COARSELY
+            for c in range(light.shape[1]):
+                lights[f, side, c] = light[row, c]

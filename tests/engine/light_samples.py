@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Surfaces with sheets, what cameras see of them, their surfels, and light that was baked on these."""
+
+import numpy as np
+
+from patchnet.patchnet_addon.light.light_cells import SurfelSums, SurfelSurface
+from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells
+from patchnet.patchnet_addon.light.sheets import Sheets, faces_of
+from patchnet.patchnet_addon.light.surfels import choose_surfels
+from patchnet.patchnet_addon.lod.fit import leaf_keys_of
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.surface.mesh import Fragments, ShadingFn, TriangleBatch, TriangleMesh
+
+from .mesh_samples import even, in_batches
+
+NO_EYES = np.empty((0, 4))
+FLAT_GRID = Grid((0.0, 0.0, 0.0), 1.0, 6)
+
+
+def random_surface(seed: int, cuts: tuple[int, ...] = (17, 40)) -> tuple[TriangleMesh, Sheets]:
+    """Triangles of all sizes and of several sheets, many in one place; some of no sheet."""
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(0.1, 0.9, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * rng.choice([0.02, 0.2], (60, 1, 1))
+    corners[:20] = 0.5 + 0.06 * rng.normal(size=(20, 3, 3))
+    sheet, facing = rng.integers(-1, 12, 60).astype(np.int32), rng.integers(-1, 2, 60).astype(np.int8)
+    corners = np.clip(corners, 0.01, 0.99)
+    return TriangleMesh(in_batches(corners, cuts)), sheets_on(corners, sheet, facing)
+
+
+def sheets_on(corners: np.ndarray, sheet: np.ndarray, facing: np.ndarray | int) -> Sheets:
+    """Sheets of triangles (T, 3, 3) with numbers (T,) and facings (T,), or one for all."""
+    facing = np.broadcast_to(facing, len(corners)).astype(np.int8)
+    return Sheets(np.asarray(sheet, np.int32), facing, faces_of(triangle_areas_and_normals(corners)[1]))
+
+
+def random_layout(seed: int) -> LeafLevels:
+    """Leaves of several levels: some cells are coarse for some leaves and fine for others."""
+    return LeafLevels(np.random.default_rng(seed).integers(3, 6, 64).astype(np.uint8))
+
+
+def thinned(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:
+    """Shade whose opacity differs from triangle to triangle, in part below the least."""
+    number = batch.first_triangle + fragments.triangle
+    return np.ones(len(number), np.float32), np.array([1.0, 0.5, 0.003, 0.0], np.float32)[number % 4]
+
+
+def partly_seen(clipped: ClippedSurface, shade: ShadingFn, seed: int) -> SeenCells:
+    """A third of the leaves, or of voxels above them, as if cameras saw them from various distances."""
+    rng = np.random.default_rng(seed)
+    keys = drain(leaf_keys_of(clipped, shade))
+    cells = {
+        (int(key) >> 3 * up) << 5 | level - up
+        for level, part in keys.items()
+        for key, up in zip(part, rng.integers(0, 3, len(part)), strict=True)
+        if rng.random() < 1 / 3
+    }
+    ordered = np.array(sorted(cells), np.uint64)
+    level = (ordered & np.uint64(31)).astype(np.int64) - rng.integers(-1, 3, len(ordered))
+    return SeenCells(ordered, level, rng.uniform(0.1, 9.0, len(ordered)).astype(np.float32))
+
+
+def surfels_of(
+    source: TriangleMesh,
+    sheets: Sheets,
+    shade: ShadingFn | None = None,
+    grid: Grid = FLAT_GRID,
+    eyes: np.ndarray = NO_EYES,
+    **settings: object,
+) -> np.ndarray:
+    """Surfels of a surface all of whose leaves are seen."""
+    shade, clipped = shade or even(), ClippedSurface(source, grid, **settings)
+    seen = all_cells(drain(leaf_keys_of(clipped, shade)))
+    return drain(choose_surfels(clipped, shade, sheets, seen, eyes))
+
+
+def square(height: float, low: float = 0.1, high: float = 0.9) -> np.ndarray:
+    """Two triangles (2, 3, 3) of a square that faces up."""
+    a, b, c, d = ((x, y, height) for x, y in ((low, low), (high, low), (high, high), (low, high)))
+    return np.array([(a, b, c), (a, c, d)], np.float64)
+
+
+def plain_surface(surfels: np.ndarray, places: np.ndarray, base: float = 1.0) -> SurfelSurface:
+    """Surface of surfels (N,) at places (N, 3) that faces up, of one base colour."""
+    count = len(surfels)
+    normal = np.tile([0.0, 0.0, 1.0], (count, 1))
+    bases = np.full((count, 1), base, np.float32)
+    return SurfelSurface(places, normal, bases, np.ones(count, bool), np.zeros(count, np.int32))
+
+
+def sums_of(light: np.ndarray, opacity: np.ndarray | float = 1.0, samples: int = 8) -> SurfelSums:
+    """Sums of surfels whose paths, in two parts, brought light (N, 2) in luminance; each through `opacity`."""
+    mean, squared = light.mean(axis=1) * opacity, (light**2).mean(axis=1) * opacity
+    sums = SurfelSums.zeros(len(light), 3)
+    means = np.stack([mean, np.broadcast_to(opacity, mean.shape), squared], axis=1)
+    sums.add(np.arange(len(light)), means, samples, 2)
+    return sums

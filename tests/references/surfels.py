@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain references of surfels, light cells, their filter, and their look-up by fragments: loops over dictionaries."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from patchnet.patchnet_addon.cells.contract import fitting_level_of
+from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.light import light_cells as cells_module
+from patchnet.patchnet_addon.light import seen_cells as seen_module
+from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_OPACITY, STEPS, SurfelSums, SurfelSurface
+from patchnet.patchnet_addon.light.seen_cells import SeenCells
+from patchnet.patchnet_addon.light.sheets import Sheets
+from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS
+from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.surface.mesh import ShadingFn
+from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from patchnet.tests.references.first_hits import first_hits_reference, pixel_rays
+
+Place = tuple[int, int, int]  # cell, face, sheet
+_ALL = (1 << 64) - 1
+
+
+class Drawn(NamedTuple):
+    """Winner of a cell: its id, leaf, triangle and side; what the cell stands for, and the pixels that show it."""
+
+    id: int
+    leaf: int
+    triangle: int
+    side: int
+    share: float
+    pixels: float
+    rank: float
+
+
+class Cell(NamedTuple):
+    """Light (C,), noise and radiance of a light cell, and the pixels that show it."""
+
+    light: np.ndarray
+    noise: float
+    radiance: float
+    pixels: float
+
+
+class Spot(NamedTuple):
+    """Place of a cell's surfel in the octree's cube (3,), its normal (3,), and whether the cell is filtered."""
+
+    unit: np.ndarray
+    normal: np.ndarray
+    is_filtered: bool
+
+
+def mixed_reference(h: int, value: int) -> int:
+    """Finalizer of SplitMix64, in integers."""
+    h = (h * 0x9E3779B97F4A7C15 & _ALL) ^ value & _ALL
+    h = (h ^ h >> 30) * 0xBF58476D1CE4E5B9 & _ALL
+    h = (h ^ h >> 27) * 0x94D049BB133111EB & _ALL
+    return h ^ h >> 31
+
+
+def key_of(place: Place) -> int:
+    """Key of a light cell with its face and sheet."""
+    cell, face, sheet = place
+    return mixed_reference(mixed_reference(cell, face), sheet)
+
+
+def face_reference(direction: np.ndarray) -> int:
+    """Face of the cube that a direction faces most; of equal axes the first."""
+    axis = int(np.argmax(np.abs(direction)))
+    return 2 * axis + int(direction[axis] < 0.0)
+
+
+def _above(key: int, level: int, up: int) -> int:
+    return (key >> 3 * up) << 5 | level - up
+
+
+def _light_level(key: int, level: int, seen: Mapping[int, tuple[int, float]]) -> tuple[int, float]:
+    """Levels from a leaf up to its light cell, and pixels that show it: 0 if no camera sees the leaf."""
+    coarse = min(COARSE, level)
+    for up in range(level + 1):
+        if _above(key, level, up) in seen:
+            wanted, pixels = seen[_above(key, level, up)]
+            finer = max(level - wanted - coarse, 0)  # than the cell that shows the pixels
+            return min(max(level - wanted, min(1, level)), coarse), pixels / 4**finer
+    return coarse, 0.0
+
+
+def _eye_is_above(place: np.ndarray, normal: np.ndarray, eye: np.ndarray) -> bool:
+    return bool(normal @ (eye[:3] - eye[3] * place) > 0.0)
+
+
+def surfels_reference(
+    clipped: ClippedSurface, opacity: ShadingFn, sheets: Sheets, seen: SeenCells, eyes: np.ndarray
+) -> dict[Place, Drawn]:
+    """Winners by cell, face and sheet, of all fragments one by one."""
+    views = {int(cell): (int(level), float(pixels)) for cell, level, pixels in zip(*seen, strict=True)}
+    entries: dict[Place, list[Drawn]] = defaultdict(list)
+    for batch, fragments in clipped.parts():
+        normals = triangle_areas_and_normals(batch.corners_world)[1]
+        shown, level = opacity(batch, fragments)[1], fragments.level
+        for f in range(len(fragments)):
+            weight = float(fragments.area_world[f]) * float(shown[f])
+            if shown[f] < np.float32(1.0 / 255.0) or weight <= 0.0:
+                continue
+            key, t = int(fragments.keys[f]), int(fragments.triangle[f])
+            number = batch.first_triangle + t
+            one, two = (float(share) for share in fragments.barycentric[f])
+            start, first, second = batch.corners_world[t]
+            place = start + one * (first - start) + two * (second - start)
+            up_of_seen, pixels = _light_level(key, level, views)
+            for side, sign in enumerate((1.0, -1.0)):
+                if sheets.facing[number] == -sign:
+                    continue
+                coarse = min(COARSE, level)
+                above = [_eye_is_above(place, normals[t], eye) for eye in eyes]
+                ways = {coarse: 0.0}  # and their pixels
+                if pixels > 0.0 and (not len(eyes) or (side == 0) in above):
+                    ways[up_of_seen] = pixels
+                hashed = mixed_reference(mixed_reference(mixed_reference(key, level), number), side)
+                rank = float(np.float32(-math.log(((hashed >> 11) + 0.5) / 2.0**53) / weight))
+                for up, shows in ways.items():
+                    where = _above(key, level, up), face_reference(sign * normals[t]), int(sheets.sheet[number])
+                    mine = mixed_reference(key_of(where), hashed)
+                    entries[where].append(Drawn(mine, key << 5 | level, number, side, weight, shows, rank))
+    drawn = {}
+    for where, all_of_it in entries.items():
+        share, pixels = sum(one.share for one in all_of_it), max(one.pixels for one in all_of_it)
+        drawn[where] = min(all_of_it, key=lambda one: (one.rank, one.id))._replace(share=share, pixels=pixels)
+    return _of_few_sheets(drawn)
+
+
+def _of_few_sheets(drawn: dict[Place, Drawn]) -> dict[Place, Drawn]:
+    """Surfels of the MOST_SHEETS sheets of each cell and face with the lowest ranks."""
+    sheets: dict[tuple[int, int], list[Place]] = defaultdict(list)
+    for where in sorted(drawn, key=lambda where: (drawn[where].rank, drawn[where].id)):
+        sheets[where[:2]].append(where)
+    return {where: drawn[where] for own in sheets.values() for where in own[:MOST_SHEETS]}
+
+
+def seen_cells_reference(
+    octree: Octree, cameras: list[Camera], lookahead: int, side: int
+) -> dict[int, tuple[int, float]]:
+    """Level of light cells of each voxel that side x side rays of the cameras' pixels end in, and pixels of that around
+    it.
+    """
+    found: dict[int, tuple[int, float]] = {}
+    for camera in cameras:
+        row, column = (axis.ravel() for axis in np.mgrid[: camera.height_px, : camera.width_px])
+        unit = camera_in_unit_cube(camera, octree.grid)
+        for i in range(side):
+            for j in range(side):
+                x = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
+                y = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
+                node, t = first_hits_reference(octree, camera, x, y, 0.5 ** (lookahead + seen_module._FINER))
+                speed = pixel_rays(octree, camera, x, y)[2]
+                for ray in np.flatnonzero(node >= 0):
+                    level = int(octree.level_of(node[ray : ray + 1])[0])
+                    key = int(octree.keys(level)[node[ray] - octree.level_start[level]])
+                    pixel = unit.side_at_0 + unit.side_per_z * t[ray] * speed[ray]
+                    wanted = int(fitting_level_of(pixel)) + seen_module._BELOW_FITTING
+                    before, pixels = found.get(key << 5 | level, (wanted, 0.0))
+                    found[key << 5 | level] = max(before, wanted), pixels + 1.0 / side**2
+    around: dict[int, float] = defaultdict(float)
+    cells = {voxel: _cell_around(voxel, level) for voxel, (level, _) in found.items()}
+    for voxel, (_, pixels) in found.items():
+        around[cells[voxel]] += pixels
+    return {voxel: (level, around[cells[voxel]]) for voxel, (level, _) in found.items()}
+
+
+def _cell_around(voxel: int, wanted: int) -> int:
+    """Light cell of a wanted level around a voxel, which is above it, unless the voxel is the root."""
+    level = voxel & 31
+    return _above(voxel >> 5, level, max(level - wanted, min(1, level)))
+
+
+def light_cells_reference(
+    surfels: np.ndarray, surface: SurfelSurface, sums: SurfelSums, grid: Grid, *, filtered: bool
+) -> dict[Place, Cell]:
+    """Light cells by cell, face and sheet, with the means over sheets and faces."""
+    where_of = [tuple(int(one[name]) for name in ("cell", "face", "sheet")) for one in surfels]
+    unit, light, noise, spots = grid.to_unit(surface.place), {}, {}, {}
+    for i, where in enumerate(where_of):
+        spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]))
+        *color, opacity, squared = sums.light[i] / sums.samples[i]
+        if not opacity > MIN_OPACITY:
+            continue
+        light[where] = np.array(color) / opacity / surface.base[i]
+        moment, parts = squared / opacity / float(surface.base[i, 0]) ** 2, int(sums.measured[i])
+        apart = max(moment - light[where][0] ** 2, 0.0) / max(parts - 1, 1)
+        noise[where] = math.sqrt(apart if parts > 1 else moment)
+    assert len(spots) == len(surfels), "a cell, face and sheet has one surfel"
+    if filtered:
+        light, noise = filtered_reference(light, noise, spots)
+    else:  # a cell whose few paths all met darkness is as noisy as those around
+        noise = {where: max(noise[where], blurred_reference(where, light, noise, spots)[1]) for where in light}
+    cells, shares = {}, {}
+    for i, where in enumerate(where_of):
+        if where in light:
+            base, shares[where] = float(surface.base[i, 0]), float(surfels["share"][i])
+            cells[where] = Cell(light[where], noise[where] * base, light[where][0] * base, float(surfels["pixels"][i]))
+    return cells | _means(cells, shares)
+
+
+def _means(cells: dict[Place, Cell], shares: dict[Place, float]) -> dict[Place, Cell]:
+    """Means over the sheets of each cell and face, and over all of a cell, by area."""
+    members: dict[Place, list[Place]] = defaultdict(list)
+    for cell, face, sheet in cells:
+        members[cell, face, ANY_SHEET].append((cell, face, sheet))
+        members[cell, ANY_FACE, ANY_SHEET].append((cell, face, sheet))
+    means = {}
+    for where, own in members.items():
+        weight = np.array([shares[one] for one in own]) / sum(shares[one] for one in own)
+        light, noise, radiance, pixels = zip(*(cells[one] for one in own), strict=True)
+        means[where] = Cell(weight @ np.array(light), float(weight @ noise), float(weight @ radiance), max(pixels))
+    return means
+
+
+def filtered_reference(
+    light: Mapping[Place, np.ndarray], noise: Mapping[Place, float], spots: Mapping[Place, Spot]
+) -> tuple[dict[Place, np.ndarray], dict[Place, float]]:
+    """Light and noise of cells with light after all passes, among those of all surfels.
+
+    The guide that tells which neighbours are alike is the mean around each cell in the first pass, then the light.
+    """
+    guide = {where: blurred_reference(where, light, noise, spots) for where in light}
+    for step in STEPS:
+        weights: dict[Place, list[tuple[Place, float]]] = {where: [] for where in light}
+        for where in light:
+            for other, weight in neighbours_reference(where, step, spots):
+                if other in light:
+                    (one, noise_one), (two, noise_two) = guide[where], guide[other]
+                    sigma = cells_module._SIGMAS * math.hypot(noise_one, noise_two)
+                    sigma += cells_module._LEAST_NOISE * max(abs(one), abs(two)) + 1e-30
+                    weights[where].append((other, weight * math.exp(-(((two - one) / sigma) ** 2))))
+        total = {where: 1.0 + sum(weight for _, weight in of) for where, of in weights.items()}
+        smooth, left = {}, {}
+        for where, own in light.items():
+            smooth[where], rest, variance = np.zeros_like(own), 1.0, 0.0
+            for other, weight in weights[where]:
+                share = weight / max(total[where], total[other])
+                smooth[where], rest = smooth[where] + share * light[other], rest - share
+                variance += (share * noise[other]) ** 2
+            smooth[where] = smooth[where] + rest * own
+            left[where] = math.sqrt(variance + (rest * noise[where]) ** 2)
+        light, noise = smooth, left
+        guide = {where: (float(light[where][0]), noise[where]) for where in light}
+    return dict(light), dict(noise)
+
+
+def blurred_reference(
+    where: Place, light: Mapping[Place, np.ndarray], noise: Mapping[Place, float], spots: Mapping[Place, Spot]
+) -> tuple[float, float]:
+    """Mean luminance of a cell and the eight around it, and the noise of that."""
+    ways = [(other, weight) for other, weight in neighbours_reference(where, 1, spots) if other in light]
+    weights = np.array([1.0, *(weight for _, weight in ways)])
+    around = [where, *(other for other, _ in ways)]
+    mean = weights @ np.array([light[other][0] for other in around]) / weights.sum()
+    return float(mean), float(np.linalg.norm(weights * [noise[other] for other in around]) / weights.sum())
+
+
+def neighbours_reference(where: Place, step: int, spots: Mapping[Place, Spot]) -> list[tuple[Place, float]]:
+    """Cells around the eight points at a distance in the plane of a cell, or beside them along its face's axis, and
+    their weights.
+    """
+    cell, face, sheet = where
+    spot, level, found = spots[where], cell & 31, []
+    if not spot.is_filtered:
+        return []
+    axis = int(np.argmax(np.abs(spot.normal)))
+    one = np.zeros(3)
+    one[axis], one[(axis + 1) % 3] = -spot.normal[(axis + 1) % 3], spot.normal[axis]
+    one /= np.linalg.norm(one)
+    two = np.cross(spot.normal, one)
+    for across, up in itertools.product((-1, 0, 1), repeat=2):
+        if across == up == 0:
+            continue
+        point = spot.unit * (1 << level) + step * across * one + step * up * two
+        for beside in (0, 1, -1):
+            at = np.floor(point).astype(int) + beside * (np.arange(3) == face // 2)
+            if (at < 0).any() or (at >= 1 << level).any():
+                continue
+            other = int(morton_encode(at)) << 5 | level, face, sheet
+            if other in spots and spots[other].is_filtered:
+                weight = _in_one_plane(spot, spots[other]) * math.exp(-cells_module._DISTANCE * (across**2 + up**2))
+                if other != where and weight > cells_module._LEAST_WEIGHT:
+                    found.append((other, weight))
+                break
+    return found
+
+
+def _in_one_plane(one: Spot, other: Spot) -> float:
+    """Weight of the places and normals of two cells."""
+    apart, cosine = other.unit - one.unit, float(one.normal @ other.normal)
+    height = float(apart @ one.normal) ** 2 / max(float(apart @ apart), 1e-300)
+    return max(cosine, 0.0) ** 8 * math.exp(-9.0 * height)
+
+
+def lookup_reference(cells: Mapping[Place, Cell], key: int, level: int, face: int, sheet: int) -> Cell | None:
+    """Light cell above a leaf: the finest one of its sheet and face, then of its face, then the coarsest of all."""
+    above = [_above(key, level, up) for up in range(min(COARSE, level) + 1)]
+    ways = [(cell, face, sheet) for cell in above] + [(cell, face, ANY_SHEET) for cell in above]
+    return next((cells[way] for way in (*ways, (above[-1], ANY_FACE, ANY_SHEET)) if way in cells), None)
