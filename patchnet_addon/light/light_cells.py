@@ -24,12 +24,13 @@ from .surfels import BACK
 MIN_OPACITY = 1e-3  # of a surfel: below it, its paths met gaps alone
 LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
 ANY_SHEET, ANY_FACE = -2, 6  # of cells that hold the mean over all sheets, or all faces
-STEPS = 1, 2, 4  # distances of averaged cells, pass by pass
+STEPS = 1, 2, 4, 8  # distances of averaged cells, pass by pass
 _SIGMAS = 2.0  # largest difference of averaged cells, in its standard deviations
 _LEAST_NOISE = 0.01  # of the light
 _NOTHING = 1e-30
 _DISTANCE = 0.25  # decay of weights with the squared distance
 _LEAST_WEIGHT = 1e-3  # of a neighbour
+_NOISE_STEPS = 2  # passes over which noise is averaged first
 _AROUND = 8  # most neighbours at a distance
 
 
@@ -187,6 +188,10 @@ class CellGrid:
         squared = baked[:, -1] / opacity / base[:, 0].astype(np.float64) ** 2
         spread = np.maximum(squared - mean[:, 0].astype(np.float64) ** 2, 0.0) / np.maximum(sums.measured - 1, 1)
         noise = np.sqrt(np.where(sums.measured > 1, spread, squared)).astype(np.float32)
+        for near in self._neighbours[:_NOISE_STEPS]:
+            around = np.empty_like(noise)
+            run_parts(_spread, len(noise), near, there, noise, around)
+            noise = around
         guide, apart = mean[:, 0], noise
         for number, near in enumerate(self._neighbours):
             if number == 0:  # light and noise of a few paths are too rough to tell which neighbours are alike
@@ -341,6 +346,18 @@ def _alike(places, i, j):  # type: ignore[no-untyped-def]
     if cosine <= 0.0:
         return 0.0
     return cosine**8 * math.exp(-9.0 * height * height / max(length, 1e-300))
+
+
+@kernel
+def _spread(first, last, near, there, noise, out):  # type: ignore[no-untyped-def]
+    """Write the root of the mean variance of cells and their neighbours: that of a few paths is rough itself."""
+    for i in range(first, last):
+        total, count = float(noise[i]) ** 2, 1
+        for n in range(near.first[i], near.first[i + 1]):
+            if there[near.rows[n]] and there[i]:
+                total += float(noise[near.rows[n]]) ** 2
+                count += 1
+        out[i] = math.sqrt(total / count)
 
 
 @kernel

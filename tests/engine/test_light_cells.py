@@ -116,7 +116,7 @@ def test_neighbours_are_those_around_points_in_the_plane(step: int, seed: int) -
         expected = sorted(neighbours_reference(where, step, spots))
         assert [other for other, _ in found] == [other for other, _ in expected]
         np.testing.assert_allclose([weight for _, weight in found], [weight for _, weight in expected], rtol=1e-5)
-    assert len(near.rows) > 100
+    assert len(near.rows) > (100 if step < 8 else 20)
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -201,6 +201,7 @@ def light_cells_reference(
     if filtered:
         light, noise = filtered_reference(light, noise, spots)
     else:  # a cell whose few paths all met darkness is as noisy as those around
+        noise = spread_reference(noise, spots, STEPS[:1])
         noise = {where: max(noise[where], blurred_reference(where, light, noise, spots)[1]) for where in light}
     cells, shares = {}, {}
     for i, where in enumerate(where_of):
@@ -231,6 +232,7 @@ def filtered_reference(
 
     The guide that tells which neighbours are alike is the mean around each cell in the first pass, then the light.
     """
+    noise = spread_reference(noise, spots, STEPS[: cells_module._NOISE_STEPS])
     guide = {where: blurred_reference(where, light, noise, spots) for where in light}
     for step in STEPS:
         weights: dict[Place, list[tuple[Place, float]]] = {where: [] for where in light}
@@ -254,6 +256,19 @@ def filtered_reference(
         light, noise = smooth, left
         guide = {where: (float(light[where][0]), noise[where]) for where in light}
     return dict(light), dict(noise)
+
+
+def spread_reference(
+    noise: Mapping[Place, float], spots: Mapping[Place, Spot], steps: tuple[int, ...]
+) -> dict[Place, float]:
+    """Root of the mean variance of each cell with light and those around it, at one distance after the other."""
+    for step in steps:
+        wide = {}
+        for where in noise:
+            around = [noise[other] for other, _ in neighbours_reference(where, step, spots) if other in noise]
+            wide[where] = math.sqrt(float(np.mean(np.square([noise[where], *around]))))
+        noise = wide
+    return dict(noise)
 
 
 def blurred_reference(
