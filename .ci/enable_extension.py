@@ -72,7 +72,8 @@ def start_again(archive: str) -> None:
 
     bpy.ops.wm.read_userpref()
     expect_enabled()
-    importlib.import_module(f"{MODULE}.operators.render_engine.render_frame")  # as a render without a window does
+    for name in ("operators.render_engine.render_frame", "patchnet_addon.tracing.render"):  # as a render does
+        importlib.import_module(f"{MODULE}.{name}")
     import numba
 
     expect(bpy.utils.user_resource("EXTENSIONS") in str(numba.__file__), f"{numba.__file__} is the bundled one")
