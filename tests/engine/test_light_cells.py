@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.hashing import row_of_key
 from patchnet.patchnet_addon.light.light_cells import (
     ANY_FACE,
     ANY_SHEET,
     LEAST_BASE,
     MIN_OPACITY,
-    STEPS,
     CellGrid,
     LightCells,
     SurfelSums,

@@ -13,9 +13,10 @@ import numpy as np
 
 from patchnet.patchnet_addon.cells.contract import fitting_level_of
 from patchnet.patchnet_addon.cells.morton import morton_encode
-from patchnet.patchnet_addon.light import light_cells as cells_module
+from patchnet.patchnet_addon.light import cell_filter as cells_module
 from patchnet.patchnet_addon.light import seen_cells as seen_module
-from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_OPACITY, STEPS, SurfelSums, SurfelSurface
+from patchnet.patchnet_addon.light.cell_filter import STEPS
+from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_OPACITY, SurfelSums, SurfelSurface
 from patchnet.patchnet_addon.light.seen_cells import SeenCells
 from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ....patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import computed
@@ -36,9 +37,8 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
 # Triangles up to which a bake call has as many surfels: each reads the whole scene, so large scenes have few calls;
 # many give finer progress, and lose less when they are stopped.
 _CALL_SURFELS = ((200_000, 1 << 18), (1_000_000, 1 << 20), (np.inf, 1 << 22))
-FINE_LIGHT, LIGHT_NOISE, LIGHT_PATHS = "fine_light", "light_noise", "light_paths"  # entries of the octree's file
+LIGHT_PATHS = "light_paths"  # entry of the octree's file
 _code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # with its imports
-_LOOKING = Progress(0, 1, "Looking where cameras look")
 
 EachRound = Callable[["SurfaceLight"], Steps[None]]
 
