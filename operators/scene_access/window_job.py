@@ -33,6 +33,7 @@ _HANDLERS = {
 }
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
 _own_kinds: list[str] = []  # kinds of our running jobs
+_swallowed: list[str] = []  # Esc that the macro got in place of the job
 
 
 @contextmanager
@@ -43,6 +44,14 @@ def in_window(alive: bool) -> Iterator[None]:
         yield
     finally:
         _in_window.reset(token)
+
+
+def escaped(event: bpy.types.Event) -> bool:
+    """Return whether an event is Esc, or the macro below got one in place of whoever asks, once."""
+    if _swallowed:
+        _swallowed.clear()
+        return True
+    return event.type == "ESC" and event.value == "PRESS"
 
 
 def window_is_alive() -> bool:
@@ -77,6 +86,7 @@ def as_job(
     """
     ended: dict[str, float] = {}
     with _told(kind, ended):
+        _swallowed.clear()
         start()
         _own_kinds.append(kind)
         try:
@@ -143,8 +153,10 @@ class PATCHNET_OT_await_bake(bpy.types.Operator):
     bl_label = "Await Bake"
     bl_options: ClassVar[set[str]] = {"INTERNAL"}
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Begin to wait."""
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Begin to wait; no other operator gets the event that ended the step before, so an Esc is noted."""
+        if escaped(event):
+            _swallowed.append(event.type)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

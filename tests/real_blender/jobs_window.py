@@ -83,6 +83,16 @@ def use_blender_meanwhile() -> clicks.Session:
     seen["stopped"] = {"running": running(), "shown": shown(), "modal": modal()}
 
 
+def escape_at_once() -> clicks.Session:
+    """Esc as the first event after Cycles began, which the bake of Blender itself takes."""
+    choose(max_samples=LONG, noise_threshold=0.0001)
+    press("run_all")
+    while not bpy.app.is_job_running("OBJECT_BAKE"):
+        yield 0.0
+    yield from stop()
+    seen["at once"] = {"running": running(), "modal": modal()}
+
+
 def edit_meanwhile() -> clicks.Session:
     """A script changes what is baked: the job ends with a sentence, and keeps no light of a scene that is none."""
     yield from start(LONG)
@@ -174,7 +184,17 @@ def render() -> clicks.Session:
     seen["render"] = {"ended": ended, "mean": mean, "same voxels": result().octree is octree}
 
 
-PARTS = (prepare, use_blender_meanwhile, edit_meanwhile, undo_meanwhile, resume, reports, after_the_job, render)
+PARTS = (
+    prepare,
+    use_blender_meanwhile,
+    escape_at_once,
+    edit_meanwhile,
+    undo_meanwhile,
+    resume,
+    reports,
+    after_the_job,
+    render,
+)
 
 
 def session() -> clicks.Session:

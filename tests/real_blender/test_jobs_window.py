@@ -50,6 +50,10 @@ def test_escape_says_that_a_bake_goes_on(jobs: dict) -> None:
     assert jobs["stopped with"] and all(text == first or text.startswith(refined) for text in jobs["stopped with"])
 
 
+def test_escape_is_never_swallowed(jobs: dict) -> None:
+    assert jobs["at once"] == {"running": "", "modal": []}
+
+
 def test_jobs_leave_no_handler(jobs: dict) -> None:
     assert jobs["stopped"]["running"] == "" and jobs["stopped"]["modal"] == jobs["ended"]["modal"] == []
 
