@@ -125,6 +125,12 @@ def _prepare(scene: bpy.types.Scene) -> bool:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
     scene.timeline_markers.clear()
     cycles.use_adaptive_sampling = False
+    return denoise(scene)
+
+
+def denoise(scene: bpy.types.Scene) -> bool:
+    """Let Cycles denoise, if the build of Blender can; returns whether it does."""
+    cycles = scene.cycles
     try:
         import _cycles  # type: ignore[import-not-found]
     except ImportError:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -39,6 +40,9 @@ if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ...patchnet_addon.octree.leaf_levels import LeafLevels
     from ...patchnet_addon.octree.voxelize import ClippedSurface
     from ..state.scene_state import SceneState
+
+
+_FRAGMENTS_SHARE = 1 / 8  # of the memory, for the pieces of the surface in leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,13 +184,16 @@ def light_octree(
 
     each_round: takes the octree after each round of a bake but the last.
     """
+    from ...patchnet_addon.lod.depth import available_memory
     from ...patchnet_addon.octree.voxelize import ClippedSurface
 
     overrides, source, settings = surface.overrides, surface.source, surface.settings
     coarse = light_warnings(source, choice.grid) if surface.is_baked else ()
     clipping, color = Progress(0, 1, "Planning the voxels"), settings.light.color
+    keep_bytes = _FRAGMENTS_SHARE * (settings.compute.memory_bytes or available_memory())
     with clock.stage("voxelize"):
-        clipped = yield from computed(lambda: ClippedSurface(source, choice.grid, choice.layout, color=color), clipping)
+        cut = partial(ClippedSurface, source, choice.grid, choice.layout, keep_bytes=keep_bytes, color=color)
+        clipped = yield from computed(cut, clipping)
         turned = clipped
         if overrides.rotation:
             rotated = RotatedSource(source, random_rotation(overrides.rotation))

@@ -88,7 +88,7 @@ def stand_in_look(
 
     grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
     lit = yield from two_lights(source, settings.light)
-    clipped = yield from computed(lambda: ClippedSurface(source, grid, keeps=False), Progress(0, 1, "Voxelizing"))
+    clipped = yield from computed(lambda: ClippedSurface(source, grid, keep_bytes=0), Progress(0, 1, "Voxelizing"))
     octree = yield from build(clipped, lit, settings.changed(exposure=None), TWO_LIGHTS, {})
     yield from first_look(octree, camera, meanwhile, STAND_IN)
 

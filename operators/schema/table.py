@@ -94,7 +94,7 @@ _LIGHT = (
     Setting(
         "noise_threshold", "Noise Threshold",
         "Noise at which light is no longer refined, as in Cycles' own sampling; lower ones take longer",
-        LIGHT, Kind.NUMBER, 0.02, bounds.NOISE_THRESHOLD,
+        LIGHT, Kind.NUMBER, 0.03, bounds.NOISE_THRESHOLD,
         counts=_baked, argument="--noise-threshold", help="noise of pixels at which light is no longer refined",
         widget={"precision": 4, "step": 0.1},
     ),

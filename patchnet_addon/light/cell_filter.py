@@ -20,12 +20,12 @@ from .hashing import mixed, row_of_key
 from .seen_cells import LEVEL_BITS
 
 STEPS = 1, 2, 4, 8  # distances of averaged cells, pass by pass
-_SIGMAS = 2.0  # largest difference of averaged cells, in its standard deviations
+_SIGMAS = 3.0  # largest difference of averaged cells, in its standard deviations
 _LEAST_NOISE = 0.01  # of the light
 _NOTHING = 1e-30
 _DISTANCE = 0.25  # decay of weights with the squared distance
 _LEAST_WEIGHT = 1e-3  # of a neighbour
-_NOISE_STEPS = 2  # passes over which noise is averaged first
+NOISE_STEPS = 2  # distances over which noise is averaged
 _AROUND = 8  # most neighbours at a distance
 
 
@@ -51,31 +51,38 @@ class Places(NamedTuple):
 
 
 def filtered(
-    near_cells: Sequence[Neighbours], there: np.ndarray, mean: np.ndarray, noise: np.ndarray, *, smooths: bool
+    near_cells: Sequence[Neighbours], there: np.ndarray, light: np.ndarray, half: np.ndarray, *, smooths: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Light (N, C) and its noise (N,) after all passes, one for each distance; without `smooths`, noise alone changes.
 
-    there: (N,) bool, cells with light.
+    there: (N,) bool, cells with light. half: (N,) float32, half the difference of their luminance in two parts of the
+    paths. It passes through the same filter, so that its mean square over cells around is the variance that is left.
     """
-    for near in near_cells[:_NOISE_STEPS]:
-        around = np.empty_like(noise)
-        run_parts(_spread, len(noise), near, there, noise, around)
-        noise = around
-    guide, apart = mean[:, 0], noise
+    values = np.concatenate([light, half[:, None]], axis=1)
+    noise = _noise(near_cells[:NOISE_STEPS], there, values)
+    if not smooths:
+        return light, np.maximum(noise, np.abs(half))
+    guide, apart = np.empty_like(noise), np.empty_like(noise)
     for number, near in enumerate(near_cells):
         if number == 0:  # light and noise of a few paths are too rough to tell which neighbours are alike
-            guide, apart = np.empty_like(noise), np.empty_like(noise)
-            run_parts(_blur, len(noise), near, there, mean, noise, guide, apart)
-        if not smooths:  # a cell whose few paths all met darkness is as noisy as those around
-            noise = np.maximum(noise, apart)
-            continue
-        smooth, left = np.empty_like(mean), np.empty_like(noise)
-        weights, totals = np.empty(len(near.rows), np.float32), np.empty_like(noise)
-        run_parts(_weigh, len(mean), near, there, guide, apart, weights, totals)
-        run_parts(_filter, len(mean), near, weights, totals, (mean, noise), smooth, left)
-        mean, noise = smooth, left
-        guide, apart = np.ascontiguousarray(mean[:, 0]), noise
-    return mean, noise
+            run_parts(_blur, len(noise), near, there, light, noise, guide, apart)
+        weights, totals, smooth = np.empty(len(near.rows), np.float32), np.empty_like(noise), np.empty_like(values)
+        run_parts(_weigh, len(noise), near, there, guide, apart, weights, totals)
+        run_parts(_filter, len(noise), near, weights, totals, values, smooth)
+        values = smooth
+        noise = _noise(near_cells[number : number + NOISE_STEPS], there, values)
+        guide, apart = np.ascontiguousarray(values[:, 0]), noise
+    return np.ascontiguousarray(values[:, :-1]), noise
+
+
+def _noise(near_cells: Sequence[Neighbours], there: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Noise (N,) float32 of cells: root of the mean square of the last column over their neighbours, pass by pass."""
+    variance = values[:, -1] ** 2
+    for near in near_cells:
+        around = np.empty_like(variance)
+        run_parts(_spread, len(variance), near, there, variance, around)
+        variance = around
+    return np.sqrt(variance)
 
 
 def neighbours(keys: np.ndarray, slots: np.ndarray, places: Places, step: int) -> Neighbours:
@@ -165,15 +172,15 @@ def _alike(places, i, j):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _spread(first, last, near, there, noise, out):  # type: ignore[no-untyped-def]
-    """Write the root of the mean variance of cells and their neighbours: that of a few paths is rough itself."""
+def _spread(first, last, near, there, variance, out):  # type: ignore[no-untyped-def]
+    """Write the mean variance of cells and their neighbours: that of a few paths is rough itself."""
     for i in range(first, last):
-        total, count = float(noise[i]) ** 2, 1
+        total, count = float(variance[i]), 1
         for n in range(near.first[i], near.first[i + 1]):
             if there[near.rows[n]] and there[i]:
-                total += float(noise[near.rows[n]]) ** 2
+                total += variance[near.rows[n]]
                 count += 1
-        out[i] = math.sqrt(total / count)
+        out[i] = total / count
 
 
 @kernel
@@ -210,25 +217,22 @@ def _weigh(first, last, near, there, guide, apart, weights, totals):  # type: ig
 
 
 @kernel
-def _filter(first, last, near, weights, totals, values, smooth, left):  # type: ignore[no-untyped-def]
-    """Write means over neighbours of light (N, C), and the noise that is left; values: light, and its noise (N,).
+def _filter(first, last, near, weights, totals, values, smooth):  # type: ignore[no-untyped-def]
+    """Write means over neighbours of values (N, C).
 
     Two cells exchange equal shares, so that their sum stays: else cells that few others agree with, the bright ones of
     a few paths, would count less.
     """
-    light, noise = values
-    channels = light.shape[1]
+    channels = values.shape[1]
     sums = np.empty(channels)
     for i in range(first, last):
-        own, variance = 1.0, 0.0
+        own = 1.0
         sums[:] = 0.0
         for n in range(near.first[i], near.first[i + 1]):
             row = near.rows[n]
             share = float(weights[n]) / max(float(totals[i]), float(totals[row]))
             own -= share
-            variance += share * share * float(noise[row]) ** 2
             for c in range(channels):
-                sums[c] += share * light[row, c]
-        left[i] = math.sqrt(variance + own * own * float(noise[i]) ** 2)
+                sums[c] += share * values[row, c]
         for c in range(channels):
-            smooth[i, c] = sums[c] + own * light[i, c]
+            smooth[i, c] = sums[c] + own * values[i, c]

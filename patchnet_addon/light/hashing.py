@@ -21,8 +21,8 @@ def mixed(h, value):  # type: ignore[no-untyped-def]
 
 
 def slots_for(count: int) -> np.ndarray:
-    """Empty slots (a power of two,) int64 for `count` keys, twice as many at least."""
-    return np.zeros(1 << max(2 * count, 2).bit_length(), np.int64)
+    """Empty slots (a power of two,) int32 for `count` keys, twice as many at least."""
+    return np.zeros(1 << max(2 * count, 2).bit_length(), np.int32)
 
 
 @device

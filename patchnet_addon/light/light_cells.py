@@ -14,7 +14,7 @@ from ..runtime.kernels import kernel
 from ..surface.mesh import Fragments, MeshSource
 from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
-from .cell_filter import STEPS, Neighbours, Places, filtered, neighbours
+from .cell_filter import NOISE_STEPS, STEPS, Neighbours, Places, filtered, neighbours
 from .hashing import fill_slots, mixed, slots_for
 from .surfels import BACK
 
@@ -103,24 +103,22 @@ def surface_of_surfels(
 class SurfelSums(NamedTuple):
     """Sums over the paths of N surfels.
 
-    light: (N, C) float64, luminance, with colour red, green and blue, all times opacity, opacity, and squared luminance
-    times opacity. samples: (N,), their number. measured: (N,), of parts that they are measured in.
+    light: (N, C) float64, luminance, with colour red, green and blue, all times opacity, opacity, and half the
+    difference of luminance times opacity in two parts of them. samples: (N,), their number.
     """
 
     light: np.ndarray
     samples: np.ndarray
-    measured: np.ndarray
 
     @staticmethod
     def zeros(count: int, channels: int) -> SurfelSums:
         """Sums over no paths."""
-        return SurfelSums(np.zeros((count, channels)), np.zeros(count, np.int64), np.zeros(count, np.int64))
+        return SurfelSums(np.zeros((count, channels)), np.zeros(count, np.int64))
 
-    def add(self, surfels: np.ndarray, means: np.ndarray, samples: int, parts: int = 2) -> None:
-        """Add means (n, C) over `samples` paths of surfels (n,), in so many parts."""
+    def add(self, surfels: np.ndarray, means: np.ndarray, samples: int) -> None:
+        """Add means (n, C) over `samples` paths of surfels (n,)."""
         self.light[surfels] += means.astype(np.float64) * samples
         self.samples[surfels] += samples
-        self.measured[surfels] += parts
 
 
 class CellGrid:
@@ -143,7 +141,7 @@ class CellGrid:
             slots = slots_for(len(cell))
             fill_slots(slots, self._keys, np.arange(len(cell)))
             self._neighbours = [
-                neighbours(self._keys, slots, places, step) for step in (STEPS if filtered else STEPS[:1])
+                neighbours(self._keys, slots, places, step) for step in (STEPS if filtered else STEPS[:NOISE_STEPS])
             ]
 
     def light(self, sums: SurfelSums) -> LightCells:
@@ -152,11 +150,8 @@ class CellGrid:
         there = baked[:, -2] > MIN_OPACITY
         opacity = np.where(there, baked[:, -2], np.inf)
         mean = (baked[:, :-2] / opacity[:, None] / base).astype(np.float32)
-        # The variance of a mean of parts is that between them over their number less one.
-        squared = baked[:, -1] / opacity / base[:, 0].astype(np.float64) ** 2
-        spread = np.maximum(squared - mean[:, 0].astype(np.float64) ** 2, 0.0) / np.maximum(sums.measured - 1, 1)
-        noise = np.sqrt(np.where(sums.measured > 1, spread, squared)).astype(np.float32)
-        mean, noise = filtered(self._neighbours, there, mean, noise, smooths=self._is_filtered)
+        half = (baked[:, -1] / opacity / base[:, 0]).astype(np.float32)
+        mean, noise = filtered(self._neighbours, there, mean, half, smooths=self._is_filtered)
         share, pixels = np.where(there, self._share, 0.0), np.where(there, self._pixels, np.float32(0.0))
         return self._with_means([mean, noise * base[:, 0], mean[:, 0] * base[:, 0], pixels], share)
 

@@ -19,8 +19,9 @@ from ..tracing.camera import Camera, camera_in_unit_cube
 LEVEL_BITS = 5  # of a cell: its Morton key << 5 | its level
 ABOVE_LEAVES = 1  # least levels of light cells above the leaves
 _FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
-_BELOW_FITTING = 1  # level of light cells below that of the voxel that fits a pixel
-_RAYS, _RAYS_OF_TRACKS, _MOST_STILLS = 4, 2, 4  # rays along a pixel's side; most cameras that get the first number
+_MOST_STILLS = 4  # cameras; more are a track, most of whose frames see a place from farther away than the nearest
+_RAYS, _RAYS_OF_TRACKS = 4, 1  # along a pixel's side
+_BELOW, _BELOW_OF_TRACKS = 1, 0  # level of light cells below that of the voxel that fits a pixel
 _ROWS = 64
 LABEL = "Looking where cameras look"
 
@@ -57,11 +58,11 @@ def seen_cells(
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Steps[SeenCells]:
-    """Leaves in which rays of all cameras end, 16 rays a pixel, 4 for more than four cameras.
+    """Leaves in which rays of all cameras end: 16 rays a pixel, one for more than four cameras.
 
     lookahead: levels, of the weights in use.
     """
-    side = _RAYS if len(cameras) <= _MOST_STILLS else _RAYS_OF_TRACKS
+    side, below = (_RAYS, _BELOW) if len(cameras) <= _MOST_STILLS else (_RAYS_OF_TRACKS, _BELOW_OF_TRACKS)
     offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
     found = _none()
     for number, camera in enumerate(cameras):
@@ -74,7 +75,7 @@ def seen_cells(
                 hit = np.flatnonzero(stops.wanted > 0)
                 keys = morton_encode(stops.cell[hit])
                 cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
-                level = stops.wanted[hit].astype(np.int64) - lookahead + _BELOW_FITTING
+                level = stops.wanted[hit].astype(np.int64) - lookahead + below
                 parts.append(SeenCells(cells, level, np.full(len(hit), 1.0 / side**2, np.float32)))
             yield Progress(number * camera.height_px + rows[1], len(cameras) * camera.height_px, LABEL)
         found = _joined([found, _joined(parts)])

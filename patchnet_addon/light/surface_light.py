@@ -18,7 +18,7 @@ from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .hashing import mixed, row_of_key
 from .light_cells import ANY_FACE, ANY_SHEET, LEAST_BASE, LightCells
-from .seen_cells import LEVEL_BITS
+from .seen_cells import ABOVE_LEAVES, LEVEL_BITS
 from .sheets import Sheets
 from .surfels import BACK, COARSE, FRONT
 
@@ -115,10 +115,13 @@ def _back_share(light: np.ndarray, where: np.ndarray, facing: np.ndarray, throug
 
 def _mean(lights: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Light (F, C) of both sides (F, 2, C), blended with the share (F,) of the back."""
-    luminance, hue, back = lights[..., :1], lights[..., 1:], share[:, None]
-    scale = luminance / np.maximum(hue @ REC709[:, None], _LEAST_LIGHT) if hue.shape[-1] else luminance[..., :0]
-    light = np.concatenate([luminance, hue * scale], axis=-1)
-    return np.asarray((1.0 - back) * light[:, FRONT] + back * light[:, BACK], np.float32)
+    hue = lights[..., 1:]
+    weights = np.stack([np.float32(1.0) - share, share], axis=1)
+    mean = np.einsum("fs,fs->f", weights, lights[..., 0])[:, None]
+    if not hue.shape[-1]:
+        return mean
+    scale = lights[..., 0] / np.maximum(hue @ REC709, _LEAST_LIGHT)
+    return np.concatenate([mean, np.einsum("fs,fsc->fc", weights * scale, hue)], axis=1)
 
 
 @device
@@ -131,7 +134,7 @@ def _look_up(first, last, places, surface, cells, lights, where):  # type: ignor
     """Write the light of both sides of fragments, and where it was found. places: their keys, triangles and level."""
     key, triangle, level = places
     keys, slots, light = cells.keys, cells.slots, cells.light
-    top = min(COARSE, level)
+    low, top = min(ABOVE_LEAVES, level), min(COARSE, level)
     for f in range(first, last):
         t = triangle[f]
         for side in range(2):
@@ -139,12 +142,12 @@ def _look_up(first, last, places, surface, cells, lights, where):  # type: ignor
                 continue
             face = np.int64(surface.face[t]) ^ side
             row = np.int64(-1)
-            for up in range(top + 1):
+            for up in range(low, top + 1):
                 cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
                 row = _found(keys, slots, cell, face, surface.sheet[t])
                 if row >= 0:
                     break
-            for up in range(top + 1):
+            for up in range(low, top + 1):
                 if row < 0:
                     cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
                     row = _found(keys, slots, cell, face, ANY_SHEET)

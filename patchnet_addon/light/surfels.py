@@ -24,7 +24,7 @@ from .seen_cells import ABOVE_LEAVES, LEVEL_BITS, SeenCells
 from .sheets import Sheets
 
 COARSE = 4  # levels of light cells above the leaves, where no camera looks
-MOST_SHEETS = 4  # of a cell and face; the light of further ones is the mean of these
+MOST_SHEETS, UNSEEN_SHEETS = 4, 2  # of a cell and face, where cameras look and elsewhere; others have their mean light
 FRONT, BACK = 0, 1
 _MIN_OPACITY = 1.0 / 255.0
 _LAST = np.uint64(2**64 - 1)
@@ -218,11 +218,11 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
 
 
 def _capped(rows: np.ndarray) -> np.ndarray:
-    """Surfels of at most MOST_SHEETS sheets of each cell and face, those that the lottery drew first, in order."""
+    """Surfels of few sheets of each cell and face, those that the lottery drew first, in order."""
     order = np.lexsort((rows["id"], rows["rank"], rows["face"], rows["cell"]))
     rows = rows[order]
     changed = np.ones(len(rows), bool)
     changed[1:] = (rows["cell"][1:] != rows["cell"][:-1]) | (rows["face"][1:] != rows["face"][:-1])
     start = np.flatnonzero(changed)
     place = np.arange(len(rows)) - np.repeat(start, np.diff(np.append(start, len(rows))))
-    return rows[place < MOST_SHEETS]
+    return rows[place < np.where(rows["pixels"] > 0.0, MOST_SHEETS, UNSEEN_SHEETS)]

@@ -241,7 +241,7 @@ def fit_leaf_levels(
     block_level = min(BLOCK_LEVEL, deepest)
     grid = replace(grid, depth=deepest)
     layout = LeafLevels.uniform(block_level, block_level)
-    leaves = yield from leaf_keys_of(ClippedSurface(source, grid, layout, keeps=False), shade)
+    leaves = yield from leaf_keys_of(ClippedSurface(source, grid, layout, keep_bytes=0), shade)
     if not leaves:
         raise GeometryError("No opaque surface is left to voxelize: all triangles are fully transparent")
     surface = leaves[block_level]
@@ -292,7 +292,7 @@ def _changed(
         level: keys[~different[keys >> np.uint64(3 * (level - before.block_level))]] for level, keys in leaves.items()
     }
     changed = LeafLevels(np.where(different, after.levels, np.uint8(0)))
-    made = yield from leaf_keys_of(ClippedSurface(source, grid, changed, keeps=False), shade)
+    made = yield from leaf_keys_of(ClippedSurface(source, grid, changed, keep_bytes=0), shade)
     together = {level: _merged(kept.get(level), made.get(level)) for level in {*kept, *made}}
     return {level: keys for level, keys in together.items() if len(keys)}
 

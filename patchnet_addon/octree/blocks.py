@@ -81,12 +81,16 @@ def plan_passes(
     """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
+    filled = np.flatnonzero(load)
+    load = load[filled]
     total = float(load.sum())
     passes = max(int(np.ceil(total / max_fragments)), 1)
     shares = max(min(cores, int(total / passes / MIN_SHARE)), 1)
     # A block belongs to the range of its middle fragment, so that rounding leaves no empty range.
     number = np.minimum((np.cumsum(load) - load / 2) * (passes * shares / max(total, 1.0)), passes * shares - 1)
-    cuts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))
+    starts = np.searchsorted(number.astype(np.int64), np.arange(passes * shares + 1))
+    cuts = np.append(filled, len(blocks.levels))[starts]
+    cuts[0] = 0
     ranges = [BlockRange(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
     return [ranges[first : first + shares] for first in range(0, len(ranges), shares)]
 

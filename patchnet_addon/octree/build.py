@@ -108,7 +108,7 @@ def build_octree(
     rays meet structures thinner than a voxel at their place (methods 4.1d); luminance by direction is stored for nodes
     whose sides differ (`sides.py`). Raises GeometryError without opaque surface.
     """
-    clipped = ClippedSurface(source, grid, layout, block_fragments=block_fragments, keeps=False)
+    clipped = ClippedSurface(source, grid, layout, block_fragments=block_fragments, keep_bytes=0)
     return (yield from build_clipped(clipped, shade, exposure=exposure, provenance=provenance, detail=detail))
 
 

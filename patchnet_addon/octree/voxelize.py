@@ -30,6 +30,7 @@ Watch = Callable[[TriangleBatch, Fragments, np.ndarray], None]
 
 # Fragments whose leaves are summed at a time; a leaf takes 75 to 200 bytes meanwhile.
 BLOCK_FRAGMENTS = 16_000_000
+KEPT_BYTES = 40  # of a fragment that is kept
 _BATCHES_AHEAD = 2
 
 
@@ -76,7 +77,7 @@ def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, n
 
 
 class ClippedSurface:
-    """Surface on a grid, cut into the fragments of its leaves once, if all of them fit into one pass.
+    """Surface on a grid, cut into the fragments of its leaves once, if all of them may be kept.
 
     Otherwise each `voxelize` clips it again. passes: the planned ones, see `plan_passes`.
     """
@@ -88,25 +89,25 @@ class ClippedSurface:
         layout: LeafLevels | None = None,
         *,
         block_fragments: int = BLOCK_FRAGMENTS,
-        keeps: bool = True,
+        keep_bytes: float = BLOCK_FRAGMENTS * KEPT_BYTES,
         color: bool = False,
     ) -> None:
         """Plan the passes; reads the triangles once.
 
         layout: the leaves' levels, at most the grid's depth; None: all on that level. block_fragments: about as many
-        are in memory at a time; for more, there are several passes over blocks of space. keeps: keep fragments, with
-        their base luminance and opacity, that fit into one pass. color: `table` has colour.
+        have their leaves in memory at a time; for more, there are several passes over blocks of space. keep_bytes: of
+        fragments, with their base luminance and opacity, if they take no more; 0 for none. color: `table` has colour.
         """
         self.source, self.grid = source, grid
         self.layout = layout or LeafLevels.uniform(grid.depth)
         self.passes = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
         self._kept: dict[tuple[int, int], list[Fragments]] = {}
-        self._keeps, self._color = keeps and len(self.passes) == 1, color
+        self._keeps, self._color = len(self.passes) * block_fragments * KEPT_BYTES <= keep_bytes, color
 
     def fragments(
         self, share: int, batch: TriangleBatch, areas_world: np.ndarray, cells: dict[int, CellSet]
     ) -> Iterator[Fragments]:
-        """Fragments of a batch, with areas (T,), in the cells of a share of a pass, level by level."""
+        """Fragments of a batch, with areas (T,), in the cells of a share of all passes, level by level."""
         number = share, batch.first_triangle
         kept = self._kept.get(number) if self._keeps else self._kept.pop(number, None)
         if kept is not None:
@@ -139,11 +140,11 @@ class ClippedSurface:
 
     def parts(self) -> Iterator[tuple[TriangleBatch, Fragments]]:
         """All fragments, batch by batch, in a fixed order."""
-        for ranges in self.passes:
+        for number, ranges in enumerate(self.passes):
             cells = [blocks.cells() for blocks in ranges]
             for batch in self.source.batches():
                 areas, _ = triangle_areas_and_normals(batch.corners_world)
-                for share, wanted in enumerate(cells):
+                for share, wanted in enumerate(cells, number * len(ranges)):
                     for fragments in self.fragments(share, batch, areas, wanted):
                         yield batch, fragments
 
@@ -168,7 +169,7 @@ def voxelize(
     source, grid, passes = clipped.source, clipped.grid, clipped.passes
     for number, ranges in enumerate(passes):
         shares = []
-        for index, blocks in enumerate(ranges):
+        for index, blocks in enumerate(ranges, number * len(ranges)):
             cells = blocks.cells()
             leaves: dict[int, LeafAccumulator | OccupiedCells] = {
                 level: OccupiedCells()

@@ -35,7 +35,7 @@ def baked(samples: int, seed: int = 0) -> tuple[BakedSurfels, np.ndarray]:
     found = bake_surfels(samples, DEPTH, seed, gloss="off")
     found = found.only((found.surfels["side"] == 0) & (found.surfels["area"] > 0.9 * (2.0 / 2**DEPTH) ** 2))
     assert len(found.surfels) > 100
-    return found, np.sqrt(np.maximum(found.squared - found.luminance**2, 0.0))
+    return found, np.abs(found.half)
 
 
 def test_noise_is_that_of_the_paths() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet bench walkthrough` and `patchnet bench bake`."""
+"""`patchnet bench walkthrough`, `patchnet bench bake` and `patchnet bench preview`."""
 
 import json
 import math
@@ -58,3 +58,12 @@ def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
     for call, render in zip(values["calls"], values["renders"], strict=True):
         assert min(call["processor_s"], render["processor_s"]) > 0
         assert 0.8 < render["paths"] / call["paths"] < 1.25
+
+
+def test_seconds_until_a_lit_picture(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["bench", "preview", "--scene", "room", "--camera", "Front", "--size", "24", "16", "--cycles-samples", "2"]
+    assert main([*words, "--json"]) == 0
+    values = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert 0.0 < values["ours"] <= values["whole_s"] and values["peer"] > 0.0
+    assert values["noise"]["last"] <= values["noise"]["first"] and values["paths_per_pixel"] > 1.0
+    assert values["camera"] == "Front" and values["size"] == [24, 16] and values["voxels"] > 1000

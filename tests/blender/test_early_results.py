@@ -2,6 +2,7 @@
 """Results of Preview Selection after each round of its light, as in a window: kept, shown, and refined further."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from patchnet.operators import overlay
+from patchnet.operators.cycles.bake import bake as bake_module
+from patchnet.operators.cycles.bake.bake import LIGHT_PATHS
 from patchnet.operators.jobs.job_operator import JobOperator
 from patchnet.operators.render_engine.coarse_light import COARSE
 from patchnet.operators.render_engine.viewport import Viewport
@@ -77,7 +80,11 @@ def images() -> set[str]:
     return {image.name for image in bpy.data.images if "patchnet_result" in image}
 
 
-def test_each_round_is_kept_and_shown(job: Job, scene: bpy.types.Scene, cache: Path) -> None:
+@pytest.mark.parametrize(("clock", "shown"), [(range(9), 2), ([0, 1, 9, 10, 11], 1)], ids=["quick", "slow"])
+def test_each_round_is_kept_and_shown_unless_showing_takes_longer(
+    job: Job, scene: bpy.types.Scene, cache: Path, monkeypatch: pytest.MonkeyPatch, clock: Sequence[int], shown: int
+) -> None:
+    monkeypatch.setattr(bake_module, "time", SimpleNamespace(perf_counter=iter(clock).__next__))
     seen: list[SceneResult] = []
     for _ in job.steps():
         found = results.result_of(scene)
@@ -87,8 +94,8 @@ def test_each_round_is_kept_and_shown(job: Job, scene: bpy.types.Scene, cache: P
             assert any("is being refined" in text for text in drawn(PATCHNET_PT_main))
             assert not list((cache / "octrees").glob("*")), "none is written"
     final = results.voxels_of(scene)
-    noise = [each.octree.provenance[LIGHT_NOISE] for each in (*seen, final)]
-    assert len(seen) == 2 and noise == sorted(noise, reverse=True) and noise[-1] < noise[0]
+    paths, noise = ([each.octree.provenance[name] for each in (*seen, final)] for name in (LIGHT_PATHS, LIGHT_NOISE))
+    assert len(seen) == shown and np.diff(paths).min() > 0 and 0.0 < min(noise) < max(noise) < 0.01
     assert not final.unfinished and final.comparison is not None and list((cache / "octrees").glob("*"))
     assert not any("Light of noise" in text for text in drawn(PATCHNET_PT_main))
     assert any(text.startswith("Fine light on ") for text in drawn(PATCHNET_PT_light))

@@ -92,8 +92,8 @@ def plain_surface(surfels: np.ndarray, places: np.ndarray, base: float = 1.0) ->
 
 def sums_of(light: np.ndarray, opacity: np.ndarray | float = 1.0, samples: int = 8) -> SurfelSums:
     """Sums of surfels whose paths, in two parts, brought light (N, 2) in luminance; each through `opacity`."""
-    mean, squared = light.mean(axis=1) * opacity, (light**2).mean(axis=1) * opacity
+    mean, half = light.mean(axis=1) * opacity, 0.5 * (light[:, 0] - light[:, 1]) * opacity
     sums = SurfelSums.zeros(len(light), 3)
-    means = np.stack([mean, np.broadcast_to(opacity, mean.shape), squared], axis=1)
-    sums.add(np.arange(len(light)), means, samples, 2)
+    means = np.stack([mean, np.broadcast_to(opacity, mean.shape), half], axis=1)
+    sums.add(np.arange(len(light)), means, samples)
     return sums

@@ -21,7 +21,7 @@ from .light_samples import random_layout, random_surface
 from .mesh_samples import even
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
-KEPT, IN_PASSES, CUT_AGAIN = {}, {"block_fragments": 500}, {"keeps": False}
+KEPT, IN_PASSES, CUT_AGAIN = {}, {"block_fragments": 500}, {"block_fragments": 500, "keep_bytes": 0}
 WAYS = pytest.mark.parametrize("settings", [KEPT, IN_PASSES, CUT_AGAIN], ids=["kept", "passes", "again"])
 
 
@@ -59,7 +59,7 @@ def test_octrees_have_the_same_bits(
     detail = LeafDetail(boxes=True, sides=True, facing=sheets.facing)
     expected = drain(build_octree(source, GRID, even(), layout=layout, exposure=1.0, detail=detail))
     clipped = ClippedSurface(source, GRID, layout, **settings)
-    assert (len(clipped.passes) > 1) == (settings is IN_PASSES)
+    assert (len(clipped.passes) > 1) == (settings is not KEPT)
     keys = drain(leaf_keys_of(clipped, even()))
     assert sum(map(len, keys.values())) == (expected.child_mask == 0).sum()
     for _ in range(2):
@@ -70,7 +70,7 @@ def test_octrees_have_the_same_bits(
 def test_parts_are_the_fragments_of_one_cut(surface: tuple[TriangleMesh, Sheets], settings: dict) -> None:
     source, _ = surface
     layout = random_layout(7)
-    expected = pieces(ClippedSurface(source, GRID, layout, keeps=False))
+    expected = pieces(ClippedSurface(source, GRID, layout, keep_bytes=0))
     assert len(expected) == len({piece[1:3] for piece in expected}) > 900
     clipped = ClippedSurface(source, GRID, layout, **settings)
     assert pieces(clipped) == expected
@@ -78,8 +78,11 @@ def test_parts_are_the_fragments_of_one_cut(surface: tuple[TriangleMesh, Sheets]
     assert pieces(clipped) == expected
 
 
-def test_what_is_kept_is_not_cut_again(surface: tuple[TriangleMesh, Sheets], monkeypatch: pytest.MonkeyPatch) -> None:
-    clipped = ClippedSurface(surface[0], GRID)
+@pytest.mark.parametrize("settings", [KEPT, IN_PASSES], ids=["kept", "passes"])
+def test_what_is_kept_is_not_cut_again(
+    surface: tuple[TriangleMesh, Sheets], monkeypatch: pytest.MonkeyPatch, settings: dict
+) -> None:
+    clipped = ClippedSurface(surface[0], GRID, **settings)
     drain(leaf_keys_of(clipped, even()))
     monkeypatch.setattr(voxelizer, "clip_batch", None)
     assert pieces(clipped)

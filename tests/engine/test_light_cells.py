@@ -42,7 +42,7 @@ def light_of(
 
 
 def random_bake(seed: int, *, color: bool) -> tuple[np.ndarray, SurfelSurface, SurfelSums]:
-    """Surfels of a random surface with light through gaps, of some in one part, of a third of the cells without any."""
+    """Surfels of a random surface with light through gaps, of a third of the cells without any."""
     rng = np.random.default_rng(seed)
     source, sheets = random_surface(seed)
     surfels = surfels_of(source, sheets, grid=replace(FLAT_GRID, depth=5))
@@ -59,7 +59,8 @@ def random_bake(seed: int, *, color: bool) -> tuple[np.ndarray, SurfelSurface, S
         mine = np.flatnonzero(rng.random(count) < 1.0 / part)
         opacity = rng.choice([1.0, 0.3, 1e-5], (len(mine), 1)) * ((surfels["cell"][mine, None] >> np.uint64(5)) % 3 > 0)
         light = rng.uniform(0.8, 1.2, (len(mine), channels)) * opacity
-        sums.add(mine, np.concatenate([light, opacity, 1.1 * light[:, :1]], axis=1), 4 * part, int(rng.integers(1, 3)))
+        half = rng.normal(scale=0.2, size=(len(mine), 1)) * opacity
+        sums.add(mine, np.concatenate([light, opacity, half], axis=1), 4 * part)
     return surfels, surface, sums
 
 
@@ -156,10 +157,10 @@ def test_cells_of_a_wall_have_all_their_neighbours(axis: int, facing: int, round
 
 def test_sums_are_means_over_all_paths() -> None:
     sums = SurfelSums.zeros(3, 2)
-    sums.add(np.array([0, 2]), np.array([[1.0, 2.0], [3.0, 4.0]], np.float32), 4, 2)
-    sums.add(np.array([2]), np.array([[6.0, 1.0]], np.float32), 8, 1)
+    sums.add(np.array([0, 2]), np.array([[1.0, 2.0], [3.0, 4.0]], np.float32), 4)
+    sums.add(np.array([2]), np.array([[6.0, 1.0]], np.float32), 8)
     np.testing.assert_allclose(sums.light, [[4, 8], [0, 0], [60, 24]])
-    assert sums.samples.tolist() == [4, 0, 12] and sums.measured.tolist() == [2, 0, 3]
+    assert sums.samples.tolist() == [4, 0, 12]
 
 
 def textured() -> TriangleMesh:
@@ -223,10 +224,7 @@ def wall(*heights: float, facing: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_noisy_wall_becomes_smooth() -> None:
-    """The filter leaves a fourth of the error at most.
-
-    Its noise is at most that error, and a fourth at least: passes take each other's neighbours for independent.
-    """
+    """The filter leaves an eighth of the error at most; its noise tells that error, or half of it at least."""
     surfels, places = wall(0.3)
     surface = plain_surface(surfels, places, 0.5)
     light = 1.0 + 0.4 * np.random.default_rng(0).normal(size=(len(surfels), 2))
@@ -237,8 +235,8 @@ def test_a_noisy_wall_becomes_smooth() -> None:
         error[filtered] = np.sqrt(np.mean((cells.radiance[rows] - 1.0) ** 2))
         noise[filtered] = np.sqrt(np.mean(cells.noise[rows] ** 2))
     assert len(rows) > 500
-    assert noise[False] == pytest.approx(error[False], rel=0.1)
-    assert error[True] < 0.25 * error[False] and 0.25 < noise[True] / error[True] < 1.1
+    assert 1.0 < noise[False] / error[False] < 1.4  # of two parts and of the mean around the larger one
+    assert error[True] < 0.125 * error[False] and 0.5 < noise[True] / error[True] < 1.3
 
 
 def test_noise_of_unequal_rounds_is_that_of_the_mean() -> None:
@@ -249,9 +247,8 @@ def test_noise_of_unequal_rounds_is_that_of_the_mean() -> None:
     sums = SurfelSums.zeros(count, 3)
     for samples in (4, 4, 8):
         paths = 5.0 + rng.normal(size=(count, 2, samples // 2)).mean(axis=2)
-        means = np.stack([paths.mean(axis=1), np.ones(count), (paths**2).mean(axis=1)], axis=1)
+        means = np.stack([paths.mean(axis=1), np.ones(count), 0.5 * (paths[:, 0] - paths[:, 1])], axis=1)
         sums.add(np.arange(count), means, samples)
-    assert (sums.measured == 6).all()
     surface = plain_surface(surfels, np.zeros((count, 3)))
     cells = light_of(surfels, surface, sums, filtered=False)
     alone = np.sqrt(np.mean(cells.noise[:count].astype(np.float64) ** 2))

@@ -36,13 +36,13 @@ def cameras() -> list[Camera]:
 @pytest.mark.parametrize("repeats", [1, 2])
 @pytest.mark.parametrize("lookahead", [1, 2])
 def test_each_ray_ends_in_a_cell(repeats: int, lookahead: int) -> None:
-    """Stills have 16 rays a pixel; six cameras are a track, and have four."""
+    """Stills have 16 rays a pixel; six cameras are a track, and have one."""
     octree = with_boxes(random_octree(3, depth=6, count=900, adaptive=True))
     views = cameras() * repeats
     seen = drain(seen_cells(octree.nodes, octree.grid, views, lookahead=lookahead))
     side = module._RAYS if repeats == 1 else module._RAYS_OF_TRACKS
     expected = seen_cells_reference(octree, views, lookahead, side)
-    assert seen.cells.tolist() == sorted(expected) and len(expected) > 100
+    assert seen.cells.tolist() == sorted(expected) and len(expected) > 90
     assert seen.level.tolist() == [expected[cell][0] for cell in sorted(expected)]
     np.testing.assert_allclose(seen.pixels, [expected[cell][1] for cell in sorted(expected)], rtol=1e-5)
     assert len({cell & 31 for cell in expected}) > 1 and len(set(seen.level.tolist())) > 1

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.light.seen_cells import SeenCells, all_cells, cells_of
-from patchnet.patchnet_addon.light.surfels import BACK, COARSE, FRONT, MOST_SHEETS, SURFEL, choose_surfels, eyes_of
+from patchnet.patchnet_addon.light.surfels import (
+    BACK,
+    COARSE,
+    FRONT,
+    MOST_SHEETS,
+    SURFEL,
+    UNSEEN_SHEETS,
+    choose_surfels,
+    eyes_of,
+)
 from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree import blocks
 from patchnet.patchnet_addon.octree import voxelize as voxelizer
@@ -187,13 +196,14 @@ def test_faces_of_a_box_are_apart() -> None:
 
 
 def test_cells_have_few_sheets() -> None:
-    """Twice as many squares above each other in each cell as sheets may have surfels."""
+    """Twice as many squares above each other in each cell as sheets may have surfels, in coarse cells half as many."""
     count = 2 * MOST_SHEETS
     corners = np.concatenate([square(0.3 + 0.001 * i) for i in range(count)])
     surfels = surfels_of(TriangleMesh.from_arrays(corners), sheets_on(corners, np.repeat(np.arange(count), 2), 1))
-    places = np.unique(surfels[["cell", "sheet"]])
-    counts = np.unique(places["cell"], return_counts=True)[1]
-    assert (counts == MOST_SHEETS).all()
+    places = np.unique(surfels[["cell", "sheet", "pixels"]])
+    for unseen, most in ((False, MOST_SHEETS), (True, UNSEEN_SHEETS)):
+        mine = places["cell"][(places["pixels"] == 0.0) == unseen]
+        assert (np.unique(mine, return_counts=True)[1] == most).all()
     kept = np.unique(places["sheet"], return_counts=True)[1]
     assert len(kept) == count, "no sheet is left out everywhere"
 

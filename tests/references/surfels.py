@@ -19,7 +19,7 @@ from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_OPACITY, SurfelSums, SurfelSurface
 from patchnet.patchnet_addon.light.seen_cells import SeenCells
 from patchnet.patchnet_addon.light.sheets import Sheets
-from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS
+from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS, UNSEEN_SHEETS
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
@@ -140,11 +140,16 @@ def surfels_reference(
 
 
 def _of_few_sheets(drawn: dict[Place, Drawn]) -> dict[Place, Drawn]:
-    """Surfels of the MOST_SHEETS sheets of each cell and face with the lowest ranks."""
+    """Surfels of the sheets of each cell and face with the lowest ranks."""
     sheets: dict[tuple[int, int], list[Place]] = defaultdict(list)
     for where in sorted(drawn, key=lambda where: (drawn[where].rank, drawn[where].id)):
         sheets[where[:2]].append(where)
-    return {where: drawn[where] for own in sheets.values() for where in own[:MOST_SHEETS]}
+    few = {}
+    for own in sheets.values():
+        for place, where in enumerate(own):
+            if place < (MOST_SHEETS if drawn[where].pixels > 0.0 else UNSEEN_SHEETS):
+                few[where] = drawn[where]
+    return few
 
 
 def seen_cells_reference(
@@ -154,6 +159,7 @@ def seen_cells_reference(
     it.
     """
     found: dict[int, tuple[int, float]] = {}
+    below = seen_module._BELOW if len(cameras) <= seen_module._MOST_STILLS else seen_module._BELOW_OF_TRACKS
     for camera in cameras:
         row, column = (axis.ravel() for axis in np.mgrid[: camera.height_px, : camera.width_px])
         unit = camera_in_unit_cube(camera, octree.grid)
@@ -167,7 +173,7 @@ def seen_cells_reference(
                     level = int(octree.level_of(node[ray : ray + 1])[0])
                     key = int(octree.keys(level)[node[ray] - octree.level_start[level]])
                     pixel = unit.side_at_0 + unit.side_per_z * t[ray] * speed[ray]
-                    wanted = int(fitting_level_of(pixel)) + seen_module._BELOW_FITTING
+                    wanted = int(fitting_level_of(pixel)) + below
                     before, pixels = found.get(key << 5 | level, (wanted, 0.0))
                     found[key << 5 | level] = max(before, wanted), pixels + 1.0 / side**2
     around: dict[int, float] = defaultdict(float)
@@ -188,22 +194,19 @@ def light_cells_reference(
 ) -> dict[Place, Cell]:
     """Light cells by cell, face and sheet, with the means over sheets and faces."""
     where_of = [tuple(int(one[name]) for name in ("cell", "face", "sheet")) for one in surfels]
-    unit, light, noise, spots = grid.to_unit(surface.place), {}, {}, {}
+    unit, light, half, spots = grid.to_unit(surface.place), {}, {}, {}
     for i, where in enumerate(where_of):
         spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]))
-        *color, opacity, squared = sums.light[i] / sums.samples[i]
-        if not opacity > MIN_OPACITY:
-            continue
-        light[where] = np.array(color) / opacity / surface.base[i]
-        moment, parts = squared / opacity / float(surface.base[i, 0]) ** 2, int(sums.measured[i])
-        apart = max(moment - light[where][0] ** 2, 0.0) / max(parts - 1, 1)
-        noise[where] = math.sqrt(apart if parts > 1 else moment)
+        *color, opacity, apart = sums.light[i] / sums.samples[i]
+        if opacity > MIN_OPACITY:
+            light[where] = np.array(color) / opacity / surface.base[i]
+            half[where] = apart / opacity / float(surface.base[i, 0])
     assert len(spots) == len(surfels), "a cell, face and sheet has one surfel"
     if filtered:
-        light, noise = filtered_reference(light, noise, spots)
-    else:  # a cell whose few paths all met darkness is as noisy as those around
-        noise = spread_reference(noise, spots, STEPS[:1])
-        noise = {where: max(noise[where], blurred_reference(where, light, noise, spots)[1]) for where in light}
+        light, noise = filtered_reference(light, half, spots)
+    else:
+        noise = noise_reference(half, spots, STEPS[: cells_module.NOISE_STEPS])
+        noise = {where: max(noise[where], abs(half[where])) for where in light}
     cells, shares = {}, {}
     for i, where in enumerate(where_of):
         if where in light:
@@ -227,15 +230,16 @@ def _means(cells: dict[Place, Cell], shares: dict[Place, float]) -> dict[Place, 
 
 
 def filtered_reference(
-    light: Mapping[Place, np.ndarray], noise: Mapping[Place, float], spots: Mapping[Place, Spot]
+    light: Mapping[Place, np.ndarray], half: Mapping[Place, float], spots: Mapping[Place, Spot]
 ) -> tuple[dict[Place, np.ndarray], dict[Place, float]]:
     """Light and noise of cells with light after all passes, among those of all surfels.
 
     The guide that tells which neighbours are alike is the mean around each cell in the first pass, then the light.
     """
-    noise = spread_reference(noise, spots, STEPS[: cells_module._NOISE_STEPS])
+    values = {where: np.array([*light[where], half[where]]) for where in light}
+    noise = noise_reference(half, spots, STEPS[: cells_module.NOISE_STEPS])
     guide = {where: blurred_reference(where, light, noise, spots) for where in light}
-    for step in STEPS:
+    for number, step in enumerate(STEPS):
         weights: dict[Place, list[tuple[Place, float]]] = {where: [] for where in light}
         for where in light:
             for other, weight in neighbours_reference(where, step, spots):
@@ -245,31 +249,32 @@ def filtered_reference(
                     sigma += cells_module._LEAST_NOISE * max(abs(one), abs(two)) + 1e-30
                     weights[where].append((other, weight * math.exp(-(((two - one) / sigma) ** 2))))
         total = {where: 1.0 + sum(weight for _, weight in of) for where, of in weights.items()}
-        smooth, left = {}, {}
-        for where, own in light.items():
-            smooth[where], rest, variance = np.zeros_like(own), 1.0, 0.0
+        smooth = {}
+        for where, own in values.items():
+            smooth[where], rest = np.zeros_like(own), 1.0
             for other, weight in weights[where]:
                 share = weight / max(total[where], total[other])
-                smooth[where], rest = smooth[where] + share * light[other], rest - share
-                variance += (share * noise[other]) ** 2
+                smooth[where], rest = smooth[where] + share * values[other], rest - share
             smooth[where] = smooth[where] + rest * own
-            left[where] = math.sqrt(variance + (rest * noise[where]) ** 2)
-        light, noise = smooth, left
-        guide = {where: (float(light[where][0]), noise[where]) for where in light}
-    return dict(light), dict(noise)
+        values = smooth
+        left = {where: float(value[-1]) for where, value in values.items()}
+        noise = noise_reference(left, spots, STEPS[number : number + cells_module.NOISE_STEPS])
+        guide = {where: (float(values[where][0]), noise[where]) for where in light}
+    return {where: value[:-1] for where, value in values.items()}, noise
 
 
-def spread_reference(
-    noise: Mapping[Place, float], spots: Mapping[Place, Spot], steps: tuple[int, ...]
+def noise_reference(
+    half: Mapping[Place, float], spots: Mapping[Place, Spot], steps: tuple[int, ...]
 ) -> dict[Place, float]:
-    """Root of the mean variance of each cell with light and those around it, at one distance after the other."""
+    """Root of the mean square of each cell with light and those around it, at one distance after the other."""
+    squared = {where: value**2 for where, value in half.items()}
     for step in steps:
         wide = {}
-        for where in noise:
-            around = [noise[other] for other, _ in neighbours_reference(where, step, spots) if other in noise]
-            wide[where] = math.sqrt(float(np.mean(np.square([noise[where], *around]))))
-        noise = wide
-    return dict(noise)
+        for where in squared:
+            around = [squared[other] for other, _ in neighbours_reference(where, step, spots) if other in squared]
+            wide[where] = float(np.mean([squared[where], *around]))
+        squared = wide
+    return {where: math.sqrt(value) for where, value in squared.items()}
 
 
 def blurred_reference(
@@ -322,6 +327,7 @@ def _in_one_plane(one: Spot, other: Spot) -> float:
 
 def lookup_reference(cells: Mapping[Place, Cell], key: int, level: int, face: int, sheet: int) -> Cell | None:
     """Light cell above a leaf: the finest one of its sheet and face, then of its face, then the coarsest of all."""
-    above = [_above(key, level, up) for up in range(min(COARSE, level) + 1)]
+    low, top = min(seen_module.ABOVE_LEAVES, level), min(COARSE, level)
+    above = [_above(key, level, up) for up in range(low, top + 1)]
     ways = [(cell, face, sheet) for cell in above] + [(cell, face, ANY_SHEET) for cell in above]
     return next((cells[way] for way in (*ways, (above[-1], ANY_FACE, ANY_SHEET)) if way in cells), None)

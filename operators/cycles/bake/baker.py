@@ -51,8 +51,9 @@ _DIFFUSE, _GLOSSY, _THROUGH = _Passes(False, False), _Passes(False, True), _Pass
 class SurfelBaker:
     """Baker of surfels; between two calls it holds no data of Blender but the context.
 
-    channels: of baked light: luminance, with colour red, green and blue, all times opacity, opacity, and squared
-    luminance times opacity. warnings: sentences about inputs that cannot be baked. paths_traced: so far.
+    channels: of baked light: luminance, with colour red, green and blue, all times opacity, opacity, and half the
+    difference of luminance times opacity in its two texels. warnings: sentences about inputs that cannot be baked.
+    paths_traced: so far.
     """
 
     def __init__(
@@ -90,11 +91,9 @@ class SurfelBaker:
     def bake(self, surfels: np.ndarray, samples: int, seed: int, at: Progress) -> Steps[np.ndarray]:
         """Baked light (N, channels) float32 of surfels (N,) SURFEL, means over `samples` paths each; reports are `at`.
 
-        A surfel has two texels, each with half of its paths, so that its squared luminance tells its noise. Equal
+        A surfel has two texels, each with half of its paths, so that their difference tells its noise. Equal
         surfels in an equal order have equal bits. Raises SceneError, StoppedError.
         """
-        from ....patchnet_addon.light.light_cells import MIN_OPACITY
-
         blocks = 1 << max(1, int(np.ceil(np.log2(np.sqrt(len(surfels))))))
         size = BLOCK * blocks, BLOCK * max(2, -(-len(surfels) // blocks))
         triangles = yield from computed(
@@ -115,8 +114,8 @@ class SurfelBaker:
                         values[..., -1] = 0.0  # opacity counts once
                     baked[now.number] += values
                     self.paths_traced += samples * len(now)
-        squared = (baked[..., 0] ** 2 / np.maximum(baked[..., -1], MIN_OPACITY)).mean(axis=1)
-        return np.concatenate([baked.mean(axis=1), squared[:, None]], axis=1)
+        half = 0.5 * (baked[:, 0, 0] - baked[:, 1, 0])
+        return np.concatenate([baked.mean(axis=1), half[:, None]], axis=1)
 
     def _calls(self, part: SurfelTriangles, samples: int) -> Iterator[SurfelTriangles]:
         """Divide triangles into calls of at most `most_paths` paths and _MOST_TRIANGLES triangles.

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 _DARK = 1e-5  # of the brightest light: black in any picture
 _LIT = 1e-3  # of the light on the other side
-_MOST_CAMERAS, _SIZE_PX = 16, (96, 72)
+_MOST_CAMERAS, _SIZE_PX = 16, (24, 18)
+_FINER = 4  # levels by which rays are finer than those of such a picture, so that they end in leaves
 
 
-def black_views(job: BakeJob, chosen: ChosenSurfels, cells: LightCells, lit: SurfaceLight) -> dict[str, str]:
+def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: SurfaceLight) -> dict[str, str]:
     """Reason for each camera, by name, whose whole surface in view is black; none for others.
 
     Only the first cameras of a job are asked.
@@ -33,11 +34,18 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, cells: LightCells, lit: Sur
     from ....patchnet_addon.light.seen_cells import seen_cells
 
     reasons: dict[str, str] = {}
-    radiance = cells.radiance[: len(chosen.surfels)]
+    radiance = light.radiance[: len(chosen.surfels)]
     brightest = float(radiance.max(initial=0.0))
+    order = np.argsort(chosen.surfels["leaf"])
+    leaves = chosen.surfels["leaf"][order]
     for camera in job.cameras[:_MOST_CAMERAS]:
-        steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
-        mine = np.flatnonzero(np.isin(chosen.surfels["leaf"], drain(steps).cells) & (chosen.surfels["pixels"] > 0.0))
+        steps = seen_cells(
+            chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead + _FINER
+        )
+        cells = drain(steps).cells
+        ranges = zip(np.searchsorted(leaves, cells), np.searchsorted(leaves, cells, side="right"), strict=True)
+        mine = np.concatenate([order[:0], *(order[first:last] for first, last in ranges)])
+        mine = mine[chosen.surfels["pixels"][mine] > 0.0]
         if len(mine) and radiance[mine].max() <= _DARK * brightest:
             reasons[camera.name] = _reason(job, chosen, mine, lit)
     return reasons
