@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 _DARK = 1e-5  # of the brightest light: black in any picture
 _LIT = 1e-3  # of the light on the other side
-_MOST_CAMERAS, _SIZE_PX = 16, (24, 18)
-_FINER = 4  # levels by which rays are finer than those of such a picture, so that they end in leaves
+_MOST_CAMERAS, _SIZE_PX = 16, (96, 72)
 
 
 def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: SurfaceLight) -> dict[str, str]:
@@ -39,9 +38,7 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: Sur
     order = np.argsort(chosen.surfels["leaf"])
     leaves = chosen.surfels["leaf"][order]
     for camera in job.cameras[:_MOST_CAMERAS]:
-        steps = seen_cells(
-            chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead + _FINER
-        )
+        steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
         cells = drain(steps).cells
         ranges = zip(np.searchsorted(leaves, cells), np.searchsorted(leaves, cells, side="right"), strict=True)
         mine = np.concatenate([order[:0], *(order[first:last] for first, last in ranges)])
