@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....patchnet_addon.runtime.bounds import MAX_DEPTH
 from ....patchnet_addon.runtime.progress import drain
 from ....patchnet_addon.runtime.quantities import named_list
 from ....patchnet_addon.surface.mesh import Fragments, ShadingFn
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 _DARK = 1e-5  # of the brightest light: black in any picture
 _LIT = 1e-3  # of the light on the other side
-_MOST_CAMERAS, _SIZE_PX = 16, (96, 72)
+_MOST_CAMERAS, _SIZE_PX = 16, (48, 36)
 
 
 def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: SurfaceLight) -> dict[str, str]:
@@ -35,17 +36,25 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: Sur
     reasons: dict[str, str] = {}
     radiance = light.radiance[: len(chosen.surfels)]
     brightest = float(radiance.max(initial=0.0))
-    order = np.argsort(chosen.surfels["leaf"])
-    leaves = chosen.surfels["leaf"][order]
+    starts, _ = _spans(chosen.surfels["leaf"])
+    order = np.argsort(starts)
+    starts = starts[order]
     for camera in job.cameras[:_MOST_CAMERAS]:
         steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
-        cells = drain(steps).cells
-        ranges = zip(np.searchsorted(leaves, cells), np.searchsorted(leaves, cells, side="right"), strict=True)
+        # Rays of a large picture's thumbnail may end above its leaves.
+        ranges = zip(*(np.searchsorted(starts, ends) for ends in _spans(drain(steps).cells)), strict=True)
         mine = np.concatenate([order[:0], *(order[first:last] for first, last in ranges)])
         mine = mine[chosen.surfels["pixels"][mine] > 0.0]
         if len(mine) and radiance[mine].max() <= _DARK * brightest:
             reasons[camera.name] = _reason(job, chosen, mine, lit)
     return reasons
+
+
+def _spans(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First key of the deepest level in cells (n,) as in `SeenCells`, and the first one behind them."""
+    below = np.uint64(3) * (np.uint64(MAX_DEPTH) - (cells & np.uint64(31)))
+    keys = cells >> np.uint64(5)
+    return keys << below, (keys + np.uint64(1)) << below
 
 
 def _reason(job: BakeJob, chosen: ChosenSurfels, mine: np.ndarray, lit: SurfaceLight) -> str:
