@@ -61,7 +61,7 @@ def filtered(
     values = np.concatenate([light, half[:, None]], axis=1)
     noise = _noise(near_cells[:NOISE_STEPS], there, values)
     if not smooths:
-        return light, np.maximum(noise, np.abs(half))
+        return light, np.sqrt(0.5 * (noise**2 + half**2))
     guide, apart = np.empty_like(noise), np.empty_like(noise)
     for number, near in enumerate(near_cells):
         if number == 0:  # light and noise of a few paths are too rough to tell which neighbours are alike

@@ -74,10 +74,11 @@ class BlockRange:
 
 def plan_passes(
     source: MeshSource, grid: Grid, layout: LeafLevels, max_fragments: int, cores: int = 1
-) -> list[list[BlockRange]]:
+) -> tuple[list[list[BlockRange]], float]:
     """Plan passes over the triangles, each over blocks with about `max_fragments`, in Morton order.
 
-    Each has as many ranges of similar load as there are cores; reads the triangles once.
+    Each has as many ranges of similar load as there are cores; reads the triangles once. With them, the expected number
+    of fragments.
     """
     blocks = layout.divided(BLOCK_LEVEL)
     load = expected_fragments(source, grid, blocks)
@@ -92,7 +93,7 @@ def plan_passes(
     cuts = np.append(filled, len(blocks.levels))[starts]
     cuts[0] = 0
     ranges = [BlockRange(blocks, int(first), int(end)) for first, end in pairwise(cuts)]
-    return [ranges[first : first + shares] for first in range(0, len(ranges), shares)]
+    return [ranges[first : first + shares] for first in range(0, len(ranges), shares)], total
 
 
 def expected_fragments(source: MeshSource, grid: Grid, layout: LeafLevels) -> np.ndarray:

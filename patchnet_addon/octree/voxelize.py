@@ -100,9 +100,9 @@ class ClippedSurface:
         """
         self.source, self.grid = source, grid
         self.layout = layout or LeafLevels.uniform(grid.depth)
-        self.passes = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
+        self.passes, expected = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
         self._kept: dict[tuple[int, int], list[Fragments]] = {}
-        self._keeps, self._color = len(self.passes) * block_fragments * KEPT_BYTES <= keep_bytes, color
+        self._keeps, self._color = expected * KEPT_BYTES < keep_bytes, color
 
     def fragments(
         self, share: int, batch: TriangleBatch, areas_world: np.ndarray, cells: dict[int, CellSet]

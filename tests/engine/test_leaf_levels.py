@@ -90,7 +90,7 @@ def test_bits_do_not_depend_on_the_number_of_cores_and_passes(mesh, layout, core
     expected = leaves_of(mesh, grid, shade, layout=layout)
     monkeypatch.setattr(voxelizer, "usable_cores", lambda: cores)
     monkeypatch.setattr(blocks, "MIN_SHARE", 10)
-    passes = blocks.plan_passes(mesh, grid, layout, block_fragments, cores)
+    passes, _ = blocks.plan_passes(mesh, grid, layout, block_fragments, cores)
     assert {len(shares) for shares in passes} == {cores} and (len(passes) > 5) == (block_fragments == 3000)
     found = leaves_of(mesh, grid, shade, layout=layout, block_fragments=block_fragments)
     for one, other in zip(expected, found, strict=True):

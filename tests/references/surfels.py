@@ -206,7 +206,7 @@ def light_cells_reference(
         light, noise = filtered_reference(light, half, spots)
     else:
         noise = noise_reference(half, spots, STEPS[: cells_module.NOISE_STEPS])
-        noise = {where: max(noise[where], abs(half[where])) for where in light}
+        noise = {where: math.hypot(noise[where], half[where]) / math.sqrt(2.0) for where in light}
     cells, shares = {}, {}
     for i, where in enumerate(where_of):
         if where in light:
