@@ -20,7 +20,7 @@ from .hashing import mixed, row_of_key
 from .seen_cells import LEVEL_BITS
 
 STEPS = 1, 2, 4, 8  # distances of averaged cells, pass by pass
-_SIGMAS = 3.0  # largest difference of averaged cells, in its standard deviations
+_SIGMAS = 3.2  # largest difference of averaged cells, in its standard deviations
 _LEAST_NOISE = 0.01  # of the light
 _NOTHING = 1e-30
 _DISTANCE = 0.25  # decay of weights with the squared distance

@@ -33,7 +33,6 @@ PIXELS = 16  # of the picture's side
 REGIONS = 8  # of the side that are compared
 DEPTHS = 7, 8  # of the two bakes that are compared, which share no surfel
 LOOKAHEAD = 2
-_LEAST_PATHS = 16  # of a surfel: the filter averages more of a peak the noisier it is
 ALL_PATHS = 1e-4  # noise threshold with which all surfels get all paths
 _EDGE = 1e-4  # of the square: fragments at its very edge lie in the voxels beside it
 
@@ -191,16 +190,14 @@ def mean_ratios(**settings: object) -> list[float]:
 
 
 def compare(samples: int = 128, names: Sequence[str] = ("Floor",)) -> Comparison:
-    """Bake the objects `names` alone, denoised as by default, and render them, twice each, so that the noise is known.
+    """Bake the objects `names` alone, with all defaults, and render them, twice each, so that the noise is known.
 
-    samples: paths a pixel, of the picture and, spread over its surfels, of the bake, which has at least _LEAST_PATHS.
+    samples: paths a pixel of the picture.
     """
     select(names)
     baked, warnings = [], ()
     for depth in DEPTHS:
-        surfels_a_pixel = (2 ** (depth - 1) / PIXELS) ** 2  # a light cell is two voxels wide
-        most = max(_LEAST_PATHS, round(samples / surfels_a_pixel))
-        found = bake("SELECTED", depth, max_samples=most, noise_threshold=0.0001)
+        found = bake("SELECTED", depth)
         assert JobSettings.of().light.denoise, "what users get"
         warnings = found.light.warnings
         baked.append(light_of_regions(found.fragments))
