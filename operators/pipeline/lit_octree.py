@@ -7,6 +7,7 @@ steps.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
@@ -182,7 +183,8 @@ def light_octree(
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError.
 
-    each_round: takes the octree after each round of a bake but the last.
+    each_round: takes the octree after each round of a bake but the last, unless baking a further round took less time
+    than that.
     """
     from ...patchnet_addon.lod.depth import available_memory
     from ...patchnet_addon.octree.voxelize import ClippedSurface
@@ -210,13 +212,20 @@ def light_octree(
         kind = UNLIT if overrides.unlit else settings.light.kind
         return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, lit.reused)
 
+    ended_at, showing_s = time.perf_counter(), 0.0
+
     def shown(lit: SurfaceLight) -> Steps[None]:
-        assert each_round is not None
+        nonlocal ended_at, showing_s
+        begin = time.perf_counter()
+        if each_round is None or begin - ended_at < showing_s:  # the next round shows more
+            return
         yield from each_round((yield from built(lit)))
+        ended_at = time.perf_counter()
+        showing_s = ended_at - begin
 
     with overrides.baking():
         with clock.stage("light"):
-            lit = yield from _light(context, surface, clipped, choice, None if each_round is None else shown)
+            lit = yield from _light(context, surface, clipped, choice, shown)
         clipped.let_go()
         return (yield from built(lit))
 
@@ -226,7 +235,7 @@ def _light(
     surface: ReadSurface,
     clipped: ClippedSurface,
     choice: GridChoice,
-    each_round: Callable[[SurfaceLight], Steps[None]] | None,
+    each_round: Callable[[SurfaceLight], Steps[None]],
 ) -> Steps[SurfaceLight]:
     """Light of the surface by the settings."""
     from ..cycles.bake import BakeJob, bake_light

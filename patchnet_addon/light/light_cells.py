@@ -104,19 +104,25 @@ class SurfelSums(NamedTuple):
     """Sums over the paths of N surfels.
 
     light: (N, C) float64, luminance, with colour red, green and blue, all times opacity, opacity, and half the
-    difference of luminance times opacity in two parts of them. samples: (N,), their number.
+    difference of luminance times opacity in two parts of them. samples: (N,), their number. half: (N,) float64, as
+    noisy as the mean: half the difference of the parts in the first round; then its change from round to round, since
+    light that varies over a surfel makes its parts differ whatever the number of paths.
     """
 
     light: np.ndarray
     samples: np.ndarray
+    half: np.ndarray
 
     @staticmethod
     def zeros(count: int, channels: int) -> SurfelSums:
         """Sums over no paths."""
-        return SurfelSums(np.zeros((count, channels)), np.zeros(count, np.int64))
+        return SurfelSums(np.zeros((count, channels)), np.zeros(count, np.int64), np.zeros(count))
 
     def add(self, surfels: np.ndarray, means: np.ndarray, samples: int) -> None:
         """Add means (n, C) over `samples` paths of surfels (n,)."""
+        before, own = self.samples[surfels], means[:, -1].astype(np.float64)
+        change = own - self.light[surfels, -1] / np.maximum(before, 1)
+        self.half[surfels] = np.where(before > 0, np.sqrt(samples * before) / (samples + before) * change, own)
         self.light[surfels] += means.astype(np.float64) * samples
         self.samples[surfels] += samples
 
@@ -150,7 +156,7 @@ class CellGrid:
         there = baked[:, -2] > MIN_OPACITY
         opacity = np.where(there, baked[:, -2], np.inf)
         mean = (baked[:, :-2] / opacity[:, None] / base).astype(np.float32)
-        half = (baked[:, -1] / opacity / base[:, 0]).astype(np.float32)
+        half = (sums.half / opacity / base[:, 0]).astype(np.float32)
         mean, noise = filtered(self._neighbours, there, mean, half, smooths=self._is_filtered)
         share, pixels = np.where(there, self._share, 0.0), np.where(there, self._pixels, np.float32(0.0))
         return self._with_means([mean, noise * base[:, 0], mean[:, 0] * base[:, 0], pixels], share)

@@ -163,6 +163,17 @@ def test_sums_are_means_over_all_paths() -> None:
     assert sums.samples.tolist() == [4, 0, 12]
 
 
+def test_light_that_varies_over_a_surfel_is_no_noise_once_there_are_two_rounds() -> None:
+    """Parts that differ by 2 in every round, and noise of 1 a path, of which 16 paths leave 1/4, and 64 paths 1/8."""
+    rng, count = np.random.default_rng(7), 4000
+    sums = SurfelSums.zeros(count, 3)
+    for samples, wanted in ((4, np.hypot(1.0, 0.5)), (12, 0.25), (48, 0.125)):
+        parts = rng.normal(size=(count, 2, samples // 2)).mean(axis=2) + [1.0, -1.0]
+        half = 0.5 * (parts[:, 0] - parts[:, 1])
+        sums.add(np.arange(count), np.stack([parts.mean(axis=1), np.ones(count), half], axis=1), samples)
+        assert np.sqrt(np.mean(sums.half**2)) == pytest.approx(wanted, rel=0.05)
+
+
 def textured() -> TriangleMesh:
     """Squares of five materials: a half red, half blue picture, an unknown, an emitter, black, and gray."""
     image = np.zeros((8, 8, 3), np.float32)

@@ -197,10 +197,10 @@ def light_cells_reference(
     unit, light, half, spots = grid.to_unit(surface.place), {}, {}, {}
     for i, where in enumerate(where_of):
         spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]))
-        *color, opacity, apart = sums.light[i] / sums.samples[i]
+        *color, opacity, _ = sums.light[i] / sums.samples[i]
         if opacity > MIN_OPACITY:
             light[where] = np.array(color) / opacity / surface.base[i]
-            half[where] = apart / opacity / float(surface.base[i, 0])
+            half[where] = sums.half[i] / opacity / float(surface.base[i, 0])
     assert len(spots) == len(surfels), "a cell, face and sheet has one surfel"
     if filtered:
         light, noise = filtered_reference(light, half, spots)

@@ -7,7 +7,6 @@ round gives all of them a few paths; further ones go where the picture would sti
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -47,9 +46,9 @@ EachRound = Callable[["SurfaceLight"], Steps[None]]
 def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[SurfaceLight]:
     """Diffuse light with global illumination, and emission, on the surface of a job.
 
-    each_round: takes the light after each round but the last, unless baking a further one took less time. The result's
-    notes hold the share of leaves with fine light, the noise that is left, and the paths of surfels. Raises SceneError
-    if Cycles is missing or cannot bake, SettingError for a GPU that is not enabled.
+    each_round: takes the light after each round but the last. The result's notes hold the share of leaves with fine
+    light, the noise that is left, and the paths of surfels. Raises SceneError if Cycles is missing or cannot bake,
+    SettingError for a GPU that is not enabled.
     """
     from ....patchnet_addon.light.light_cells import SurfelSums
     from ....patchnet_addon.light.rounds import first_round, next_round
@@ -60,7 +59,6 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[Surfa
     kept = None if not job.state else _opened(job)
     sums, reused = SurfelSums.zeros(len(chosen.surfels), baker.channels), 0
     now: Round | None = first_round(len(chosen.surfels), light.max_samples)
-    baked_since, showing_s = time.perf_counter(), 0.0
     while now is not None:
         baked, found = yield from _round(job, baker, now, chosen.surfels[now.surfels], kept)
         sums.add(now.surfels, baked, now.samples)
@@ -69,12 +67,8 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[Surfa
         now = next_round(now, cells, light.noise_threshold, light.max_samples)
         lit = yield from computed(partial(_lit, job, chosen, cells, baker), Progress(0, 1, "Reading textures"))
         lit.notes[LIGHT_PATHS] = int(sums.samples.sum())
-        # A round that took less time than showing it takes is not shown: the next one shows more.
-        begin = time.perf_counter()
-        if now is not None and each_round is not None and begin - baked_since >= showing_s:
+        if now is not None and each_round is not None:
             yield from each_round(lit)
-            baked_since = time.perf_counter()
-            showing_s = baked_since - begin
     reasons = yield from computed(lambda: black_views(job, chosen, cells, lit), Progress(0, 1, "Looking for light"))
     if reasons:
         lit.notes[BLACK_VIEWS] = reasons
