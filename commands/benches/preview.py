@@ -19,11 +19,10 @@ import bpy
 
 from ...operators.cycles.scene_copy import prepared
 from ...operators.pipeline.run import JobResult, run_job
-from ...operators.scene.cameras import choose_cameras
-from ...operators.scene.read import read_scene
 from ...operators.settings.job_settings import JobSettings
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import drain
+from ...patchnet_addon.tracing.camera import Camera
 from ...training.benchmarks.timing import comparison
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
@@ -45,12 +44,13 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             steps = run_job(bpy.context, settings, early=lambda made: first.append((time.process_time(), made)))
             whole = drain(steps, bars.show)
             end = time.process_time()
-        still = _still(args, settings)
+        camera = whole.views[0].camera
+        still = _still(camera, args.cycles_samples)
     light = whole.report["light"]
     shown, early = first[0] if first else (end, whole)
     details = {
         "scene": Path(args.scene).name,
-        "camera": whole.views[0].camera.name,
+        "camera": camera.name,
         "size": list(args.size),
         "whole_s": end - start,
         "noise": {"first": early.report["light"]["light_noise"], "last": light["light_noise"]},
@@ -62,12 +62,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     return comparison("preview", shown - start, still, details, "seconds until a lit picture", higher_is_better=False)
 
 
-def _still(args: argparse.Namespace, settings: JobSettings) -> float:
+def _still(camera: Camera, samples: int) -> float:
     """Seconds of Cycles' picture, denoised where the build of Blender can."""
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    surface = read_scene(depsgraph, settings.surface.scope).bounds_world
-    (camera,) = choose_cameras(depsgraph, settings.view.cameras, settings.view.size, surface)
-    with prepared(bpy.context, camera, args.cycles_samples, 0, Path()) as (scene, _):
+    with prepared(bpy.context, camera, samples, 0, Path()) as (scene, _):
         denoise(scene)
         start = time.process_time()
         with interrupts_wait():

@@ -86,7 +86,6 @@ def as_job(
     """
     ended: dict[str, float] = {}
     with _told(kind, ended):
-        _swallowed.clear()
         start()
         _own_kinds.append(kind)
         try:
@@ -97,6 +96,7 @@ def as_job(
             raise
         finally:
             _own_kinds.remove(kind)
+            _swallowed.clear()
     return ended
 
 

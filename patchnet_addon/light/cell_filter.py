@@ -55,8 +55,8 @@ def filtered(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Light (N, C) and its noise (N,) after all passes, one for each distance; without `smooths`, noise alone changes.
 
-    there: (N,) bool, cells with light. half: (N,) float32, half the difference of their luminance in two parts of the
-    paths. It passes through the same filter, so that its mean square over cells around is the variance that is left.
+    there: (N,) bool, cells with light. half: (N,) float32, see `SurfelSums`. It passes through the same
+    filter, so that its mean square over cells around is the variance that is left.
     """
     values = np.concatenate([light, half[:, None]], axis=1)
     noise = _noise(near_cells[:NOISE_STEPS], there, values)
