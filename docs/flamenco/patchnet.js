@@ -35,7 +35,7 @@ const JOB_TYPE = {
       description: "Light that Cycles bakes, or the paper's two lights",
     },
     {
-      key: "max_samples", type: "int32", required: true, default: 64, propargs: { min: 2 },
+      key: "max_samples", type: "int32", required: true, default: 32, propargs: { min: 2 },
       description: "Most Cycles samples of a place whose light is baked",
     },
     {

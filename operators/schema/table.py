@@ -101,7 +101,7 @@ _LIGHT = (
     Setting(
         "max_samples", "Max Samples",
         "Most paths of each place whose light is baked; more reduce noise and take longer",
-        LIGHT, Kind.NUMBER, 64, bounds.SAMPLES,
+        LIGHT, Kind.NUMBER, 32, bounds.SAMPLES,
         counts=_baked, argument="--max-samples", help="most Cycles samples of a place whose light is baked",
         widget={"soft_max": 1024},
     ),

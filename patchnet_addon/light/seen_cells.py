@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton import morton_encode
-from ..lod.fit import ray_stops
+from ..lod.fit import MOST_STILLS, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -19,9 +19,7 @@ from ..tracing.camera import Camera, camera_in_unit_cube
 LEVEL_BITS = 5  # of a cell: its Morton key << 5 | its level
 ABOVE_LEAVES = 1  # least levels of light cells above the leaves
 _FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
-_MOST_STILLS = 4  # cameras; more are a track, most of whose frames see a place from farther away than the nearest
-_RAYS, _RAYS_OF_TRACKS = 4, 1  # along a pixel's side
-_BELOW, _BELOW_OF_TRACKS = 1, 0  # level of light cells below that of the voxel that fits a pixel
+_SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
 _ROWS = 64
 LABEL = "Looking where cameras look"
 
@@ -58,14 +56,17 @@ def seen_cells(
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> Steps[SeenCells]:
-    """Leaves in which rays of all cameras end: 16 rays a pixel, one for more than four cameras.
+    """Leaves in which rays of all cameras end.
 
+    A pixel has one ray with more than four cameras, which are a track; else 2 x 2, and 4 x 4 in small pictures.
     lookahead: levels, of the weights in use.
     """
-    side, below = (_RAYS, _BELOW) if len(cameras) <= _MOST_STILLS else (_RAYS_OF_TRACKS, _BELOW_OF_TRACKS)
-    offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
-    found = _none()
+    found, more = _none(), []
     for number, camera in enumerate(cameras):
+        side, below = 1, 0
+        if len(cameras) <= MOST_STILLS:
+            side, below = (4, 1) if camera.width_px * camera.height_px <= _SMALL_PX else (2, 0)
+        offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
         unit = camera_in_unit_cube(camera, grid)
         parts = []
         for first in range(0, camera.height_px, _ROWS):
@@ -78,7 +79,10 @@ def seen_cells(
                 level = stops.wanted[hit].astype(np.int64) - lookahead + below
                 parts.append(SeenCells(cells, level, np.full(len(hit), 1.0 / side**2, np.float32)))
             yield Progress(number * camera.height_px + rows[1], len(cameras) * camera.height_px, LABEL)
-        found = _joined([found, _joined(parts)])
+        more.append(_joined(parts))
+        if sum(len(part.cells) for part in more) > len(found.cells):  # so that a long track is sorted few times
+            found, more = _joined([found, *more]), []
+    found = _joined([found, *more])
     return found._replace(pixels=_of_light_cells(found))
 
 

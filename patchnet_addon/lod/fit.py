@@ -51,8 +51,10 @@ _COARSER = 2  # distance of rays in levels of pixels, in all but the last round:
 LABEL = "Fitting to the cameras"
 
 _ROWS_PER_STEP = 64
-# Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel.
-FINE_OFFSETS = ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
+MOST_STILLS = 4  # cameras; more are a track, whose frames see the same places again
+# Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel; on a track
+# one of them, each frame another.
+FINE_OFFSETS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))
 
 
 class RayStops(NamedTuple):
@@ -77,6 +79,7 @@ def needed_levels(
     *,
     lookahead: int = DEFAULT_LOOKAHEAD,
     coarser: int = 0,
+    fine_offsets: Sequence[tuple[float, float]] = FINE_OFFSETS,
 ) -> Steps[None]:
     """Raise `needed` (8^b,) uint8, by block of level b, to the level of leaves for look-ahead where rays hit.
 
@@ -85,13 +88,14 @@ def needed_levels(
     nodes: of the present octree. lookahead: levels, of the weights in use. A pixel's centre ray requests the level for
     the voxel that stops it and for its neighbours, which are in its patches; rays with the footprint of the patch's
     voxels request it for their own hits, and so for surface in the gaps of the coarse picture. coarser: levels by which
-    the camera's pixels are coarser than those with look-ahead, whose footprints rays have.
+    the camera's pixels are coarser than those with look-ahead, whose footprints rays have. fine_offsets: of the latter
+    rays from the pixels' centres, in pixels.
     """
     unit = camera_in_unit_cube(camera, grid)
     block_level = (len(needed).bit_length() - 1) // 3
     for first in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(first + _ROWS_PER_STEP, camera.height_px)
-        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in FINE_OFFSETS)]:
+        for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in fine_offsets)]:
             stops = ray_stops(nodes, unit, (first, last), offset, levels + coarser, lookahead + coarser)
             _request(stops, margin, block_level, needed)
             if margin:
@@ -313,9 +317,13 @@ def _look(
     """
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     nodes = without_boxes(*hierarchy(leaves, max(leaves)))
-    for camera in cameras:
+    for number, camera in enumerate(cameras):
+        one = number % len(FINE_OFFSETS)
+        offsets = FINE_OFFSETS if len(cameras) <= MOST_STILLS else FINE_OFFSETS[one : one + 1]
         apart = camera.with_size(*(max(side >> coarser, 1) for side in (camera.width_px, camera.height_px)))
-        steps = needed_levels(nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser)
+        steps = needed_levels(
+            nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser, fine_offsets=offsets
+        )
         yield from labelled(steps, f"{LABEL}: {camera.name}")
     return needed, pixels
 

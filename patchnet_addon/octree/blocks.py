@@ -23,6 +23,7 @@ from .leaf_levels import LeafLevels
 FRAGMENTS_PER_TASK = 1 << 18
 MIN_SHARE = 50_000  # least fragments for a separate core
 BLOCK_LEVEL = 5  # level of the blocks of a pass, if all leaves are on one level
+_TASK_STEPS = 32  # most points along a triangle's edge by which its work is estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def expected_fragments(source: MeshSource, grid: Grid, layout: LeafLevels) -> np
     load = np.zeros(len(layout.levels), np.float64)
     shift = np.uint64(3 * (grid.depth - layout.block_level))
     for batch in source.batches():
-        _expect(to_cells(batch.corners_world, grid, grid.depth), grid.depth, layout.levels, shift, True, load)
+        _expect(to_cells(batch.corners_world, grid, grid.depth), grid.depth, layout.levels, shift, 0, load)
     return load
 
 
@@ -114,7 +115,7 @@ def to_cells(corners_world: np.ndarray, grid: Grid, level: int) -> np.ndarray:
 def tasks_of(corners_voxel: np.ndarray, resolution: int, cells: CellSet) -> Iterator[tuple[int, int, tuple[int, int]]]:
     """Ranges first, last, (x_first, x_last) of similar work in requested cells; a huge triangle is split along x."""
     work = np.zeros(len(corners_voxel), np.float64)
-    _expect(corners_voxel, resolution.bit_length() - 1, *cells.block, False, work)
+    _expect(corners_voxel, resolution.bit_length() - 1, *cells.block, _TASK_STEPS, work)
     ends = np.cumsum(work)
     first = 0
     while first < len(work):
@@ -150,16 +151,19 @@ def _extents(corners):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _expect(corners_voxel, depth, levels, shift, by_block, expected):  # type: ignore[no-untyped-def]
-    """Add the expected fragments of each triangle to those of its blocks, or of itself, by points spread over it.
+def _expect(corners_voxel, depth, levels, shift, most, expected):  # type: ignore[no-untyped-def]
+    """Add the expected fragments of each triangle to those of its blocks, by points spread over it.
 
-    corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level.
+    corners_voxel: in cells of level `depth`; a block's leaves may be on a coarser level. most: points along an edge,
+    for those of the triangle itself; 0: of its blocks, by two points in each.
     """
     side = 2.0 ** (np.int64(shift) // 3)
     for triangle in range(len(corners_voxel)):
         corners = corners_voxel[triangle]
         widths, shadows, widest = _extents(corners)
         steps = 1 + int(2.0 * widest / side)
+        if most > 0:
+            steps = min(steps, most)
         points = steps * (steps + 1) // 2
         for i in range(steps):
             for j in range(steps - i):
@@ -168,7 +172,7 @@ def _expect(corners_voxel, depth, levels, shift, by_block, expected):  # type: i
                 if levels[block] > 0:
                     scale = 1.0 / (np.int64(1) << (depth - levels[block]))
                     found = (1.0 + scale * (widths + scale * shadows)) / points
-                    expected[block if by_block else np.uint64(triangle)] += found
+                    expected[np.uint64(triangle) if most > 0 else block] += found
 
 
 @device

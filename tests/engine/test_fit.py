@@ -65,12 +65,12 @@ def cameras():
 
 
 @pytest.mark.parametrize("camera", cameras(), ids=lambda camera: camera.name)
-@pytest.mark.parametrize("block_level", [2, 4])
-def test_needed_levels_equal_the_reference(camera, block_level):
+@pytest.mark.parametrize(("block_level", "offsets"), [(2, FINE_OFFSETS), (4, FINE_OFFSETS), (4, FINE_OFFSETS[1:2])])
+def test_needed_levels_equal_the_reference(camera, block_level, offsets):
     octree = random_octree(seed=3, depth=6, count=500, adaptive=True)
     needed, pixels = np.zeros(8**block_level, np.uint8), np.zeros(8**block_level, np.uint32)
-    drain(needed_levels(octree.nodes, octree.grid, camera, needed, pixels))
-    expected = needed_levels_reference(octree, camera, block_level, np.array(FINE_OFFSETS))
+    drain(needed_levels(octree.nodes, octree.grid, camera, needed, pixels, fine_offsets=offsets))
+    expected = needed_levels_reference(octree, camera, block_level, np.array(offsets))
     assert expected.max() > block_level
     np.testing.assert_array_equal(needed, expected)
     assert pixels.sum() == first_hits(octree, camera).hit.sum()

@@ -33,15 +33,15 @@ def cameras() -> list[Camera]:
     return [inside, far, replace(far, kind=ORTHOGRAPHIC, half_x=0.6, half_y=0.45)]
 
 
-@pytest.mark.parametrize("repeats", [1, 2])
+@pytest.mark.parametrize("kind", ["small", "large", "track"])
 @pytest.mark.parametrize("lookahead", [1, 2])
-def test_each_ray_ends_in_a_cell(repeats: int, lookahead: int) -> None:
-    """Stills have 16 rays a pixel; six cameras are a track, and have one."""
+def test_each_ray_ends_in_a_cell(kind: str, lookahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of stills, and of six cameras, which are a track."""
     octree = with_boxes(random_octree(3, depth=6, count=900, adaptive=True))
-    views = cameras() * repeats
+    views = cameras() * (2 if kind == "track" else 1)
+    monkeypatch.setattr(module, "_SMALL_PX", 0 if kind == "large" else module._SMALL_PX)
     seen = drain(seen_cells(octree.nodes, octree.grid, views, lookahead=lookahead))
-    side = module._RAYS if repeats == 1 else module._RAYS_OF_TRACKS
-    expected = seen_cells_reference(octree, views, lookahead, side)
+    expected = seen_cells_reference(octree, views, lookahead, small=kind == "small")
     assert seen.cells.tolist() == sorted(expected) and len(expected) > 90
     assert seen.level.tolist() == [expected[cell][0] for cell in sorted(expected)]
     np.testing.assert_allclose(seen.pixels, [expected[cell][1] for cell in sorted(expected)], rtol=1e-5)

@@ -20,6 +20,7 @@ from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_O
 from patchnet.patchnet_addon.light.seen_cells import SeenCells
 from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS, UNSEEN_SHEETS
+from patchnet.patchnet_addon.lod.fit import MOST_STILLS
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
@@ -153,13 +154,11 @@ def _of_few_sheets(drawn: dict[Place, Drawn]) -> dict[Place, Drawn]:
 
 
 def seen_cells_reference(
-    octree: Octree, cameras: list[Camera], lookahead: int, side: int
+    octree: Octree, cameras: list[Camera], lookahead: int, *, small: bool
 ) -> dict[int, tuple[int, float]]:
-    """Level of light cells of each voxel that side x side rays of the cameras' pixels end in, and pixels of that around
-    it.
-    """
+    """Level of light cells of each voxel that rays end in, and pixels of that around it. small: the pictures are."""
     found: dict[int, tuple[int, float]] = {}
-    below = seen_module._BELOW if len(cameras) <= seen_module._MOST_STILLS else seen_module._BELOW_OF_TRACKS
+    side, below = (1, 0) if len(cameras) > MOST_STILLS else (4, 1) if small else (2, 0)
     for camera in cameras:
         row, column = (axis.ravel() for axis in np.mgrid[: camera.height_px, : camera.width_px])
         unit = camera_in_unit_cube(camera, octree.grid)

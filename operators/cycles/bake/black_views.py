@@ -42,8 +42,10 @@ def black_views(job: BakeJob, chosen: ChosenSurfels, light: LightCells, lit: Sur
     for camera in job.cameras[:_MOST_CAMERAS]:
         steps = seen_cells(chosen.nodes, job.clipped.grid, [camera.with_size(*_SIZE_PX)], lookahead=job.lookahead)
         # Rays of a large picture's thumbnail may end above its leaves.
-        ranges = zip(*(np.searchsorted(starts, ends) for ends in _spans(drain(steps).cells)), strict=True)
-        mine = np.concatenate([order[:0], *(order[first:last] for first, last in ranges)])
+        first, last = (
+            np.bincount(np.searchsorted(starts, ends), minlength=len(starts) + 1) for ends in _spans(drain(steps).cells)
+        )
+        mine = order[np.cumsum(first - last)[:-1] > 0]
         mine = mine[chosen.surfels["pixels"][mine] > 0.0]
         if len(mine) and radiance[mine].max() <= _DARK * brightest:
             reasons[camera.name] = _reason(job, chosen, mine, lit)
