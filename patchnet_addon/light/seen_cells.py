@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..cells.morton import morton_encode
-from ..lod.fit import MOST_STILLS, ray_stops
+from ..lod.fit import FINE_OFFSETS, MOST_STILLS, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
@@ -21,6 +22,8 @@ ABOVE_LEAVES = 1  # least levels of light cells above the leaves
 _FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
 _SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
 _ROWS = 64
+_RECENT = 8  # cameras of a track whose light cells tell whether a further one sees much that is new
+_KNOWN = 0.5  # share of the light cells
 LABEL = "Looking where cameras look"
 
 
@@ -58,42 +61,72 @@ def seen_cells(
 ) -> Steps[SeenCells]:
     """Leaves in which rays of all cameras end.
 
-    A pixel has one ray with more than four cameras, which are a track; else 2 x 2, and 4 x 4 in small pictures.
-    lookahead: levels, of the weights in use.
+    Stills have 2 x 2 rays a pixel, 4 x 4 in small pictures. With more than four cameras, which are a track, a pixel has
+    one ray, or 2 x 2 pixels have one where those before show most of what a camera sees. lookahead: levels, of the
+    weights in use.
     """
     found, more = _none(), []
+    recent: deque[np.ndarray] = deque(maxlen=_RECENT)
     for number, camera in enumerate(cameras):
-        side, below = 1, 0
         if len(cameras) <= MOST_STILLS:
             side, below = (4, 1) if camera.width_px * camera.height_px <= _SMALL_PX else (2, 0)
-        offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
-        unit = camera_in_unit_cube(camera, grid)
-        parts = []
-        for first in range(0, camera.height_px, _ROWS):
-            rows = first, min(first + _ROWS, camera.height_px)
-            for offset in offsets:
-                stops = ray_stops(nodes, unit, rows, offset, lookahead + _FINER, lookahead)
-                hit = np.flatnonzero(stops.wanted > 0)
-                keys = morton_encode(stops.cell[hit])
-                cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
-                level = stops.wanted[hit].astype(np.int64) - lookahead + below
-                parts.append(SeenCells(cells, level, np.full(len(hit), 1.0 / side**2, np.float32)))
-            yield Progress(number * camera.height_px + rows[1], len(cameras) * camera.height_px, LABEL)
-        more.append(_joined(parts))
+            offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
+            part = yield from _look(nodes, grid, camera, offsets, lookahead, below=below)
+        else:
+            first = number % len(FINE_OFFSETS)
+            offsets = [*FINE_OFFSETS[first:], *FINE_OFFSETS[:first]]
+            part = yield from _look(nodes, grid, camera, offsets[:1], lookahead, coarser=1)
+            known = np.isin(_light_cells(part), np.concatenate([np.empty(0, np.uint64), *recent]))
+            if len(known) and known.mean() < _KNOWN:
+                part = yield from _look(nodes, grid, camera, offsets, lookahead, coarser=1)
+            recent.append(_light_cells(part))
+        more.append(part)
         if sum(len(part.cells) for part in more) > len(found.cells):  # so that a long track is sorted few times
             found, more = _joined([found, *more]), []
     found = _joined([found, *more])
-    return found._replace(pixels=_of_light_cells(found))
+    cells, mine = np.unique(_light_cells(found), return_inverse=True)
+    mine = mine.reshape(-1)
+    return found._replace(pixels=np.bincount(mine, found.pixels, len(cells))[mine].astype(np.float32))
 
 
-def _of_light_cells(seen: SeenCells) -> np.ndarray:
-    """Pixels (S,) float32 that show the light cell around each voxel."""
+def _look(
+    nodes: Nodes,
+    grid: Grid,
+    camera: Camera,
+    offsets: Sequence[tuple[float, float]],
+    lookahead: int,
+    *,
+    coarser: int = 0,
+    below: int = 0,
+) -> Steps[SeenCells]:
+    """Voxels that rays of a camera end in, with their own pixels.
+
+    offsets: from the centres of pixels `coarser` levels coarser than the camera's. below: level of light cells below
+    that of the voxel that fits a pixel.
+    """
+    width, height = (max(side >> coarser, 1) for side in (camera.width_px, camera.height_px))
+    unit = camera_in_unit_cube(camera.with_size(width, height), grid)
+    share = camera.width_px * camera.height_px / (width * height * len(offsets))
+    parts = []
+    for first in range(0, height, _ROWS):
+        rows = first, min(first + _ROWS, height)
+        for offset in offsets:
+            stops = ray_stops(nodes, unit, rows, offset, lookahead + coarser + _FINER, lookahead)
+            hit = np.flatnonzero(stops.wanted > 0)
+            keys = morton_encode(stops.cell[hit])
+            cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
+            level = stops.wanted[hit].astype(np.int64) - lookahead + coarser + below
+            parts.append(SeenCells(cells, level, np.full(len(hit), share, np.float32)))
+        yield Progress(rows[1], height, f"{LABEL}: {camera.name}")
+    return _joined(parts)
+
+
+def _light_cells(seen: SeenCells) -> np.ndarray:
+    """Light cells (S,) uint64 around voxels."""
     level = (seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64)
     up = np.maximum(level - seen.level, np.minimum(ABOVE_LEAVES, level)).astype(np.uint64)
     keys = (seen.cells >> np.uint64(LEVEL_BITS)) >> (np.uint64(3) * up)
-    _, mine = np.unique((keys << np.uint64(LEVEL_BITS)) | (level.astype(np.uint64) - up), return_inverse=True)
-    mine = mine.reshape(-1)
-    return np.bincount(mine, seen.pixels)[mine].astype(np.float32) if len(mine) else seen.pixels
+    return (keys << np.uint64(LEVEL_BITS)) | (level.astype(np.uint64) - up)
 
 
 def _none() -> SeenCells:

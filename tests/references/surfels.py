@@ -158,28 +158,54 @@ def seen_cells_reference(
 ) -> dict[int, tuple[int, float]]:
     """Level of light cells of each voxel that rays end in, and pixels of that around it. small: the pictures are."""
     found: dict[int, tuple[int, float]] = {}
-    side, below = (1, 0) if len(cameras) > MOST_STILLS else (4, 1) if small else (2, 0)
-    for camera in cameras:
-        row, column = (axis.ravel() for axis in np.mgrid[: camera.height_px, : camera.width_px])
-        unit = camera_in_unit_cube(camera, octree.grid)
-        for i in range(side):
-            for j in range(side):
-                x = 2.0 * (column + (i + 0.5) / side) / camera.width_px - 1.0
-                y = 2.0 * (row + (j + 0.5) / side) / camera.height_px - 1.0
-                node, t = first_hits_reference(octree, camera, x, y, 0.5 ** (lookahead + seen_module._FINER))
-                speed = pixel_rays(octree, camera, x, y)[2]
-                for ray in np.flatnonzero(node >= 0):
-                    level = int(octree.level_of(node[ray : ray + 1])[0])
-                    key = int(octree.keys(level)[node[ray] - octree.level_start[level]])
-                    pixel = unit.side_at_0 + unit.side_per_z * t[ray] * speed[ray]
-                    wanted = int(fitting_level_of(pixel)) + below
-                    before, pixels = found.get(key << 5 | level, (wanted, 0.0))
-                    found[key << 5 | level] = max(before, wanted), pixels + 1.0 / side**2
+    recent: list[set[int]] = []
+    for number, camera in enumerate(cameras):
+        if len(cameras) > MOST_STILLS:
+            quarters = [(0.25, 0.25), (0.75, 0.75), (0.75, 0.25), (0.25, 0.75)]
+            first = number % 4
+            seen = _seen_reference(octree, camera, lookahead, quarters[first : first + 1], 1, 0)
+            own = {_cell_around(voxel, level) for voxel, (level, _) in seen.items()}
+            known = [any(_cell_around(voxel, level) in cells for cells in recent) for voxel, (level, _) in seen.items()]
+            if seen and np.mean(known) < seen_module._KNOWN:
+                seen = _seen_reference(octree, camera, lookahead, quarters, 1, 0)
+                own = {_cell_around(voxel, level) for voxel, (level, _) in seen.items()}
+            recent = [*recent, own][-seen_module._RECENT :]
+        else:
+            side = 4 if small else 2
+            places = [((i + 0.5) / side, (j + 0.5) / side) for i in range(side) for j in range(side)]
+            seen = _seen_reference(octree, camera, lookahead, places, 0, 1 if small else 0)
+        for voxel, (level, pixels) in seen.items():
+            before, sum_of = found.get(voxel, (level, 0.0))
+            found[voxel] = max(before, level), sum_of + pixels
     around: dict[int, float] = defaultdict(float)
     cells = {voxel: _cell_around(voxel, level) for voxel, (level, _) in found.items()}
     for voxel, (_, pixels) in found.items():
         around[cells[voxel]] += pixels
     return {voxel: (level, around[cells[voxel]]) for voxel, (level, _) in found.items()}
+
+
+def _seen_reference(
+    octree: Octree, camera: Camera, lookahead: int, places: list[tuple[float, float]], coarser: int, below: int
+) -> dict[int, tuple[int, float]]:
+    """Level of light cells of each voxel that rays through `places` of large pixels end in, and its own pixels."""
+    found: dict[int, tuple[int, float]] = {}
+    width, height = camera.width_px >> coarser, camera.height_px >> coarser
+    looks = camera.with_size(width, height)
+    row, column = (axis.ravel() for axis in np.mgrid[:height, :width])
+    unit = camera_in_unit_cube(looks, octree.grid)
+    share = camera.width_px * camera.height_px / (width * height * len(places))
+    for across, up in places:
+        x, y = 2.0 * (column + across) / width - 1.0, 2.0 * (row + up) / height - 1.0
+        node, t = first_hits_reference(octree, looks, x, y, 0.5 ** (lookahead + coarser + seen_module._FINER))
+        speed = pixel_rays(octree, looks, x, y)[2]
+        for ray in np.flatnonzero(node >= 0):
+            level = int(octree.level_of(node[ray : ray + 1])[0])
+            key = int(octree.keys(level)[node[ray] - octree.level_start[level]])
+            pixel = unit.side_at_0 + unit.side_per_z * t[ray] * speed[ray]
+            wanted = int(fitting_level_of(pixel)) + coarser + below
+            before, pixels = found.get(key << 5 | level, (wanted, 0.0))
+            found[key << 5 | level] = max(before, wanted), pixels + share
+    return found
 
 
 def _cell_around(voxel: int, wanted: int) -> int:
