@@ -68,17 +68,18 @@ def seen_cells(
     found, more = _none(), []
     recent: deque[np.ndarray] = deque(maxlen=_RECENT)
     for number, camera in enumerate(cameras):
+        place = number, len(cameras)
         if len(cameras) <= MOST_STILLS:
             side, below = (4, 1) if camera.width_px * camera.height_px <= _SMALL_PX else (2, 0)
             offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
-            part = yield from _look(nodes, grid, camera, offsets, lookahead, below=below)
+            part = yield from _look(nodes, grid, camera, offsets, lookahead, place, below=below)
         else:
             first = number % len(FINE_OFFSETS)
             offsets = [*FINE_OFFSETS[first:], *FINE_OFFSETS[:first]]
-            part = yield from _look(nodes, grid, camera, offsets[:1], lookahead, coarser=1)
+            part = yield from _look(nodes, grid, camera, offsets[:1], lookahead, place, coarser=1)
             known = np.isin(_light_cells(part), np.concatenate([np.empty(0, np.uint64), *recent]))
             if len(known) and known.mean() < _KNOWN:
-                part = yield from _look(nodes, grid, camera, offsets, lookahead, coarser=1)
+                part = yield from _look(nodes, grid, camera, offsets, lookahead, place, coarser=1)
             recent.append(_light_cells(part))
         more.append(part)
         if sum(len(part.cells) for part in more) > len(found.cells):  # so that a long track is sorted few times
@@ -95,6 +96,7 @@ def _look(
     camera: Camera,
     offsets: Sequence[tuple[float, float]],
     lookahead: int,
+    place: tuple[int, int],
     *,
     coarser: int = 0,
     below: int = 0,
@@ -102,7 +104,7 @@ def _look(
     """Voxels that rays of a camera end in, with their own pixels.
 
     offsets: from the centres of pixels `coarser` levels coarser than the camera's. below: level of light cells below
-    that of the voxel that fits a pixel.
+    that of the voxel that fits a pixel. place: the camera's number, and how many there are, for progress.
     """
     width, height = (max(side >> coarser, 1) for side in (camera.width_px, camera.height_px))
     unit = camera_in_unit_cube(camera.with_size(width, height), grid)
@@ -117,7 +119,7 @@ def _look(
             cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
             level = stops.wanted[hit].astype(np.int64) - lookahead + coarser + below
             parts.append(SeenCells(cells, level, np.full(len(hit), share, np.float32)))
-        yield Progress(rows[1], height, f"{LABEL}: {camera.name}")
+        yield Progress(place[0] + rows[1] / height, place[1], LABEL)
     return _joined(parts)
 
 
