@@ -21,7 +21,7 @@ from ..training.benchmarks import markdown_table
 from ..training.settings import AUTO, BF16, FP32
 from . import add_log_format
 from .shared.arguments import add_device, add_number
-from .shared.job_arguments import require_blender
+from .shared.job_arguments import add_settings, require_blender
 from .shared.training_run import require_torch
 from .shared.views import add_views
 
@@ -146,7 +146,7 @@ def _walk(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--frames", bounds.TRACK_FRAMES, "frames of the walk", 250)
     add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
     parser.add_argument("--depth", default="auto", help="octree depth; auto: fine only where the cameras look (auto)")
-    add_number(parser, "--max-samples", bounds.SAMPLES, "most of a place whose light is baked", 64)
+    add_settings(parser, "max_samples")
     add_number(parser, "--timed", bounds.REPEATS, "frames of PatchNet that are timed", 3)
     add_number(parser, "--cycles-timed", bounds.REPEATS, "frames of Cycles that are timed", 1)
     text = "samples per pixel of Cycles' frames"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..patchnet_addon.runtime import bounds
 from .shared.arguments import add_number, add_out
-from .shared.job_arguments import add_settings, given_settings, require_blender
+from .shared.job_arguments import add_settings, depth_of, given_settings, require_blender
 from .shared.lines import say_note, say_result
 from .shared.scene_argument import OWN, add_scene, open_or_build
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from ..operators.schema.table import GLOSS_OFF, TABLE
 
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room; glossy-room", str)
-    add_number(parser, "--depth", bounds.DEPTH, "octree depth", required=True)
+    parser.add_argument("--depth", required=True, help="octree depth; auto: fine only where the cameras look")
     parser.add_argument(
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
@@ -83,7 +83,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
         PLACED_CAMERAS.check(number)
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
-    job = JobSettings.of(**given, depth=args.depth, size=tuple(args.size), color=False, out=args.out)
+    job = JobSettings.of(**given, depth=depth_of(args.depth), size=tuple(args.size), color=False, out=args.out)
     return CheckSettings(job, number, args.render_samples, args.rays, args.difference, args.whole_voxels)
 
 

@@ -318,8 +318,7 @@ def _look(
     needed, pixels = np.zeros(len(layout.levels), np.uint8), np.zeros(len(layout.levels), np.uint32)
     nodes = without_boxes(*hierarchy(leaves, max(leaves)))
     for number, camera in enumerate(cameras):
-        one = number % len(FINE_OFFSETS)
-        offsets = FINE_OFFSETS if len(cameras) <= MOST_STILLS else FINE_OFFSETS[one : one + 1]
+        offsets = FINE_OFFSETS if len(cameras) <= MOST_STILLS else (FINE_OFFSETS[number % len(FINE_OFFSETS)],)
         apart = camera.with_size(*(max(side >> coarser, 1) for side in (camera.width_px, camera.height_px)))
         steps = needed_levels(
             nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser, fine_offsets=offsets

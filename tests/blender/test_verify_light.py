@@ -107,6 +107,14 @@ def test_reference_is_diffuse_light_and_emission(empty_scene: None) -> None:
     np.testing.assert_allclose(reference.depth_world[emitter], 3.0, rtol=1e-5)
 
 
+def test_the_command_fits_an_automatic_depth_to_its_cameras(tmp_path: Path) -> None:
+    arguments = ["room", "--depth", "auto", "--cameras", "Front", "--size", "32", "24", "--max-samples", "2"]
+    arguments += ["--rays", "2", "--render-samples", "2", "--out", str(tmp_path / "check")]
+    assert commands.main(["verify-light", *arguments]) == 0
+    report = json.loads((tmp_path / "check" / "report.json").read_text())
+    assert report["light"]["fitted"] and report["octree"]["depth"] >= 8
+
+
 def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "check"
     arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--max-samples", "4", "--rays", "4"]
