@@ -100,7 +100,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)
-    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, cameras=cameras)
     seconds = rates.seconds(work)
     return Estimate(
         depth=grid.depth,
@@ -112,7 +112,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         peak_bytes=peak_bytes(leaves, **contents),
         free_bytes=settings.compute.memory_bytes or available_memory(),
         lookahead_share=share,
-        paths=light_paths(settings, pixels=pixels, leaves=leaves) if light.is_baked else 0.0,
+        paths=light_paths(settings, cameras, leaves=leaves) if light.is_baked else 0.0,
         made_for=_made_for(source, cameras),
         seconds=seconds,
         time_line=time_line(seconds, rates),

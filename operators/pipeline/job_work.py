@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 
+from ...patchnet_addon.runtime.bounds import MOST_STILLS, SMALL_PX
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
 from ...patchnet_addon.runtime.eta import JobEta, duration_text
 from ...patchnet_addon.runtime.progress import Result, Steps, changed
@@ -23,7 +24,8 @@ FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
 _LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
-_SURFELS_A_PIXEL, _SURFELS_A_LEAF, _USUAL_SAMPLES = 8.0, 0.5, 10.0  # of a bake
+# Of a bake: surfels of a pixel in small and in large stills, in a track, and of a leaf where light is fine everywhere.
+_IN_SMALL, _IN_LARGE, _IN_TRACK, _IN_LEAF, _USUAL_SAMPLES = 4.0, 1.5, 0.12, 0.5, 8.0
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
 _VIEW_RAYS = 60  # cost of first rays, finer rays and the network, in rays of a refined pixel
 # Seconds per unit on two cores of a server, for the first job on a machine.
@@ -33,10 +35,12 @@ _ELSEWHERE = {
 }  # fmt: skip
 
 
-def work_of(settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: int = 0) -> dict[str, float]:
+def work_of(
+    settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: int = 0, cameras: Sequence[Camera] = ()
+) -> dict[str, float]:
     """Units of work of each stage, in the order of the job; 0 for a stage that the job skips.
 
-    pixels: of all cameras. triangles: of the surface. leaves: of the octree.
+    pixels: of all cameras. triangles: of the surface. leaves: of the octree. cameras: those that light is baked for.
     """
     view, light = settings.view, settings.light
     rays = view.spp or 1.0 + view.budget * view.refined_samples
@@ -47,7 +51,7 @@ def work_of(settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: i
     return {
         "read": surface,
         "depth": 3.0 * surface + 0.1 * leaves + pixels if settings.surface.is_fitted else surface,
-        "light": light_paths(settings, pixels=pixels, leaves=leaves) if light.is_baked else 0.0,
+        "light": light_paths(settings, cameras, leaves=leaves) if light.is_baked else 0.0,
         "voxelize": leaves + surface,
         "codes": float(leaves),
         "views": pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
@@ -55,10 +59,13 @@ def work_of(settings: JobSettings, *, pixels: int, triangles: int = 0, leaves: i
     }
 
 
-def light_paths(settings: JobSettings, *, pixels: int, leaves: int) -> float:
-    """Expected paths of a bake for pixels of cameras, or for leaves where light is fine everywhere."""
-    light = settings.light
-    surfels = _SURFELS_A_PIXEL * pixels if light.cells == SEEN_CELLS and pixels else _SURFELS_A_LEAF * leaves
+def light_paths(settings: JobSettings, cameras: Sequence[Camera], *, leaves: int) -> float:
+    """Expected paths of a bake for cameras, or for leaves where light is fine everywhere."""
+    light, surfels = settings.light, _IN_LEAF * leaves
+    if light.cells == SEEN_CELLS and cameras:
+        still = [_IN_SMALL if camera.pixel_count <= SMALL_PX else _IN_LARGE for camera in cameras]
+        rates = still if len(cameras) <= MOST_STILLS else [_IN_TRACK] * len(cameras)
+        surfels = sum(rate * camera.pixel_count for rate, camera in zip(rates, cameras, strict=True))
     return surfels * min(light.max_samples, _USUAL_SAMPLES)
 
 
@@ -122,7 +129,9 @@ class JobPlan:
     def make(self, source: SceneMesh, choice: GridChoice, cameras: Sequence[Camera], *stages: str) -> None:
         """Plan the job for a surface and grid. stages: of the job; all if none are named."""
         pixels, triangles = sum(camera.pixel_count for camera in cameras), source.triangle_count
-        work = work_of(self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves)
+        work = work_of(
+            self._settings, pixels=pixels, triangles=triangles, leaves=choice.leaves, cameras=choice.cameras or cameras
+        )
         self._work = {name: units for name, units in work.items() if not stages or name in stages}
         self._eta.expect(self._rates.seconds(self._work), measured=self._rates.know(self._work))
 

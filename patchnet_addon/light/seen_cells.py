@@ -10,17 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton import morton_encode
-from ..lod.fit import FINE_OFFSETS, MOST_STILLS, ray_stops
+from ..lod.fit import FINE_OFFSETS, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
-from ..runtime.bounds import DEFAULT_LOOKAHEAD
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, MOST_STILLS, SMALL_PX
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera, camera_in_unit_cube
 
 LEVEL_BITS = 5  # of a cell: its Morton key << 5 | its level
 ABOVE_LEAVES = 1  # least levels of light cells above the leaves
 _FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
-_SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
 _ROWS = 64
 _RECENT = 8  # cameras of a track whose light cells tell whether a further one sees much that is new
 _KNOWN = 0.5  # share of the light cells
@@ -70,7 +69,7 @@ def seen_cells(
     for number, camera in enumerate(cameras):
         place = number, len(cameras)
         if len(cameras) <= MOST_STILLS:
-            side, below = (4, 1) if camera.width_px * camera.height_px <= _SMALL_PX else (2, 0)
+            side, below = (4, 1) if camera.width_px * camera.height_px <= SMALL_PX else (2, 0)
             offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
             part = yield from _look(nodes, grid, camera, offsets, lookahead, place, below=below)
         else:

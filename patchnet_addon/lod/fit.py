@@ -21,7 +21,7 @@ from ..octree.leaf_levels import LeafLevels
 from ..octree.levels import hierarchy
 from ..octree.octree import Nodes, without_boxes
 from ..octree.voxelize import ClippedSurface, LeafDetail, LeafSums, voxelize
-from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, MAX_DEPTH, MOST_STILLS
 from ..runtime.errors import GeometryError
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps, labelled
@@ -51,7 +51,6 @@ _COARSER = 2  # distance of rays in levels of pixels, in all but the last round:
 LABEL = "Fitting to the cameras"
 
 _ROWS_PER_STEP = 64
-MOST_STILLS = 4  # cameras; more are a track, whose frames see the same places again
 # Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel; on a track
 # one of them, each frame another.
 FINE_OFFSETS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))

@@ -65,6 +65,8 @@ def _text(value: float) -> str:
 MAX_DEPTH = 18  # of octrees: pictures of 1920 x 1080 from inside a hall need levels 15 to 18
 LOOKAHEADS = (1, 2, 3)  # levels that a network may look ahead (the paper's delta l)
 DEFAULT_LOOKAHEAD = 2  # of the shipped weights, and of files that do not say
+MOST_STILLS = 4  # cameras of a job; more are a track, whose frames see the same places again
+SMALL_PX = 1 << 16  # of a still: up to these, light cells are half as wide, since users magnify it
 _PIXEL_SHARE = "give a share of the pixels"
 _LARGEST = 1e9  # of factors and of ends of legends
 _MAX_PATHS = 65536  # maximum of Cycles' own panel

@@ -5,17 +5,20 @@ import json
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.estimate import estimate_job
-from patchnet.operators.pipeline.job_work import FILE_NAME, Rates, time_line, work_of
+from patchnet.operators.pipeline.job_work import FILE_NAME, Rates, light_paths, time_line, work_of
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.tests.blender.job_scene import SMALL, build
 
-FIGURES = {"triangles": 1000, "leaves": 1_000_000, "pixels": 100_000}
+STILL = Camera.look_at(np.zeros(3), np.ones(3), size_px=(400, 250))
+FIGURES = {"triangles": 1000, "leaves": 1_000_000, "pixels": 100_000, "cameras": (STILL,)}
 
 
 @pytest.fixture
@@ -26,7 +29,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_work_follows_what_is_asked_for() -> None:
     plain = work_of(JobSettings(), **FIGURES)
-    assert work_of(JobSettings.of(max_samples=2), **FIGURES)["light"] == pytest.approx(plain["light"] / 5)
+    assert work_of(JobSettings.of(max_samples=2), **FIGURES)["light"] == pytest.approx(plain["light"] / 4)
     assert work_of(JobSettings.of(light="two-lights"), **FIGURES)["light"] == 0.0
     everywhere, fine = JobSettings.of(cells="everywhere"), FIGURES | {"leaves": 2_000_000}
     assert work_of(JobSettings(), **fine)["light"] == plain["light"]
@@ -34,6 +37,13 @@ def test_work_follows_what_is_asked_for() -> None:
     assert work_of(JobSettings.of(reference=True), **FIGURES)["views"] > 20 * plain["views"]
     assert work_of(JobSettings.of(refined_samples=1024.0), **FIGURES)["views"] > 3 * plain["views"]
     assert plain["cycles"] == 0.0 < work_of(JobSettings.of(cycles=CyclesSettings()), **FIGURES)["cycles"]
+
+
+def test_paths_of_a_bake_follow_the_light_cells_that_cameras_need() -> None:
+    """Within a factor of 1.5 of those that the courtyard's bakes had: 37, 12.6 and 1 a pixel."""
+    still, small = STILL.with_size(480, 270), STILL.with_size(192, 192)
+    for cameras, paths in (([small], 1.36e6), ([still] * 3, 4.89e6), ([still] * 60, 7.5e6)):
+        assert paths / 1.5 < light_paths(JobSettings(), cameras, leaves=1) < paths * 1.5
 
 
 def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
@@ -76,7 +86,8 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
         assert seconds == pytest.approx(result.report["timings_s"][name])
     found = drain(estimate_job(bpy.context, settings))
     assert found.time_line in found.lines and "elsewhere" not in found.time_line
-    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves}
+    cameras = [view.camera for view in result.views]
+    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves, "cameras": cameras}
     assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, **figures)))
     for name, (seconds, _) in learned.items():
         assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"

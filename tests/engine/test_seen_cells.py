@@ -42,7 +42,7 @@ def test_each_ray_ends_in_a_cell(kind: str, lookahead: int, monkeypatch: pytest.
     views = cameras()
     if kind == "track":  # as many rays as pixels of stills, where most light cells are known
         views = [camera.with_size(2 * camera.width_px, 2 * camera.height_px) for camera in views] * 2
-    monkeypatch.setattr(module, "_SMALL_PX", 0 if kind == "large" else module._SMALL_PX)
+    monkeypatch.setattr(module, "SMALL_PX", 0 if kind == "large" else module.SMALL_PX)
     seen = drain(seen_cells(octree.nodes, octree.grid, views, lookahead=lookahead))
     expected = seen_cells_reference(octree, views, lookahead, small=kind == "small")
     assert seen.cells.tolist() == sorted(expected) and len(expected) > 90
