@@ -50,6 +50,7 @@ def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     """
     from .pipeline.views import view, view_background
     from .scene.cameras import focus_warnings, octree_cameras
+    from .scene.pixel_filter import pixel_filter_of
 
     before, coded = results.voxels_of(context.scene), results.codes_of(context.scene)
     wanted = settings.view
@@ -57,7 +58,15 @@ def look(context: bpy.types.Context, settings: JobSettings) -> Steps[View]:
     clock = StageClock()
     with clock.stage("views"), overlay.unfinished_pictures(context) as meanwhile:
         behind = yield from view_background(context, coded.octree, camera, settings)
-        looking = view(coded, camera, wanted, before.scope, background=behind, meanwhile=meanwhile)
+        looking = view(
+            coded,
+            camera,
+            wanted,
+            before.scope,
+            background=behind,
+            pixel_filter=pixel_filter_of(context.scene),
+            meanwhile=meanwhile,
+        )
         result = yield from looking
     result = replace(result, warnings=(*focus_warnings(context.scene, [camera]), *result.warnings))
     notes = results.without_view(before).notes | {"view": result.warnings}

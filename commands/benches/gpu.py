@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...operators.gpu_view.card_octree import CardOctree
+from ...operators.gpu_view.card_octree import CardOctree, Samples
 from ...operators.gpu_view.packing import world_words
 from ...operators.gpu_view.shaders import FLOATS, WORDS
 from ...patchnet_addon.codes.coded_octree import CodedOctree
@@ -28,6 +28,7 @@ from ...patchnet_addon.runtime.threads import limit_threads, usable_cores
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from ...patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, PixelFilter, rook_places
 from ...patchnet_addon.tracing.render import Hits, first_hits
 from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
@@ -79,7 +80,7 @@ def _seconds(run: Callable[[], Any], device: EglDevice) -> float:
 
 def _compile(card: CardOctree, camera: Camera) -> None:
     """Compile all shaders, and run them once on a few pixels: some drivers compile when a shader runs first."""
-    drain(card.compile("picture", "hits", "decoder", *(("estimate",) if card.estimates else ()), "heat"))
+    drain(card.compile("picture", "film", "hits", "decoder", *(("estimate",) if card.estimates else ()), "heat"))
     for work in _works(card, camera.with_size(8, 8))[0].values():
         work()
 
@@ -91,12 +92,13 @@ def _works(card: CardOctree, camera: Camera) -> tuple[dict[str, Work], tuple[Any
     """Works over a view by name; its images of nodes, of what the decoder writes, and of what the estimator writes."""
     unit, device = camera_in_unit_cube(camera, card.grid), card.device
     hits = card.hit_images(unit)
-    decoded, scored, *means = (device.image(camera.width_px, camera.height_px, FLOATS) for _ in range(4))
+    decoded, scored, *images = (device.image(camera.width_px, camera.height_px, FLOATS) for _ in range(5))
     words, side = world_words(BLACK)
+    samples = Samples.of(device, PixelFilter(BLACKMAN_HARRIS, 1.5), rook_places(1))
     works: dict[str, Work] = {
         "trace": partial(card.trace, unit, hits),
         "decode": partial(card.decode, unit, hits, decoded),
-        "color": partial(card.draw, unit, tuple(means), (device.texture(words), side)),
+        "color": partial(card.draw, unit, tuple(images), (device.texture(words), side), samples, 0),
     }
     if card.estimates:
         works["estimate"] = partial(card.estimate, unit, hits, decoded, scored)

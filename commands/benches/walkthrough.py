@@ -114,6 +114,7 @@ def _compared(args: argparse.Namespace, found: Walk) -> dict[str, Any]:
         },
         "mse": {name: each.mean_mse for name, each in ways.items()},
         "flicker": {name: fmean(each.flicker) if each.flicker else None for name, each in ways.items()},
+        "moved": {name: fmean(each.moved) if each.moved else None for name, each in ways.items()},
         "rival_samples": rival,
         "denoised": found.denoised,
         "ahead_from": frames_until_ahead(setup, ours, peer),

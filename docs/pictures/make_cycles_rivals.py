@@ -39,13 +39,13 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.codes.coded_octree import CodedOctree
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.training.benchmarks import markdown_table
 from patchnet.training.evaluation.panels import save_figure

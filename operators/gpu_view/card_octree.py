@@ -16,10 +16,11 @@ from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.sampling.patchnet_plus import estimators_fit
 from ...patchnet_addon.sampling.plus.weights import estimators_of
 from ...patchnet_addon.tracing.camera import CameraUnit
-from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, estimator_block, layer_blocks, rank_words
-from .shaders import CENTRE, DECODER, ESTIMATE, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+from ...patchnet_addon.tracing.pixel_filter import PixelFilter
+from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, estimator_block, film_words, layer_blocks, rank_words
+from .shaders import DECODER, ESTIMATE, FILM, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
 
-SHADERS = {"picture": PICTURE, "hits": HITS, "decoder": DECODER, "estimate": ESTIMATE, "heat": HEAT}
+SHADERS = {"picture": PICTURE, "film": FILM, "hits": HITS, "decoder": DECODER, "estimate": ESTIMATE, "heat": HEAT}
 
 _FINER = 1 / 8  # sides of the rays behind a patch over a pixel's, of weights that look two levels ahead
 
@@ -30,6 +31,25 @@ class HitImages(NamedTuple):
     node: Any
     entry: Any
     seen: Any
+
+
+class Samples(NamedTuple):
+    """Samples of all pixels of a picture, one after the other, through a pixel filter.
+
+    places: (n, 2) in the pixels, [0, 1]^2. weights: texture of `packing.film_words`. across: pixels that a sample
+    counts in. shares: (n,) of each in the mean of all up to it.
+    """
+
+    places: np.ndarray
+    weights: Any
+    across: int
+    shares: np.ndarray
+
+    @staticmethod
+    def of(device: Any, pixel_filter: PixelFilter, places: np.ndarray) -> Samples:
+        """Upload the weights of samples."""
+        words, totals = film_words(pixel_filter, places)
+        return Samples(places, device.texture(words), 2 * pixel_filter.radius + 1, totals / np.cumsum(totals))
 
 
 class CardOctree:
@@ -112,27 +132,26 @@ class CardOctree:
         self._run("estimate", view_block(camera, first_row=first), bound, (camera.width_px, rows))
 
     def draw(
-        self,
-        camera: CameraUnit,
-        means: tuple[Any, Any],
-        world: tuple[Any, int],
-        samples: int = 0,
-        jitter: tuple[float, float] = CENTRE,
+        self, camera: CameraUnit, images: tuple[Any, Any, Any], world: tuple[Any, int], samples: Samples, number: int
     ) -> None:
-        """Write the mean of one more sample in each pixel and of those before it.
+        """Write the mean of a sample, by its number, and of those before it in each pixel.
 
-        means: images, that of the samples before, and that which is written. world: texture of `packing.world_words`
-        and the side of its faces. samples: before this one. jitter: place in the pixel, [0, 1]^2.
+        images: of the sample, of the mean before, and of that which is written. world: texture of
+        `packing.world_words` and the side of its faces.
         """
+        seen, before, mean = images
+        size = camera.width_px, camera.height_px
+        x, y = samples.places[number]
         view = view_block(
             camera,
             bright=self._bright,
             brightness=self._brightness,
             world_side=world[1],
-            sample=(samples, jitter),
+            sample=(number, (float(x), float(y))),
+            film=(samples.across, float(samples.shares[number])),
         )
-        bound = {"before": means[0], "out_mean": means[1], "world": world[0]}
-        self._run("picture", view, bound, (camera.width_px, camera.height_px))
+        self._run("picture", view, {"out_sample": seen, "world": world[0]}, size)
+        self._run("film", view, {"seen": seen, "before": before, "weights": samples.weights, "out_mean": mean}, size)
 
     def heat(
         self, camera: CameraUnit, hits: HitImages, decoded: Any, ramp: Any, kind: tuple[int, float], heat: Any

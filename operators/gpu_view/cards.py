@@ -161,7 +161,7 @@ class _Card:
             raise CardError(f"{device.name} changes bits of textures")
         card = CardOctree(device, octree)
         yield from card.upload(octree)
-        yield from card.compile("picture")
+        yield from card.compile("picture", "film")
         self.octree = card
 
 

@@ -19,6 +19,7 @@ from ...patchnet_addon.sampling.plus.forms import CENTRE, FORMS, WINDOW, Kind, P
 from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
 from ...patchnet_addon.sampling.plus.weights import Estimators
 from ...patchnet_addon.surface.chroma import GRAY_SHARE
+from ...patchnet_addon.tracing.pixel_filter import PixelFilter, splat_of
 
 BOXED, SIDED, BRIGHT = 1 << 24, 1 << 25, 1 << 26  # flags of a node
 WIDTH_BITS = 14
@@ -102,6 +103,16 @@ def world_words(world: CubeMap | np.ndarray | None) -> tuple[np.ndarray, int]:
     texels = np.zeros((faces.size // 3, 4), np.float16)
     texels[:, :3] = faces.reshape(-1, 3)
     return texels.view(np.uint32), faces.shape[1]
+
+
+def film_words(pixel_filter: PixelFilter, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Words (n K, 1) uint32 of samples at places (n, 2) in their pixels, and their totals (n,).
+
+    Floats: weight of each sample in the K pixels around, the lowest row first.
+    """
+    splat = splat_of(pixel_filter, places)
+    weights = (splat.weights / splat.total[:, None])[:-1].T.astype(np.float32)
+    return np.ascontiguousarray(weights).view(np.uint32).reshape(-1, 1), weights.sum(axis=1)
 
 
 def rank_words(octree: Octree, coded: CodedOctree | None) -> np.ndarray:

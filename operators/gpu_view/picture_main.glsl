@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// One more sample of each pixel, in colour with the world behind, into the mean of those before it.
+// A sample of each pixel, in colour with the world behind.
 
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -12,7 +12,5 @@ void main() {
     seen = vec4(light * view.sight.w, 1.0);
   }
   else if (view.counts.z > 0) seen = vec4(world_along(ray.direction), 1.0);
-  float there = view.jitter.z;
-  if (there > 0.0) seen = mix(texelFetch(before, pixel, 0), seen, 1.0 / (there + 1.0));
-  imageStore(out_mean, pixel, seen);
+  imageStore(out_sample, pixel, seen);
 }

@@ -29,7 +29,8 @@ struct View {
 };
 """  # lens: shift, side of a pixel at 0, per axial distance. sight: nearest, farthest, whether perspective,
 # factor on colours, of heatmaps on the pixel's side behind the patch.
-# jitter: place in the pixel; samples before this one. size: width, height, first row. counts: nodes above white,
+# jitter: place in the pixel; number of the sample; end of a heatmap's ramp, or share of the sample in the mean. size:
+# width, height, first row, kind of a heatmap, or pixels across that a sample counts in. counts: nodes above white,
 # inputs of the decoder, side of the world's faces, words of coded nodes.
 VIEW_NUMBERS, VIEW_SIZE = 48, 36  # floats of it, and where its size stands
 _LAYERS = f"""
@@ -96,10 +97,10 @@ HITS = Shader(
 
 PICTURE = Shader(
     ("tracing.glsl", "light.glsl", "color.glsl", "picture_main.glsl"),
-    (*_OCTREE, "hues", "bright", "world", "before"),
-    {"out_mean": FLOATS},
+    (*_OCTREE, "hues", "bright", "world"),
+    {"out_sample": FLOATS},
 )
-
+FILM = Shader(("film_main.glsl",), ("seen", "before", "weights"), {"out_mean": FLOATS})
 
 DECODER = Shader(
     ("tracing.glsl", "light.glsl", "decode.glsl", "decode_main.glsl"),
@@ -146,15 +147,17 @@ def view_block(
     sample: tuple[int, tuple[float, float]] = (0, CENTRE),
     first_row: int = 0,
     heat: tuple[int, float] = (0, 1.0),
+    film: tuple[int, float] | None = None,
 ) -> np.ndarray:
     """Uniform block (VIEW_NUMBERS,) float32 of a view, some of whose floats are the bits of integers.
 
     bright: nodes above white. brightness: factor on colours, of a heatmap on the pixel's side behind the patch.
     decoder: its width, and `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is behind.
-    sample: how many a picture has already, and the place in the pixels that rays go through, [0, 1]^2. first_row: of
-    the band that is decoded. heat: kind of a heatmap, and the value at its ramp's end.
+    sample: its number, and the place in the pixels that rays go through, [0, 1]^2. first_row: of the band that is
+    decoded. heat: kind of a heatmap, and the value at its ramp's end. film: pixels across that a sample counts in, and
+    its share in the mean of all so far.
     """
-    (width, coded_words), (samples, jitter) = decoder, sample
+    (width, coded_words), (number, jitter), last = decoder, sample, heat if film is None else film
     place, right, up, forward = camera.pose
     # Parallel rays begin in the plane through the cube's middle: so float32 is fine wherever the camera is. Others meet
     # coarser voxels farther away.
@@ -165,9 +168,9 @@ def view_block(
     block[:6, :3] = whole, place - whole, right, up, forward, up / np.linalg.norm(up)
     block[6] = camera.shift_x, camera.shift_y, camera.side_at_0, camera.side_per_z
     block[7] = camera.nearest - ahead, min(camera.farthest - ahead, 1e30), camera.perspective, brightness
-    block[8] = *jitter, samples, heat[1]
+    block[8] = *jitter, number, last[1]
     whole_numbers = block.view(np.int32)
-    whole_numbers[9] = camera.width_px, camera.height_px, first_row, heat[0]
+    whole_numbers[9] = camera.width_px, camera.height_px, first_row, last[0]
     whole_numbers[10] = bright, _INPUTS, world_side, coded_words
     whole_numbers[11] = 8, 12, 16, width
     return block.ravel()

@@ -16,11 +16,12 @@ from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.worker import computed, run_in_worker
-from ...patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, Pace, in_batches
+from ...patchnet_addon.sampling.adaptive import Pace, in_batches
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.predicted import PREDICTED, PREVIEW
 from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import Chosen, pixel_renders
 from ..scene.images import ImageReader

@@ -25,6 +25,7 @@ from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.report import ERROR_UNIT
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
+from ..scene.pixel_filter import pixel_filter_of
 from ..scene_access.images import VIEW_TRANSFORM, save_png
 from ..settings.groups import NETWORK_DEVICE
 from ..settings.job_settings import JobSettings
@@ -152,7 +153,15 @@ def _result(job: _Job, made: LitOctree | Before, cameras: Sequence[Camera]) -> S
         with clock.stage("views"):
             if camera is not cameras[0]:
                 behind = yield from view_background(context, made.octree, camera, settings)
-            looking = view(coded, camera, wanted, settings.surface.scope, background=behind, meanwhile=meanwhile)
+            looking = view(
+                coded,
+                camera,
+                wanted,
+                settings.surface.scope,
+                background=behind,
+                pixel_filter=pixel_filter_of(context.scene),
+                meanwhile=meanwhile,
+            )
             views.append((yield from looking))
         if wanted.cycles is not None:
             with clock.stage("cycles"):

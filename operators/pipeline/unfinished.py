@@ -102,8 +102,7 @@ def shown_meanwhile(
     def shown(report: Progress) -> Progress:
         nonlocal last
         if begun and time.monotonic() - last > _SHOWN_S:
-            light = begun[0].luminance if begun[0].colors is None else begun[0].colors
-            picture = opaque(ground.picture(light, begun[0].alpha))
+            picture = opaque(ground.picture(begun[0].colors, begun[0].alpha))
             meanwhile(Unfinished(ground.camera.name, f"refining, {report.fraction:.0%}", picture))
             last = time.monotonic()
         return report

@@ -31,6 +31,7 @@ from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import uniform_report
 from ...patchnet_addon.tracing.camera import Camera
+from ...patchnet_addon.tracing.pixel_filter import BOX_FILTER, PixelFilter
 from ..cycles.background import BLACK_GROUND, Background, background
 from ..importance.pixels import pixel_importance
 from ..scene_access.images import ERROR_MAXIMUM, PICTURES, PRIORITY_NAME, save_exr, save_png
@@ -88,6 +89,7 @@ def view(
     scope: str,
     *,
     background: Background = BLACK_GROUND,
+    pixel_filter: PixelFilter = BOX_FILTER,
     meanwhile: Meanwhile | None = None,
 ) -> Steps[View]:
     """Preview, predicted picture, priority and refinement of one camera.
@@ -95,7 +97,8 @@ def view(
     scope: of the voxels, for painted importance, which multiplies the scores of all strategies. With `reference` of the
     settings, also trace the reference of all pixels and measure the error that all strategies, exact oracles and
     uniform pictures leave.
-    background: of the pictures; priorities and errors are of surfaces alone.
+    background: of the pictures; priorities and errors are of surfaces alone. pixel_filter: of the pictures of refined
+    pixels and of the reference; errors are of plain means.
     meanwhile: shows the preview, the heatmap, and the picture in refinement. Raises SettingError if the painted image
     or vertex group is missing.
     """
@@ -115,10 +118,10 @@ def view(
     if meanwhile is not None:
         urgent = buffers.picture(ranking.priority) / np.float32(settings.heatmap_maximum or chosen.maximum)
         meanwhile(Unfinished(camera.name, "heatmap", colormap(urgent, settings.colormap)))
-    refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground)
+    refined = yield from _refined(coded.octree, ranking, settings, meanwhile, ground, pixel_filter)
     strategies = list(STRATEGIES.values()) if compare else [chosen]
     if compare:
-        known = yield from _traced(coded, camera, strategies, reference=True)
+        known = yield from _traced(coded, camera, strategies, reference=True, pixel_filter=pixel_filter)
         buffers = replace(known, importance=buffers.importance, unrefined=settings.unrefined)
     measuring = Progress(0, 1, f"{camera.name}: {'Measuring errors' if compare else 'Preparing pictures'}")
 
@@ -144,11 +147,24 @@ def view_background(
 
 
 def _traced(
-    coded: CodedOctree, camera: Camera, strategies: Sequence[Strategy], *, reference: bool
+    coded: CodedOctree,
+    camera: Camera,
+    strategies: Sequence[Strategy],
+    *,
+    reference: bool,
+    pixel_filter: PixelFilter = BOX_FILTER,
 ) -> Steps[PixelBuffers]:
     """Trace the inputs of strategies and of the predicted picture, and the reference if wanted."""
     tracing = run_in_worker(
-        lambda: trace_view(coded.octree, camera, strategies, coded=coded, reference=reference, unrefined=PREDICTED),
+        lambda: trace_view(
+            coded.octree,
+            camera,
+            strategies,
+            coded=coded,
+            reference=reference,
+            unrefined=PREDICTED,
+            pixel_filter=pixel_filter,
+        ),
         Progress(0, 1, "Tracing the preview"),
     )
     return (yield from labelled(tracing, f"{camera.name}: {{}}"))
@@ -163,7 +179,12 @@ def _rankings(buffers: PixelBuffers, strategies: Sequence[Strategy], chosen: Ran
 
 
 def _refined(
-    octree: Octree, ranking: Ranking, settings: ViewSettings, meanwhile: Meanwhile | None, ground: Ground
+    octree: Octree,
+    ranking: Ranking,
+    settings: ViewSettings,
+    meanwhile: Meanwhile | None,
+    ground: Ground,
+    pixel_filter: PixelFilter,
 ) -> Steps[RefinedPicture]:
     """Spend the budget on a ranked view: samples per pixel if they are given, else a share of the pixels."""
     begun: list[RefinedPicture] = []
@@ -172,7 +193,7 @@ def _refined(
     def make() -> Steps[RefinedPicture]:
         spp = settings.spp
         samples = ranking.refined_samples(settings.refined_samples) if spp is None else ranking.samples(spp)
-        return refined_view(octree, camera, ranking, samples, begun=begun.append)
+        return refined_view(octree, camera, ranking, samples, pixel_filter, begun=begun.append)
 
     tracing = run_in_worker(make, Progress(0, 1, "Refining by priority"))
     if meanwhile is not None:

@@ -85,14 +85,22 @@ class PATCHNET_PT_render_octree(_RenderPanel, bpy.types.Panel):
 
 
 class PATCHNET_PT_render_film(_RenderPanel, bpy.types.Panel):
-    """Background."""
+    """Background, and the pixel filter that Cycles has, too."""
 
     bl_label = "Film"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the only property."""
-        split(self.layout).prop(context.scene.render, "film_transparent", text="Transparent")
+        """Draw the properties."""
+        layout, scene = split(self.layout), context.scene
+        layout.prop(scene.render, "film_transparent", text="Transparent")
+        cycles = getattr(scene, "cycles", None)
+        if cycles is None:
+            layout.prop(scene.render, "filter_size", text="Filter Size")
+            return
+        layout.prop(cycles, "pixel_filter_type", text="Pixel Filter")
+        if cycles.pixel_filter_type != "BOX":
+            layout.prop(cycles, "filter_width", text="Width")
 
 
 CLASSES = (PATCHNET_PT_render_refinement, PATCHNET_PT_render_octree, PATCHNET_PT_render_film)

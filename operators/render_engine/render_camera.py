@@ -13,44 +13,50 @@ import numpy as np
 from ...patchnet_addon.runtime.errors import SceneError
 from ...patchnet_addon.sampling.importance import PixelRect
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera, camera_part
+from ...patchnet_addon.tracing.pixel_filter import PixelFilter
 from ..scene.cameras import tracing_camera
+from ..scene.pixel_filter import pixel_filter_of
 
-MARGIN = 1  # traced pixels around a render border: priorities depend on their neighbors
+_MARGIN = 1  # traced pixels around a render border, for priorities; beyond those, whose rays count in its pixels
 
 
 class RenderView(NamedTuple):
     """View that a render traces.
 
     camera: of the view. picture, kept: rectangles of the whole picture and of the render's result in the view.
+    pixel_filter: of the scene.
     """
 
     camera: Camera
     picture: PixelRect
     kept: PixelRect
+    pixel_filter: PixelFilter
 
 
 def render_view(scene: bpy.types.Scene, camera: bpy.types.Object | None, size_px: tuple[int, int]) -> RenderView:
     """View of an evaluated camera object at the render resolution.
 
     The result is the part of the picture within the render border. The view adds a margin within the picture, so that
-    pixels at the border are ranked as in the whole picture. scene: evaluated. Raises SceneError without a camera and
-    for panoramic ones, SettingError for an empty border.
+    pixels at the border are ranked and filtered as in the whole picture. scene: evaluated. Raises SceneError without a
+    camera and for panoramic ones, SettingError for an empty border.
     """
     if camera is None:
         raise SceneError(f"Scene '{scene.name}' has no active camera: add one, or make one active with Ctrl Numpad 0")
     whole = tracing_camera(camera, scene, size_px)
-    render = scene.render
+    render, pixel_filter = scene.render, pixel_filter_of(scene)
     if not render.use_border:
-        return RenderView(whole, PixelRect(0, 0, *size_px), PixelRect(0, 0, *size_px))
+        return RenderView(whole, PixelRect(0, 0, *size_px), PixelRect(0, 0, *size_px), pixel_filter)
     left, right = (int(side * size_px[0]) for side in (render.border_min_x, render.border_max_x))  # as Blender rounds
     bottom, top = (int(side * size_px[1]) for side in (render.border_min_y, render.border_max_y))
     camera_part(whole, left, bottom, right - left, top - bottom)  # raises for an empty border
-    first_x, last_x = max(left - MARGIN, 0), min(right + MARGIN, size_px[0])
-    first_y, last_y = max(bottom - MARGIN, 0), min(top + MARGIN, size_px[1])
+    margin = _MARGIN + pixel_filter.radius
+    first_x, last_x = max(left - margin, 0), min(right + margin, size_px[0])
+    first_y, last_y = max(bottom - margin, 0), min(top + margin, size_px[1])
     return RenderView(
         camera_part(whole, first_x, first_y, last_x - first_x, last_y - first_y),
         PixelRect(-first_x, -first_y, *size_px),
         PixelRect(left - first_x, bottom - first_y, right - left, top - bottom),
+        pixel_filter,
     )
 
 

@@ -50,7 +50,7 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     wanted = settings.view
     chosen = strategy(wanted.strategy)
     eye = engine.camera_override or (scene.camera and scene.camera.evaluated_get(depsgraph))
-    camera, rect, kept = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
+    camera, rect, kept, pixel_filter = render_view(scene, eye, (engine.resolution_x, engine.resolution_y))
     strokes = None
     if wanted.importance is not None:  # missing input is reported before work starts
         strokes = read_strokes(wanted.importance, VISIBLE, depsgraph)  # the selection may have changed
@@ -66,10 +66,12 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
     budget = wanted.budget if wanted.spp is None else None
     if wanted.render_samples is None:
-        picture = AdaptivePicture(octree, camera, chosen, coded, importance, wanted.unrefined, budget)
+        picture = AdaptivePicture(
+            octree, camera, chosen, coded, importance, wanted.unrefined, budget, pixel_filter=pixel_filter
+        )
         refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
     else:
-        picture = AdaptivePicture(octree, camera, None, None, importance)
+        picture = AdaptivePicture(octree, camera, None, None, importance, pixel_filter=pixel_filter)
         refining = picture.sample_evenly(samples_side(wanted.render_samples))
     output = _Output(engine, depsgraph.view_layer.name, kept, picture, world)
     try:

@@ -31,6 +31,7 @@ from ..overlay.drawing import live
 from ..overlay.overlay_settings import COMBINED, COVERAGE, LEVEL, PREDICTED_LIVE, PRIORITY, overlay_settings
 from ..overlay.paint import texture
 from ..properties.preferences import apply_preferences, preferences
+from ..scene.pixel_filter import pixel_filter_of
 from ..session import results
 from ..session.scene_result import SceneResult
 from ..session.scene_session import give_back
@@ -155,7 +156,9 @@ class Viewport:
         alike = values.render_samples > 0 and self.mask.ready(context, idle=picture.done) and self.mask.strokes is None
         side = samples_side(values.render_samples) if alike else 1
         behind = self.world.behind(depsgraph, result.octree)
-        moved = picture.look(card, (id(result), side, *_view(camera)), camera, behind, side)
+        pixel_filter = pixel_filter_of(context.scene)
+        key = id(result), side, pixel_filter, *_view(camera)
+        moved = picture.look(card, key, camera, behind, side, pixel_filter)
         shows_heat = overlay_settings(context).live != COMBINED
         if not shows_heat:
             self._heat = None
@@ -200,7 +203,8 @@ class Viewport:
         values, strokes = context.scene.patchnet, self.mask.strokes
         world, background = self.world.behind(depsgraph, result.octree)
         rect = None if strokes is None else camera_rect(context)
-        wanted = values.strategy, values.unrefined, values.budget, values.refined_samples, values.spp
+        shares = values.budget, values.refined_samples, values.spp
+        wanted = values.strategy, values.unrefined, *shares, pixel_filter_of(context.scene)
         state = (id(result), *wanted, values.render_samples, self.mask.version, rect, *_view(camera))
         if state != self._state or self._preview is None:
             importance = None if strokes is None else partial(strokes.weights, result.octree.grid, rect=rect)
@@ -253,12 +257,13 @@ class Viewport:
 
 def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, importance: Any) -> AdaptivePicture:
     """Picture of a result with the scene's settings."""
-    values = context.scene.patchnet
+    values, pixel_filter = context.scene.patchnet, pixel_filter_of(context.scene)
     if values.render_samples:
-        return AdaptivePicture(result.octree, camera, None, None, importance)
-    budget = None if values.spp else values.budget
-    chosen = strategy(values.strategy)
-    return AdaptivePicture(result.octree, camera, chosen, result.coded, importance, values.unrefined, budget)
+        return AdaptivePicture(result.octree, camera, None, None, importance, pixel_filter=pixel_filter)
+    budget, chosen = None if values.spp else values.budget, strategy(values.strategy)
+    return AdaptivePicture(
+        result.octree, camera, chosen, result.coded, importance, values.unrefined, budget, pixel_filter=pixel_filter
+    )
 
 
 def _view(camera: Camera) -> tuple[Any, ...]:

@@ -19,9 +19,10 @@ from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.sampling.strategy import Strategy
 from ...patchnet_addon.tracing.camera import Camera, CameraUnit, camera_in_unit_cube, camera_part
-from ..gpu_view.card_octree import CardOctree
+from ...patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT, PixelFilter, rook_places
+from ..gpu_view.card_octree import CardOctree, Samples
 from ..gpu_view.packing import world_words
-from ..gpu_view.shaders import CENTRE, FLOATS
+from ..gpu_view.shaders import FLOATS
 from .viewport_world import WorldBehind, draw_picture
 
 
@@ -34,14 +35,24 @@ class CardPicture:
     def __init__(self) -> None:
         self.done = False
         self._view: tuple[Any, ...] = ()
-        self._means: tuple[Any, Any] | None = None
+        self._images: tuple[Any, Any, Any] | None = None  # of a sample, and of means, the present one last
         self._world: tuple[Any, int] | None = None
         self._background: Any = None
-        self._places = np.empty((0, 2))
-        self._samples = 0  # taken of _places; -1 before the single ray that is drawn while the view moves
+        self._kind: tuple[Any, ...] = ()
+        self._first: Samples | None = None  # the single ray that is drawn while the view moves
+        self._samples: Samples | None = None
+        self._taken = 0  # of the samples; -1 before the first ray
 
-    def look(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, behind: WorldBehind, side: int) -> bool:
-        """Take one of side x side samples of a view; returns whether the view has changed.
+    def look(
+        self,
+        card: CardOctree,
+        view: tuple[Any, ...],
+        camera: Camera,
+        behind: WorldBehind,
+        side: int,
+        pixel_filter: PixelFilter,
+    ) -> bool:
+        """Take one of side x side samples of a view through a pixel filter; returns whether the view has changed.
 
         view: key of all that the picture depends on, except the world.
         """
@@ -51,43 +62,46 @@ class CardPicture:
             self._view = ()
         moved = view != self._view
         if moved:
-            self._begin(card, view, camera, side)
+            self._begin(card, view, camera, (side, pixel_filter))
         if not self.done:
             self._take(card, camera, side)
         return moved
 
     def draw(self, engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:
         """Fill the current region."""
-        assert self._means is not None
-        draw_picture(self._means[0], engine, scene)
+        assert self._images is not None
+        draw_picture(self._images[2], engine, scene)
 
     @property
     def status(self) -> str:
         """Status in words."""
-        return "Done" if self.done else f"Sample {max(self._samples, 0)} of {len(self._places)}"
+        count = 0 if self._samples is None else len(self._samples.places)
+        return "Done" if self.done else f"Sample {max(self._taken, 0)} of {count}"
 
-    def _begin(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, side: int) -> None:
+    def _begin(self, card: CardOctree, view: tuple[Any, ...], camera: Camera, kind: tuple[int, PixelFilter]) -> None:
         size = camera.width_px, camera.height_px
-        if self._means is None or (self._means[0].width, self._means[0].height) != size:
-            self._means = card.device.image(*size, FLOATS), card.device.image(*size, FLOATS)
-        grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[side == 1 :]
-        self._places = np.random.default_rng(0).permutation((grid + 0.5) / side)
-        self._view, self._samples, self.done = view, -1, False
+        if self._images is None or (self._images[0].width, self._images[0].height) != size:
+            first, second, third = (card.device.image(*size, FLOATS) for _ in range(3))
+            self._images = first, second, third
+        if kind != self._kind:
+            side, pixel_filter = kind
+            self._first = Samples.of(card.device, pixel_filter, rook_places(1))
+            places = np.random.default_rng(0).permutation(rook_places(side))
+            self._samples = Samples.of(card.device, pixel_filter, places) if side > 1 else None
+            self._kind = kind
+        self._view, self._taken, self.done = view, -1, False
 
     def _take(self, card: CardOctree, camera: Camera, side: int) -> None:
-        from ...patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
-
-        assert self._means is not None and self._world is not None
-        unit, (mean, other) = camera_in_unit_cube(camera, card.grid), self._means
-        if self._samples < 0:
-            card.draw(unit, (mean, other), self._world, 0, CENTRE)
+        assert self._images is not None and self._world is not None and self._first is not None
+        unit, (seen, other, mean) = camera_in_unit_cube(camera, card.grid), self._images
+        if self._taken < 0 or self._samples is None:
+            card.draw(unit, (seen, mean, other), self._world, self._first, 0)
         else:
-            x, y = self._places[self._samples]
             finer = unit.finer(max(side, EVEN_FOOTPRINT))
-            card.draw(finer, (mean, other), self._world, self._samples, (float(x), float(y)))
-        self._means = other, mean
-        self._samples += 1
-        self.done = self._samples == len(self._places)
+            card.draw(finer, (seen, mean, other), self._world, self._samples, self._taken)
+        self._images = seen, mean, other
+        self._taken += 1
+        self.done = self._samples is None or self._taken == len(self._samples.places)
 
 
 _RAMP = 256

@@ -18,6 +18,7 @@ from ..octree.octree import Octree
 from ..runtime.progress import Progress, Steps
 from ..runtime.worker import run_in_worker
 from ..tracing.camera import Camera, camera_part
+from ..tracing.pixel_filter import BOX_FILTER, EVEN, GRID, PixelFilter, RayPattern
 from .pixel_buffers import PixelBuffers
 from .predicted import PREVIEW
 from .ranking import Ranking, rank
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 BAND_PIXELS = 1 << 16  # traced at once
 BATCH_RAYS = 1 << 20  # of refined pixels at once
 REFINED_SIDE = 32  # rays per pixel side
-EVEN_FOOTPRINT = 16  # footprints per pixel side; coarser ones thicken edges, finer ones cost more than they
-# improve (docs/worth-it.md)
 Importance = Callable[[PixelBuffers], Steps[np.ndarray]]  # weights (P,) in [0, 1] of a traced view
 
 
@@ -50,7 +49,7 @@ class Pace:
 
 
 class AdaptivePicture:
-    """Picture of P pixels, row 0 at the bottom, with their current values.
+    """Picture of P pixels, row 0 at the bottom, with their current values through a pixel filter.
 
     colors: (P, 3) float32, linear as in the octree, not clamped, premultiplied by alpha.
     alpha: (P,) float32, share of the rays that hit.
@@ -67,6 +66,7 @@ class AdaptivePicture:
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
         budget: float | None = None,
+        pixel_filter: PixelFilter = BOX_FILTER,
     ) -> None:
         """Prepare a picture; importance returns the weights that multiply the scores of a traced view; None: all 1.
 
@@ -78,8 +78,11 @@ class AdaptivePicture:
         self._importance = importance
         self.unrefined = unrefined
         self._budget = budget
-        self.colors = np.zeros((camera.pixel_count, 3), np.float32)
-        self.alpha = np.zeros(camera.pixel_count, np.float32)
+        from .film import Film
+
+        self._film = Film((camera.width_px, camera.height_px), pixel_filter)
+        self.colors: np.ndarray = self._film.values[:, :3]
+        self.alpha: np.ndarray = self._film.values[:, 3]
         self.samples = np.zeros(camera.pixel_count, np.int32)
         self.buffers: PixelBuffers | None = None
         self.ranking: Ranking | None = None
@@ -131,12 +134,12 @@ class AdaptivePicture:
     def sample_evenly(self, side: int, pace: Pace | None = None) -> Steps[None]:
         """Trace side x side rays in all pixels, except those of importance 0 and those that already have as many.
 
-        Rays have the footprint pixel / EVEN_FOOTPRINT. Raises SettingError for a side outside 1 to 32.
+        Rays have the footprint pixel / EVEN.footprints. Raises SettingError for a side outside 1 to 32.
         """
         assert self.buffers is not None
         importance = self.buffers.importance
         pixels = np.arange(len(self.samples)) if importance is None else np.flatnonzero(importance > 0)
-        take = partial(self._take, finer=max(side, EVEN_FOOTPRINT))
+        take = partial(self._take, pattern=EVEN)
         yield from in_batches([(side, pixels[self.samples[pixels] != side**2])], pace or Pace(), take)
 
     def _looks(self) -> list[Strategy]:
@@ -159,23 +162,23 @@ class AdaptivePicture:
         return buffers, rank(self.strategy, buffers, self._budget, Looks(self.octree, self.camera, self.coded))
 
     def _show(self, start: int, band: PixelBuffers) -> None:
-        rows = slice(start, start + len(band.preview))
-        seen = band.shown_color
-        from ..tracing.render import seen_above_white
+        self._film.show(start, first_rays(self.octree, band))
+        self.samples[start : start + len(band.preview)] = 1
 
-        above = seen_above_white(self.octree, band.hits)
-        if band.shows_predicted and band.prediction is not None:
-            above *= band.prediction.coverage[:, None]
-        self.colors[rows] = (band.shown[:, None] if seen is None else seen) + above
-        self.alpha[rows] = band.shown_alpha
-        self.samples[rows] = 1
-
-    def _take(self, pixels: np.ndarray, side: int, finer: float | None = None) -> None:
-        from ..tracing.supersample import supersample_pixels
-
-        means = supersample_pixels(self.octree, self.camera, pixels, side, finer=finer)
-        self.colors[pixels], self.alpha[pixels] = means.colors, means.coverage
+    def _take(self, pixels: np.ndarray, side: int, pattern: RayPattern = GRID) -> None:
+        self._film.trace(self.octree, self.camera, pixels, self.samples[pixels], side, pattern)
         self.samples[pixels] = side**2
+
+
+def first_rays(octree: Octree, buffers: PixelBuffers) -> np.ndarray:
+    """Colours and coverage (P, 4) float32 that pixels show by a single ray each, with light above white."""
+    from ..tracing.render import seen_above_white
+
+    above, seen = seen_above_white(octree, buffers.hits), buffers.shown_color
+    if buffers.shows_predicted and buffers.prediction is not None:
+        above *= buffers.prediction.coverage[:, None]
+    colors = (buffers.shown[:, None] if seen is None else seen) + above
+    return np.concatenate([colors, buffers.shown_alpha[:, None]], axis=1)
 
 
 def in_batches(

@@ -12,7 +12,8 @@ import numpy as np
 from ..octree.octree import Octree
 from ..runtime.progress import Steps
 from ..tracing.camera import Camera
-from .adaptive import REFINED_SIDE, Pace, in_batches
+from ..tracing.pixel_filter import BOX_FILTER, GRID, PixelFilter
+from .adaptive import REFINED_SIDE, Pace, first_rays, in_batches
 from .errors import left_after
 from .ranking import Ranking
 from .sample_counts import COUNTS, pixels_by_side
@@ -22,12 +23,13 @@ from .sample_counts import COUNTS, pixels_by_side
 class RefinedPicture:
     """Picture of P pixels after refinement.
 
-    luminance: (P,) float32. colors: (P, 3) float32 linear, None without colour. alpha: (P,) float32, covered share of
-    the pixel. samples: (P,) int32, rays per pixel.
+    luminance: (P,) float32, plain means of each pixel's rays, which errors are of. colors: (P, 3) float32, linear, gray
+    without colour, and alpha: (P,) float32, covered share, through the pixel filter. samples: (P,) int32, rays per
+    pixel.
     """
 
     luminance: np.ndarray
-    colors: np.ndarray | None
+    colors: np.ndarray
     alpha: np.ndarray
     samples: np.ndarray
 
@@ -42,6 +44,8 @@ def refined_view(
     camera: Camera,
     ranking: Ranking,
     samples: np.ndarray,
+    pixel_filter: PixelFilter = BOX_FILTER,
+    *,
     pace: Pace | None = None,
     begun: Callable[[RefinedPicture], None] | None = None,
 ) -> Steps[RefinedPicture]:
@@ -49,19 +53,16 @@ def refined_view(
 
     begun: called with the initial picture, whose pixels are then refined in place.
     """
-    from ..tracing.supersample import supersample_pixels
+    from .film import Film
 
     buffers = ranking.buffers
-    luminance, alpha = buffers.shown.copy(), buffers.shown_alpha.copy()
-    colors = None if buffers.shown_color is None else buffers.shown_color.copy()
+    luminance, film = buffers.shown.copy(), Film((camera.width_px, camera.height_px), pixel_filter)
+    film.show(0, first_rays(octree, buffers))
 
     def take(pixels: np.ndarray, side: int) -> None:
-        means = supersample_pixels(octree, camera, pixels, side)
-        luminance[pixels], alpha[pixels] = means.luminance, means.coverage
-        if colors is not None:
-            colors[pixels] = means.colors
+        luminance[pixels] = film.trace(octree, camera, pixels, np.ones(len(pixels), np.int32), side, GRID)
 
-    picture = RefinedPicture(luminance, colors, alpha, samples)
+    picture = RefinedPicture(luminance, film.values[:, :3], film.values[:, 3], samples)
     if begun is not None:
         begun(picture)
     yield from in_batches(pixels_by_side(samples, ranking.order), pace or Pace(), take)

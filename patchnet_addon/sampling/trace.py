@@ -13,6 +13,7 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.errors import SettingError
 from ..runtime.progress import Progress, Steps
 from ..tracing.camera import Camera
+from ..tracing.pixel_filter import BOX_FILTER, PixelFilter
 from .pixel_buffers import PixelBuffers
 from .predicted import PREDICTED, PREVIEW
 from .strategy import (
@@ -42,12 +43,14 @@ def trace_view(
     reference: bool = True,
     lookahead: int | None = None,
     unrefined: str = PREVIEW,
+    pixel_filter: PixelFilter = BOX_FILTER,
 ) -> Steps[PixelBuffers]:
     """Picture at 1 sample per pixel, further inputs of `strategies`, and optionally the 32x32 reference.
 
     Pictures are in colour too if the octree is. lookahead: levels that the exact oracle and rays behind the patch look
     ahead, 1 to 3; None: those of the weights of `coded`, or two without codes.
-    unrefined: picture in unrefined pixels, see `PixelBuffers`; inputs of the predicted picture are traced. Raises
+    unrefined: picture in unrefined pixels, see `PixelBuffers`; inputs of the predicted picture are traced.
+    pixel_filter: of the reference's colours and coverage; its luminance, which errors are of, has a box. Raises
     SettingError if a strategy, or the predicted picture, needs codes and `coded` is None, or if their weights look
     another number of levels ahead.
     """
@@ -56,6 +59,7 @@ def trace_view(
     from ..tracing.chosen import fine_rays
     from ..tracing.render import seen_color
     from ..tracing.supersample import supersample
+    from .film import filtered
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -69,7 +73,10 @@ def trace_view(
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled = (yield from supersample(octree, camera)) if reference or REFERENCE in needs else None
+    sampled = None
+    if reference or REFERENCE in needs:
+        box = pixel_filter == BOX_FILTER
+        sampled = yield from supersample(octree, camera) if box else filtered(octree, camera, pixel_filter)
     return PixelBuffers(
         hits,
         behind=patch.behind,

@@ -15,16 +15,16 @@ from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
 from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .pixel_filter import grid_places
 from .render import finer_than_pixel
 from .tile import (
     BEHIND,
     COARSE,
     PICTURE,
     PIXEL,
+    SAMPLE,
     TILE,
     WANTED,
-    XS,
-    YS,
     Search,
     aim_tile,
     luminance_of_ray,
@@ -83,7 +83,7 @@ def _traced(
     pixels = np.asarray(pixels, np.int64)
     order, starts = blocks(pixels, unit.width_px, side)
     found, seen = np.empty((len(pixels), side * side), np.int64), np.empty((len(pixels), side * side), np.float32)
-    chosen = pixels[order], order, starts, side
+    chosen = pixels[order], order, starts, side, grid_places(side)
     scene = octree.nodes, octree.light
     run_parts(_trace_blocks, len(starts) - 1, scene, unit, search, chosen, found, seen)
     return found, seen
@@ -93,11 +93,11 @@ def _traced(
 def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # type: ignore[no-untyped-def]
     """Write the nodes hit by rays of pixels, and their luminances, one block per tile. chosen: of `_traced`."""
     nodes, light = scene
-    pixels, places, starts, side = chosen
+    pixels, places, starts, side, rays = chosen
     tile, levels = make_tile(), make_levels()
     for block in range(first, last):
         here = slice(starts[block], starts[block + 1])
-        aim_pixels(camera, tile, pixels[here], (0, 0), side)
+        aim_pixels(camera, tile, pixels[here], (0, 0), side, rays)
         trace_tile(nodes, search, tile, levels)
         for index in range(starts[block], starts[block + 1]):
             top, left = corner_of(camera, pixels[index], side)
@@ -111,34 +111,35 @@ def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # t
 
 
 @lean_device
-def aim_pixels(camera, tile, pixels, corner, side):  # type: ignore[no-untyped-def]
-    """Set the rays of a tile to samples of a block's pixels: those from row and column `corner` on that fit."""
+def aim_pixels(camera, tile, pixels, corner, side, rays):  # type: ignore[no-untyped-def]
+    """Set the rays of a tile to those of a block's pixels: of side x side those from row and column `corner` on.
+
+    rays: (side^2, 2) their places in a pixel, the lowest row first.
+    """
     tile.lanes[WANTED, :] = 0
     for pixel in pixels:
-        _aim_pixel(camera, tile, pixel, corner, side)
+        _aim_pixel(camera, tile, pixel, corner, side, rays)
     aim_tile(camera, tile)
 
 
 @lean_device
 def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
-    """Row and column in a tile of a pixel's first sample."""
+    """Row and column in a tile of a pixel's first ray."""
     within = max(TILE // side, 1) - 1  # pixels along a side of a tile are a power of two
     row = pixel // camera.width_px
     return side * (row & within), side * ((pixel - row * camera.width_px) & within)
 
 
 @lean_device
-def _aim_pixel(camera, tile, pixel, corner, side):  # type: ignore[no-untyped-def]
-    """Give rays of a tile the picture coordinates of a pixel's samples from row and column `corner` on."""
+def _aim_pixel(camera, tile, pixel, corner, side, rays):  # type: ignore[no-untyped-def]
+    """Give rays of a tile the picture coordinates of a pixel's rays from row and column `corner` on."""
     row = pixel // camera.width_px
     column = pixel - row * camera.width_px
     top, left = corner_of(camera, pixel, side)
-    for k in range(min(side, TILE)):
-        tile.numbers[XS, k] = 2.0 * (column + (corner[1] + k + 0.5) / side) / camera.width_px - 1.0
-        tile.numbers[YS, k] = 2.0 * (row + (corner[0] + k + 0.5) / side) / camera.height_px - 1.0
     for j in range(min(TILE, side - corner[0])):
         for i in range(min(TILE, side - corner[1])):
-            ray = ray_of(top + j, left + i)
-            tile.numbers[PICTURE, ray], tile.numbers[PICTURE + 1, ray] = tile.numbers[XS, i], tile.numbers[YS, j]
-            tile.numbers[PIXEL, ray] = top * TILE + left
+            ray, sample = ray_of(top + j, left + i), side * (corner[0] + j) + corner[1] + i
+            tile.numbers[PICTURE, ray] = 2.0 * (column + rays[sample, 0]) / camera.width_px - 1.0
+            tile.numbers[PICTURE + 1, ray] = 2.0 * (row + rays[sample, 1]) / camera.height_px - 1.0
+            tile.numbers[PIXEL, ray], tile.numbers[SAMPLE, ray] = top * TILE + left, sample
             tile.lanes[WANTED, ray // LANES] |= np.int64(1) << (ray % LANES)

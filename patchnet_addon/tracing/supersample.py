@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,8 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
 from .camera import Camera, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
-from .tile import COARSE, DIRECTION, PACKETS, PIXEL, TILE, WANTED, Search, make_levels, make_tile, node_seen
+from .pixel_filter import PixelFilter, Splat, box_splat, grid_places, splat_of
+from .tile import COARSE, DIRECTION, PACKETS, PIXEL, SAMPLE, TILE, WANTED, Search, make_levels, make_tile, node_seen
 from .tile_walk import trace_tile
 
 MAX_SIDE = int(RAYS.high)  # per pixel side
@@ -72,10 +74,52 @@ def supersample_pixels(
     return _mean_of_rays(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, finer)
 
 
+class SpreadPixels(NamedTuple):
+    """What rays of N pixels give to the K pixels around each, in rows, the lowest first, itself among them.
+
+    given: (N, K, 4) float32, colours and coverage; a pixel's filtered value is the sum of what it is given. luminance:
+    (N,) float32, plain means, as of `supersample_pixels`.
+    """
+
+    given: np.ndarray
+    luminance: np.ndarray
+
+
+def spread_pixels(
+    octree: Octree,
+    camera: Camera,
+    pixels: np.ndarray,
+    places: np.ndarray,
+    pixel_filter: PixelFilter,
+    *,
+    finer: float | None = None,
+) -> SpreadPixels:
+    """Pixels (N,) by rays at places (side^2, 2) through a pixel filter, others as in `supersample_pixels`.
+
+    places: `grid_places` or `rook_places`.
+    """
+    side, splat = math.isqrt(len(places)), splat_of(pixel_filter, places)
+    means = _spread(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, splat, finer)
+    return SpreadPixels(means[:, :-1, 1:], means[:, -1, 0].copy())
+
+
 def _mean_of_rays(
     octree: Octree, above_white: HdrHighlights, camera: Camera, pixels: np.ndarray, side: int, finer: float | None
 ) -> PixelMeans:
-    """Means over side x side rays of each pixel (N,) int64.
+    means = _spread(octree, above_white, camera, pixels, side, box_splat(grid_places(side)), finer)[:, 0]
+    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
+
+
+def _spread(
+    octree: Octree,
+    above_white: HdrHighlights,
+    camera: Camera,
+    pixels: np.ndarray,
+    side: int,
+    splat: Splat,
+    finer: float | None,
+) -> np.ndarray:
+    """Means (N, K, MEANS) float32 over side x side rays of each pixel (N,) int64, for each of K rows of a splat.
 
     Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
     """
@@ -84,73 +128,86 @@ def _mean_of_rays(
     light = _Light(octree.light, _NO_CHROMA if octree.chroma is None else octree.chroma, above_white)
     order, starts = blocks(pixels, unit.width_px, side)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
-    means = np.empty((len(pixels), MEANS), np.float32)
+    means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_means_of_blocks, len(starts) - 1, octree.nodes, light, unit, search, chosen, means)
-    return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
+    run_parts(_means_of_blocks, len(starts) - 1, octree.nodes, light, unit, search, (chosen, splat), means)
+    return means
 
 
 @kernel
 def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):  # type: ignore[no-untyped-def]
-    """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_mean_of_rays`."""
-    pixels, places, starts, side = chosen
-    scratch = make_tile(), make_levels(), np.empty((TILE * TILE, MEANS))
+    """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_spread`."""
+    (pixels, places, starts, side), splat = chosen
+    scratch = make_tile(), make_levels(), np.empty((TILE * TILE, len(splat.total), MEANS))
     for block in range(first, last):
         here = pixels[starts[block] : starts[block + 1]]
-        _sum_rays(nodes, light, camera, search, here, side, scratch)
+        _sum_rays(nodes, light, camera, search, (here, side, splat), scratch)
         for index in range(starts[block], starts[block + 1]):
             top, left = corner_of(camera, pixels[index], side)
-            _write_means(scratch[2][top * TILE + left], len(light.chroma) > 0, side * side, means[places[index]])
+            for around in range(len(splat.total)):
+                sums = scratch[2][top * TILE + left, around]
+                _write_means(sums, len(light.chroma) > 0, splat.total[around], means[places[index], around])
 
 
 @lean_device
-def _sum_rays(nodes, light, camera, search, pixels, side, scratch):  # type: ignore[no-untyped-def]
-    """Trace the rays of a block's pixels, and sum up the hits of each pixel."""
+def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no-untyped-def]
+    """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. chosen: of the block."""
+    pixels, side, splat = chosen
     tile, levels, sums = scratch
     sums[:] = 0.0
     for first_j in range(0, side, TILE):
         for first_i in range(0, side, TILE):
-            aim_pixels(camera, tile, pixels, (first_j, first_i), side)
+            aim_pixels(camera, tile, pixels, (first_j, first_i), side, splat.places)
             trace_tile(nodes, search, tile, levels)
             for packet in range(PACKETS):
                 left = tile.lanes[WANTED, packet]
                 while left != 0:
                     ray = packet * LANES + lowest_one(left)
                     left &= left - 1
-                    _add_ray(camera, tile, ray, light, sums[np.int64(tile.numbers[PIXEL, ray])])
+                    node = node_seen(camera, tile, COARSE, ray)
+                    if node >= 0:
+                        seen = _seen(tile, ray, node, light)
+                        sample, own = np.int64(tile.numbers[SAMPLE, ray]), sums[np.int64(tile.numbers[PIXEL, ray])]
+                        for around in range(len(own)):
+                            _add(seen, splat.weights[around, sample], own[around])
 
 
 @lean_device
-def _add_ray(camera, tile, ray, light, sums):  # type: ignore[no-untyped-def]
-    """Add the hit of a ray to the sums: luminance, colours, and the number of hits."""
+def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
+    """Luminance, red, green and blue of a hit, the colours without the luminance where there is no chroma."""
     nodes, chroma, above = light
-    node = node_seen(camera, tile, COARSE, ray)
-    if node >= 0:
-        numbers = tile.numbers
-        x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
-        row = row_of(nodes.sides, node)
-        mean = np.float32(nodes.luminance[node])
-        light = mean if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
-        sums[0] += light
-        sums[4] += 1.0
-        if len(chroma):
-            seen = decode_color(mean / LUMINANCE_SCALE, chroma[node, 0], chroma[node, 1])
-            red, green, blue = seen if row < 0 else color_along(nodes.sides, row, seen, x, y, z)
-            sums[1] += red
-            sums[2] += green
-            sums[3] += blue
-        bright = row_of(above, node)
-        if bright >= 0:
-            scale = light / max(mean, np.float32(1))  # brightness of the visible side over the mean
-            for channel in range(3):
-                sums[1 + channel] += scale * above.colors[bright, channel]
+    numbers = tile.numbers
+    x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
+    row = row_of(nodes.sides, node)
+    mean = np.float32(nodes.luminance[node])
+    luminance = mean if row < 0 else luminance_of_sides(nodes, node, row, x, y, z)
+    red = green = blue = 0.0
+    if len(chroma):
+        own = decode_color(mean / LUMINANCE_SCALE, chroma[node, 0], chroma[node, 1])
+        red, green, blue = own if row < 0 else color_along(nodes.sides, row, own, x, y, z)
+    bright = row_of(above, node)
+    if bright >= 0:
+        scale = luminance / max(mean, np.float32(1))  # brightness of the visible side over the mean
+        red += scale * above.colors[bright, 0]
+        green += scale * above.colors[bright, 1]
+        blue += scale * above.colors[bright, 2]
+    return luminance, red, green, blue
 
 
 @lean_device
-def _write_means(sums, colored, rays, means):  # type: ignore[no-untyped-def]
-    """Write the means (MEANS,) of a pixel's rays."""
+def _add(seen, weight, sums):  # type: ignore[no-untyped-def]
+    sums[0] += weight * seen[0]
+    sums[1] += weight * seen[1]
+    sums[2] += weight * seen[2]
+    sums[3] += weight * seen[3]
+    sums[4] += weight
+
+
+@lean_device
+def _write_means(sums, colored, total, means):  # type: ignore[no-untyped-def]
+    """Write the means (MEANS,) of weighted sums."""
     seen = sums[0] / LUMINANCE_SCALE
-    means[0] = seen / rays
+    means[0] = seen / total
     for channel in range(1, 4):
-        means[channel] = (sums[channel] + (0.0 if colored else seen)) / rays
-    means[4] = sums[4] / rays
+        means[channel] = (sums[channel] + (0.0 if colored else seen)) / total
+    means[4] = sums[4] / total

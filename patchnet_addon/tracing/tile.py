@@ -28,7 +28,7 @@ _TINY = 1e-150
 class Tile(NamedTuple):
     """Rays of a tile and their hits so far; ray 16 p + 4 y + x belongs to pixel (x, y) of packet p.
 
-    numbers: (30, 64) float64, a row for each number of a ray, as named below.
+    numbers: (31, 64) float64, a row for each number of a ray, as named below.
     lanes: (9, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
     Two arrays instead of one per name: each argument adds seconds of compilation in every function that takes it.
     """
@@ -45,10 +45,10 @@ ORIGIN, INVERSE, DIRECTION, SPEED, START, RESTART = 0, 3, 6, 9, 10, 11
 NODE, LENGTH = 12, 15
 # Of the voxel that fits the pixel: 2^level, its mirrored cell, and the ray's entry point, [0, 1]^3 (`find_entries`).
 CELLS, CELL, ENTRY = 18, 19, 22
-# Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several;
-# picture coordinates of the tile's columns and rows.
-PICTURE, PIXEL, XS, YS = 25, 27, 28, 29
-_NUMBERS = 30
+# Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several, and
+# of the ray among those of its pixel; picture coordinates of the tile's columns and rows.
+PICTURE, PIXEL, SAMPLE, XS, YS = 25, 27, 28, 29, 30
+_NUMBERS = 31
 # Rows of `lanes`: to be traced, still alive, with the hit behind their patch already found; in each phase; mirrored on
 # each axis.
 WANTED, ALIVE, ANSWERED, PHASE, MIRRORED = 0, 1, 2, 3, 6

@@ -30,6 +30,7 @@ def build_for_engine(weights: Path, folder: Path) -> bpy.types.Scene:
     values.weights, values.light, values.resolution, values.depth = str(weights), "two-lights", "DEPTH", 6
     values.render_samples = 0.0  # by priority
     values.refined_samples = 1024.0  # so that refined pixels are those of the reference
+    scene.cycles.pixel_filter_type = "BOX"  # so that rays count in their own pixel alone
     scene.world = bpy.data.worlds.new("World")
     background = start_nodes(scene.world).nodes["Background"]
     background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (*WORLD, 1.0), 0.5

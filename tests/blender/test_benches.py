@@ -29,9 +29,10 @@ def test_seconds_errors_and_flicker_of_all(capsys: pytest.CaptureFixture[str]) -
     assert set(values["setup_s"]) >= {"light", "voxelize"} and values["depth"] == 6
     assert values["total_s"]["patchnet"] == pytest.approx(setup + 12 * values["ours"])
     assert values["ahead_from"] == frames_until_ahead(setup, values["ours"], values["peer"])
-    mse, flicker = values["mse"], values["flicker"]
+    mse, flicker, moved = values["mse"], values["flicker"], values["moved"]
     assert 0.0 < mse["32"] < mse["1"] and mse["32"] < mse["patchnet"] < 0.1
     assert max(map(abs, flicker.values())) < 0.1 and len(set(flicker.values())) == 3
+    assert all(0.0 < error < 0.1 for error in moved.values()) and len(set(moved.values())) == 3
     said = text_of(values)
     assert f"mse: patchnet {mse['patchnet']:.4g}, 1 {mse['1']:.4g}, 32 " in said and "\ntruth: 64\n" in said
 

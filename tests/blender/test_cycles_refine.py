@@ -20,8 +20,8 @@ from patchnet.operators.settings.cycles_settings import CyclesSettings
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import Steps, drain
-from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.patchnet_addon.tracing.pixel_filter import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.full_scene import build_full
 from patchnet.tests.blender.job_scene import box, build, drop_result_images, principled

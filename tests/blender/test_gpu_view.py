@@ -12,7 +12,7 @@ import pytest
 
 from patchnet.commands.benches.gpu import compare_estimates, compare_with
 from patchnet.operators.gpu_view import card_octree, cards
-from patchnet.operators.gpu_view.card_octree import CardOctree
+from patchnet.operators.gpu_view.card_octree import CardOctree, Samples
 from patchnet.operators.gpu_view.cards import BlenderDevice
 from patchnet.operators.gpu_view.packing import world_words
 from patchnet.operators.gpu_view.shaders import FLOATS, WORDS
@@ -30,12 +30,14 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.patchnet import coverage_and_luminance_score
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.surface.shading import two_lights_shade
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
+from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, GAUSSIAN, PixelFilter, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
 from patchnet.tests.blender.gpu_context import with_gpu
 from patchnet.tests.engine.octree_samples import random_octree, with_sides
@@ -136,22 +138,53 @@ def test_a_fitted_octree_of_depth_16() -> None:
 
 
 def colors_on_card(octree: Octree, camera: Camera, world: CubeMap | np.ndarray | None) -> np.ndarray:
-    """Picture (P, 4) of one sample a pixel, and again, which does not change it."""
+    """Picture (P, 4) of one sample a pixel, and of two more after it, through a box."""
 
     def work() -> np.ndarray:
         device = BlenderDevice()
         card = CardOctree(device, octree)
         drain(card.upload(octree))
-        drain(card.compile("picture"))
-        unit = camera_in_unit_cube(camera, octree.grid)
-        means = [device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(2)]
-        words, side = world_words(world)
-        behind = device.texture(words), side
-        card.draw(unit, (means[0], means[1]), behind)
-        card.draw(unit, (means[1], means[0]), behind, samples=1)
-        return device.read(means[0], FLOATS).reshape(-1, 4)
+        drain(card.compile("picture", "film"))
+        samples = Samples.of(device, PixelFilter(), np.full((3, 2), 0.5))
+        return mean_on_card(card, camera, world, samples)
 
     return with_gpu(work)
+
+
+def mean_on_card(card: CardOctree, camera: Camera, world: CubeMap | np.ndarray | None, samples: Samples) -> np.ndarray:
+    """Mean (P, 4) of all samples."""
+    device, unit = card.device, camera_in_unit_cube(camera, card.grid).finer(16)
+    if len(samples.places) == 3:
+        unit = camera_in_unit_cube(camera, card.grid)
+    seen, one, two = (device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(3))
+    words, side = world_words(world)
+    behind = device.texture(words), side
+    for number in range(len(samples.places)):
+        card.draw(unit, (seen, one, two), behind, samples, number)
+        one, two = two, one
+    return device.read(one, FLOATS).reshape(-1, 4)
+
+
+@pytest.mark.parametrize(
+    "pixel_filter", [PixelFilter(BLACKMAN_HARRIS, 1.5), PixelFilter(GAUSSIAN, 2.0), PixelFilter(BLACKMAN_HARRIS, 0.01)]
+)
+def test_pictures_through_a_filter_are_those_of_the_kernels(yard: CodedOctree, pixel_filter: PixelFilter) -> None:
+    octree, camera = yard.octree, cameras()[0].with_size(128, 96)
+    picture = AdaptivePicture(octree, camera, None, pixel_filter=pixel_filter)
+    drain(picture.trace())
+    drain(picture.sample_evenly(4))
+
+    def work() -> np.ndarray:
+        device = BlenderDevice()
+        card = CardOctree(device, octree)
+        drain(card.upload(octree))
+        drain(card.compile("picture", "film"))
+        places = np.random.default_rng(0).permutation(rook_places(4))
+        return mean_on_card(card, camera, None, Samples.of(device, pixel_filter, places))
+
+    found, expected = with_gpu(work), np.concatenate([picture.colors / octree.exposure, picture.alpha[:, None]], axis=1)
+    off = np.abs(found - expected).max(axis=1)
+    assert (off > 1 / 255).mean() <= 3e-3 and off.mean() < 1e-4
 
 
 @pytest.mark.parametrize("kind", ["map", "color", "transparent"])

@@ -16,13 +16,13 @@ from patchnet.operators.session import results
 from patchnet.patchnet_addon.runtime.errors import StoppedError
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.runtime.worker import computed
-from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.pixel_filter import BOX_FILTER, EVEN_FOOTPRINT, rook_places
 from patchnet.patchnet_addon.tracing.render import seen_above_white
-from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import spread_pixels, supersample_pixels
 from patchnet.tests.blender.engine_scene import (
     HEIGHT,
     WIDTH,
@@ -101,10 +101,11 @@ def test_renders_have_sixteen_fine_rays_in_every_pixel_unless_they_are_by_priori
     assert (found["Sample Count"] == 16.0).all()
     result = results.result_of(scene)
     assert result is not None and result.coded is None, "nothing looks ahead"
-    means = supersample_pixels(result.octree, camera(), np.arange(WIDTH * HEIGHT), 4, finer=EVEN_FOOTPRINT)
+    every = np.arange(WIDTH * HEIGHT)
+    means = spread_pixels(result.octree, camera(), every, rook_places(4), BOX_FILTER, finer=EVEN_FOOTPRINT).given[:, 0]
     combined = found["Combined"].reshape(-1, 4)
-    assert np.allclose(combined[:, :3], means.colors / result.octree.exposure, rtol=1e-5, atol=1e-6)
-    assert np.array_equal(combined[:, 3], means.coverage)
+    assert np.allclose(combined[:, :3], means[:, :3] / result.octree.exposure, rtol=1e-5, atol=1e-6)
+    assert np.allclose(combined[:, 3], means[:, 3], atol=1e-7)
     scene.patchnet.render_samples = 8.0
     assert (rendered(scene)["Sample Count"] == 9.0).all(), "3 x 3 is nearest"
 

@@ -51,6 +51,7 @@ def saved_by_blender(scene: bpy.types.Scene, light: tuple[float, float, float], 
 
 def test_pictures_of_a_job_show_the_world_in_their_exposure(scene: bpy.types.Scene, weights: Path) -> None:
     gradient(scene)
+    bpy.context.scene.cycles.pixel_filter_type = "BOX"  # so that rays count in their own pixel alone
     made = run(weights=weights, exposure=0.5, reference=True)
     black = run(weights=weights, exposure=0.5, reference=True, background="black")
     view, other = made.views[0], black.views[0]

@@ -9,15 +9,15 @@ import pytest
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import Progress, Steps, drain
-from patchnet.patchnet_addon.sampling.adaptive import EVEN_FOOTPRINT, AdaptivePicture, Pace
+from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_part
+from patchnet.patchnet_addon.tracing.pixel_filter import BOX_FILTER, EVEN_FOOTPRINT, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import supersample, supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import spread_pixels, supersample, supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 
 CHOSEN = STRATEGIES["ss-variance"]
@@ -85,9 +85,10 @@ def test_an_even_picture_has_as_many_fine_rays_in_every_pixel() -> None:
     assert picture.ranking is None and (picture.samples == 1).all()
     drain(picture.sample_evenly(4, Pace(batch_rays=500)))
     assert (picture.samples == 16).all()
-    plain = drain(supersample(octree, eye, 4, finer=EVEN_FOOTPRINT)).luminance
-    np.testing.assert_allclose(luminance(picture.colors), plain, atol=1e-3)
-    coarse = drain(supersample(octree, eye, 4)).luminance
+    every = np.arange(eye.pixel_count)
+    plain = spread_pixels(octree, eye, every, rook_places(4), BOX_FILTER, finer=EVEN_FOOTPRINT).given[:, 0]
+    np.testing.assert_allclose(picture.colors, plain[:, :3], atol=1e-6)
+    coarse = spread_pixels(octree, eye, every, rook_places(4), BOX_FILTER).given[:, 0]
     assert np.abs(plain - coarse).max() > 0.01, "rays of a quarter of a pixel meet coarser voxels"
     reports = []
     drain(picture.sample_evenly(4), reports.append)

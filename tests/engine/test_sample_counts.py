@@ -22,6 +22,7 @@ from patchnet.patchnet_addon.sampling.sample_counts import (
     sample_counts,
 )
 from patchnet.patchnet_addon.sampling.trace import trace_view
+from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, BOX_FILTER, PixelFilter
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.engine.test_adaptive import camera, colored
@@ -119,10 +120,12 @@ def test_scores_of_zero_may_be_wrong_and_importance_of_zero_never_matters() -> N
     assert set(some[buffers.active & (score == 0)].tolist()) == {1, 4}
 
 
-def view(with_color: bool = False) -> tuple[AdaptivePicture, Ranking, PixelBuffers]:
+def view(
+    with_color: bool = False, pixel_filter: PixelFilter = BOX_FILTER
+) -> tuple[AdaptivePicture, Ranking, PixelBuffers]:
     """A traced picture, and the same view with its reference."""
     octree = colored(random_octree()) if with_color else random_octree()
-    picture = AdaptivePicture(octree, camera(), CHOSEN)
+    picture = AdaptivePicture(octree, camera(), CHOSEN, pixel_filter=pixel_filter)
     drain(picture.trace())
     buffers = drain(trace_view(octree, camera(), [CHOSEN]))
     return picture, rank(CHOSEN, buffers, 0.3), buffers
@@ -139,23 +142,28 @@ def test_pixels_are_traced_with_their_samples(with_color: bool) -> None:
         pixels = np.flatnonzero(samples == side**2)
         if side == 1:
             seen = buffers.preview[pixels, None] if buffers.preview_color is None else buffers.preview_color[pixels]
-            np.testing.assert_array_equal(picture.colors[pixels], np.broadcast_to(seen, (len(pixels), 3)))
+            np.testing.assert_allclose(picture.colors[pixels], np.broadcast_to(seen, (len(pixels), 3)), atol=1e-7)
         else:
             means = supersample_pixels(picture.octree, picture.camera, pixels, side)
-            np.testing.assert_array_equal(picture.colors[pixels], means.colors)
-            np.testing.assert_array_equal(picture.alpha[pixels], means.coverage)
+            np.testing.assert_allclose(picture.colors[pixels], means.colors, atol=1e-7)
+            np.testing.assert_allclose(picture.alpha[pixels], means.coverage, atol=1e-7)
 
 
+@pytest.mark.parametrize("pixel_filter", [BOX_FILTER, PixelFilter(BLACKMAN_HARRIS, 1.5)], ids=str)
 @pytest.mark.parametrize("with_color", [False, True])
-def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool) -> None:
-    picture, ranking, buffers = view(with_color)
+def test_the_picture_of_a_job_is_that_of_a_render(with_color: bool, pixel_filter: PixelFilter) -> None:
+    picture, ranking, buffers = view(with_color, pixel_filter)
     drain(picture.refine(0.0, spp=9.0))
-    pace = Pace(batch_rays=3000)
-    refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.samples(9.0), pace))
+    pace, samples = Pace(batch_rays=3000), ranking.samples(9.0)
+    refined = drain(refined_view(picture.octree, picture.camera, ranking, samples, pixel_filter, pace=pace))
     np.testing.assert_array_equal(refined.samples, picture.samples)
     assert refined.refined_count == np.count_nonzero(picture.samples > 1)
-    found = refined.colors if with_color else np.repeat(refined.luminance[:, None], 3, axis=1)
-    np.testing.assert_array_equal(picture.colors, found)
+    np.testing.assert_array_equal(picture.colors, refined.colors)
+    np.testing.assert_array_equal(picture.alpha, refined.alpha)
+    plain = drain(refined_view(picture.octree, picture.camera, ranking, samples))
+    np.testing.assert_array_equal(refined.luminance, plain.luminance)
+    if not with_color:
+        np.testing.assert_allclose(plain.colors[:, 0], plain.luminance, atol=1e-7)
     assert not np.shares_memory(refined.luminance, buffers.preview)
 
 
@@ -195,7 +203,7 @@ def test_a_share_is_refined_alike_by_jobs_and_renders() -> None:
     drain(picture.refine(0.3, refined=64.0))
     refined = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(64.0)))
     np.testing.assert_array_equal(refined.samples, picture.samples)
-    np.testing.assert_array_equal(refined.luminance, picture.colors[:, 0])
+    np.testing.assert_allclose(refined.luminance, picture.colors[:, 0], atol=1e-7)
     np.testing.assert_array_equal(refined.samples > 1, ranking.mask)
     every = drain(refined_view(picture.octree, picture.camera, ranking, ranking.refined_samples(1024.0)))
     np.testing.assert_array_equal(every.luminance, np.where(ranking.mask, buffers.reference, buffers.preview))

@@ -58,7 +58,7 @@ def picture():
     yield from clicks.wait_for(lambda: viewport._on_card._background not in (None, "no map"), "the world's map", 120.0)
     yield from clicks.wait_for(settled, "all samples before the world", 180.0)
     seen["by the CPU"] = viewport._preview is not None
-    texture = viewport._on_card._means[0]
+    texture = viewport._on_card._images[2]
     data = texture.read()
     data.dimensions = texture.width * texture.height * 4
     found = np.frombuffer(data, np.float32).reshape(-1, 4)
@@ -76,7 +76,8 @@ def compared(viewport, found: np.ndarray, size: tuple[int, int]) -> list[float]:
     octree = result().octree
     bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     camera = views.viewport_camera(view.view_matrix, view.window_matrix, size, bounds)
-    picture = views.AdaptivePicture(octree, camera, None, None, None)
+    pixel_filter = views.pixel_filter_of(bpy.context.scene)
+    picture = views.AdaptivePicture(octree, camera, None, None, None, pixel_filter=pixel_filter)
     world = viewport.world.behind(bpy.context.evaluated_depsgraph_get(), octree).world
     preview = previews.ViewportPreview(picture, 0.3, world, None, 64, 4)
     while not preview.done:

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures of the render engine have the pixel filter of Cycles."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.scene.pixel_filter import pixel_filter_of
+from patchnet.operators.scene_access.blender_version import start_nodes
+from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, PixelFilter
+from patchnet.tests.blender.engine_scene import build_for_engine, rendered
+
+FILTERS = [("BOX", 1.5), ("GAUSSIAN", 3.0), ("BLACKMAN_HARRIS", 1.5), ("BLACKMAN_HARRIS", 4.0)]
+
+
+@pytest.fixture
+def scene(registered: None, weights: Path, tmp_path: Path) -> bpy.types.Scene:
+    """Boards that shine evenly, before black: all that pictures show is coverage."""
+    scene = build_for_engine(weights, tmp_path)
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+    for item in list(scene.objects):
+        if item.type == "MESH":
+            bpy.data.objects.remove(item)
+    shining = bpy.data.materials.new("Shining")
+    tree = start_nodes(shining)
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], output.inputs["Surface"])
+    for number in range(4):
+        bpy.ops.mesh.primitive_plane_add(size=1.0, location=(0.55 * number - 0.8, 0.0, 0.0))
+        board = bpy.context.object
+        board.rotation_euler, board.scale = (1.5708, 0.2 + 0.3 * number, 0.0), (0.3, 1.2, 1.0)
+        board.data.materials.append(shining)
+    scene.camera.location, scene.camera.rotation_euler = (0.0, -5.0, 0.0), (1.5708, 0.0, 0.0)
+    scene.patchnet.light, scene.patchnet.depth, scene.patchnet.render_samples = "cycles", 12, 1024.0
+    scene.patchnet.scope = "VISIBLE"
+    return scene
+
+
+def luminance(scene: bpy.types.Scene) -> np.ndarray:
+    return rendered(scene)["Combined"][..., 1]
+
+
+@pytest.mark.parametrize(("kind", "width"), FILTERS)
+def test_edges_are_as_soft_as_those_of_cycles(scene: bpy.types.Scene, kind: str, width: float) -> None:
+    ours = {}
+    for other in FILTERS:
+        scene.cycles.pixel_filter_type, scene.cycles.filter_width = other
+        ours[other] = luminance(scene)
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = kind, width
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1024, False, False
+    theirs = luminance(scene)
+    assert theirs.max() > 0.8 and ((theirs > 0.05) & (theirs < 0.8)).mean() > 0.05
+    errors = {other: float(np.sqrt(np.mean((picture - theirs) ** 2))) for other, picture in ours.items()}
+    own = errors.pop((kind, width))
+    assert own < 0.02 and own < 0.6 * min(errors.values()), "others differ by more than voxels thicken edges"
+
+
+def test_without_cycles_it_is_that_of_eevee() -> None:
+    scene = SimpleNamespace(render=SimpleNamespace(filter_size=2.5))
+    assert pixel_filter_of(scene) == PixelFilter(BLACKMAN_HARRIS, 2.5)
