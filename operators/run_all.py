@@ -146,4 +146,4 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     lit = lit and "light" not in result.stale and not result.unfinished
     coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
     warnings = result.notes.get("octree", ())
-    return Before(result.octree, result.layout, result.state, lit, coded, result.encoder, warnings)
+    return Before(result.octree, result.layout, result.state, lit, not moved, coded, result.encoder, warnings)

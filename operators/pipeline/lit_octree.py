@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ...patchnet_addon.export.fine_light import LIGHT_NOISE
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import SceneError
@@ -180,11 +181,12 @@ def light_octree(
     choice: GridChoice,
     clock: StageClock,
     each_round: EachOctree | None = None,
+    known_noise: float = np.inf,
 ) -> Steps[LitOctree]:
     """Light the surface and build its octree. Raises PatchNetError.
 
-    each_round: takes the octree after each round of a bake but the last, unless baking a further round took less time
-    than that.
+    each_round: takes the octree after each round of a bake but the last, if it is less noisy than what is known,
+    unless baking a further round took less time than that.
     """
     from ...patchnet_addon.lod.depth import available_memory
     from ...patchnet_addon.octree.voxelize import ClippedSurface
@@ -217,7 +219,9 @@ def light_octree(
     def shown(lit: SurfaceLight) -> Steps[None]:
         nonlocal ended_at, showing_s
         begin = time.perf_counter()
-        if each_round is None or begin - ended_at < showing_s:  # the next round shows more
+        if each_round is None or lit.notes.get(LIGHT_NOISE, 0.0) >= known_noise:
+            return
+        if begin - ended_at < showing_s:  # the next round shows more
             return
         yield from each_round((yield from built(lit)))
         ended_at = time.perf_counter()

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.codes.file import save_codes
-from ...patchnet_addon.export.fine_light import fine_light_values
+from ...patchnet_addon.export.fine_light import LIGHT_NOISE, fine_light_values
 from ...patchnet_addon.network.devices import found_device
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
@@ -27,6 +28,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..scene.cameras import focus_warnings, looking_cameras, octree_cameras
 from ..scene.pixel_filter import pixel_filter_of
 from ..scene_access.images import VIEW_TRANSFORM, save_png
+from ..schema.table import CYCLES
 from ..settings.groups import NETWORK_DEVICE
 from ..settings.job_settings import JobSettings
 from ..state.scene_state import SceneState
@@ -34,7 +36,15 @@ from .cycles_pictures import save_cycles
 from .cycles_refine import CyclesView, refine_view
 from .job_work import JobPlan
 from .kernels_beside import compiling_beside
-from .lit_octree import LitOctree, OctreeOverrides, choose_leaves, fit_cameras, light_octree, read_surface
+from .lit_octree import (
+    LitOctree,
+    OctreeOverrides,
+    ReadSurface,
+    choose_leaves,
+    fit_cameras,
+    light_octree,
+    read_surface,
+)
 from .output_files import CODES_NAME, OCTREE_NAME, OVERVIEW_NAME, job_files, job_inputs, output_folder, view_folders
 from .reports import machine, versions, write_report
 from .stages import encode, load_network
@@ -70,14 +80,15 @@ class JobResult:
 class Before:
     """Existing octree whose grid a job reuses, with its light and codes if they fit.
 
-    lit: whether its light fits. state: of its scene. coded, encoder: codes if they fit, and the encoder's name.
-    warnings: of the octree.
+    lit: whether its light fits. same_view: whether its light is of the same cameras. state: of its scene. coded,
+    encoder: codes if they fit, and the encoder's name. warnings: of the octree.
     """
 
     octree: Octree
     layout: LeafLevels | None
     state: SceneState | None
     lit: bool
+    same_view: bool = False
     coded: CodedOctree | None = None
     encoder: str = ""
     warnings: tuple[str, ...] = ()
@@ -195,7 +206,8 @@ def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, li
             fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
     choice = yield from choose_leaves(context, surface, clock, fit)
     job.plan.make(surface.source, choice, cameras)
-    if job.meanwhile is not None and settings.light.is_baked:
+    known_noise = _known_noise(before, surface)
+    if job.meanwhile is not None and settings.light.is_baked and known_noise == np.inf:
         with clock.stage("first look"):
             yield from stand_in_look(surface.source, choice, settings, cameras[0], job.meanwhile)
     early = job.early
@@ -206,7 +218,16 @@ def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, li
     def deliver(made: LitOctree) -> Steps[None]:
         early((yield from _result(quick, made, cameras)))
 
-    return (yield from light_octree(context, surface, choice, clock, deliver)), cameras
+    return (yield from light_octree(context, surface, choice, clock, deliver, known_noise)), cameras
+
+
+def _known_noise(before: Before | None, surface: ReadSurface) -> float:
+    """Noise of the present light of the same scene through the same cameras; infinite if there is none."""
+    if before is None or not before.same_view or not surface.is_baked:
+        return np.inf
+    values = before.octree.provenance
+    same = values.get("light") == CYCLES and values.get("scene_state") == surface.state.identity()
+    return float(values.get(LIGHT_NOISE, np.inf)) if same else np.inf
 
 
 def _report(

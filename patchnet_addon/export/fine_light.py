@@ -6,6 +6,7 @@ from __future__ import annotations
 from ..octree.octree import Octree
 
 FINE_LIGHT, LIGHT_NOISE = "fine_light", "light_noise"
+WANTED_NOISE = "wanted_noise"  # the threshold, where Max Samples ended the bake before it was reached
 
 
 def fine_light_values(octree: Octree) -> dict[str, float]:
@@ -19,6 +20,8 @@ def fine_light_text(octree: Octree) -> str:
     if FINE_LIGHT not in values:
         return ""
     share, noise = values[FINE_LIGHT], f"; noise {noise_text(octree)}" if LIGHT_NOISE in values else ""
+    if WANTED_NOISE in octree.provenance:
+        noise += f", above {_percent(octree.provenance[WANTED_NOISE])}: raise Max Samples"
     if share >= 1.0:
         return f"Fine light everywhere{noise}"
     return f"Fine light on {_percent(min(share, 0.99))} of the voxels, those that cameras see{noise}"

@@ -23,6 +23,7 @@ STEPS = 1, 2, 4, 8  # distances of averaged cells, pass by pass
 _SIGMAS = 3.2  # largest difference of averaged cells, in its standard deviations
 _LEAST_NOISE = 0.01  # of the light
 _NOTHING = 1e-30
+_OWN = np.float32(0.7)  # share of a cell's own noise that counts beside that of those around it
 _DISTANCE = 0.25  # decay of weights with the squared distance
 _LEAST_WEIGHT = 1e-3  # of a neighbour
 NOISE_STEPS = 2  # distances over which noise is averaged
@@ -30,16 +31,20 @@ _AROUND = 8  # most neighbours at a distance
 
 
 class Neighbours(NamedTuple):
-    """Neighbours of C cells at one distance: those of cell i are rows[first[i] : first[i + 1]], with weights."""
+    """Neighbours of C cells at one distance: those of cell i are rows[first[i] : first[i + 1]], with weights.
+
+    parts: of a cell's area that an exchange with the neighbour concerns, at most 1. Neighbours are mutual.
+    """
 
     first: np.ndarray
     rows: np.ndarray
     weights: np.ndarray
+    parts: np.ndarray
 
 
 class Places(NamedTuple):
-    """Cells of N surfels: `cell` as in `SeenCells`, face, sheet; place in the octree's cube and normal (N, 3); whether
-    they are filtered.
+    """Cells of N surfels: `cell` as in `SeenCells`, face, sheet; place in the octree's cube and normal (N, 3); area;
+    whether cameras see them, and whether they are filtered.
     """
 
     cell: np.ndarray
@@ -47,6 +52,8 @@ class Places(NamedTuple):
     sheet: np.ndarray
     unit: np.ndarray
     normal: np.ndarray
+    area: np.ndarray
+    is_seen: np.ndarray
     is_filtered: np.ndarray
 
 
@@ -71,7 +78,8 @@ def filtered(
         run_parts(_filter, len(noise), near, weights, totals, values, smooth)
         values = smooth
         noise = _noise(near_cells[number : number + NOISE_STEPS], there, values)
-        guide, apart = np.ascontiguousarray(values[:, 0]), noise
+        # A bright cell of a few paths is noisier than those around it.
+        guide, apart = np.ascontiguousarray(values[:, 0]), np.maximum(noise, _OWN * np.abs(values[:, -1]))
     return np.ascontiguousarray(values[:, :-1]), noise
 
 
@@ -86,21 +94,30 @@ def _noise(near_cells: Sequence[Neighbours], there: np.ndarray, values: np.ndarr
 
 
 def neighbours(keys: np.ndarray, slots: np.ndarray, places: Places, step: int) -> Neighbours:
-    """Neighbours of cells at a distance of `step` cells in their planes: of the same face, sheet and level."""
+    """Neighbours of cells at a distance of `step` cells in their planes, of the same face and sheet.
+
+    They have the same level or, where cameras see no such cell, the next coarser one.
+    """
     count = len(keys)
-    found, alike = np.empty((count, _AROUND), np.int32), np.empty((count, _AROUND), np.float32)
-    counts = np.empty(count, np.int64)
-    run_parts(_find_neighbours, count, keys, slots, places, step, (found, alike, counts))
-    first = np.concatenate([[0], np.cumsum(counts)])
-    mine = np.arange(_AROUND) < counts[:, None]
-    return Neighbours(first, found[mine], alike[mine])
+    found, alike = np.full((count, _AROUND), -1, np.int32), np.empty((count, _AROUND), np.float32)
+    run_parts(_find_neighbours, count, keys, slots, places, step, found, alike)
+    missing = np.zeros((count, _AROUND), np.bool_)
+    run_parts(_find_missing, count, found, missing)
+    own, other = np.nonzero(found >= 0)[0].astype(np.int32), np.nonzero(missing)[0].astype(np.int32)
+    rows = np.concatenate([own, found[missing]])
+    order = np.argsort(rows, kind="stable")
+    first = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
+    others = np.concatenate([found[found >= 0], other])[order]
+    weights = np.concatenate([alike[found >= 0], alike[missing]])[order]
+    areas = places.area
+    parts = np.minimum(areas[others] / np.maximum(areas[rows[order]], 1e-300), 1.0).astype(np.float32)
+    return Neighbours(first, others, weights, parts)
 
 
 @kernel
-def _find_neighbours(first, last, keys, slots, places, step, out):  # type: ignore[no-untyped-def]
-    found, alike, counts = out
+def _find_neighbours(first, last, keys, slots, places, step, found, alike):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        counts[i] = 0
+        count = 0
         if not places.is_filtered[i]:
             continue
         one, two = _tangents(places.normal[i, 0], places.normal[i, 1], places.normal[i, 2])
@@ -108,13 +125,34 @@ def _find_neighbours(first, last, keys, slots, places, step, out):  # type: igno
             across, up = n % 3 - 1, n // 3 - 1
             if across == 0 and up == 0:  # its place may be in another cell, by rounding
                 continue
-            row = _neighbour(keys, slots, places, i, (step * across, step * up), one, two)
+            away = float(step * across), float(step * up)
+            row = _neighbour(keys, slots, places, i, away, one, two, 0)
+            if row < 0 and places.is_seen[i]:
+                row = _neighbour(keys, slots, places, i, away, one, two, 1)
+                if row >= 0 and not places.is_seen[row]:
+                    continue
             if row < 0 or row == i:
                 continue
             weight = _alike(places, i, row) * math.exp(-_DISTANCE * (across * across + up * up))
-            if weight > _LEAST_WEIGHT:
-                found[i, counts[i]], alike[i, counts[i]] = row, weight
-                counts[i] += 1
+            if weight > _LEAST_WEIGHT and not _contains(found[i], row):
+                found[i, count], alike[i, count] = row, weight
+                count += 1
+
+
+@kernel
+def _find_missing(first, last, found, missing):  # type: ignore[no-untyped-def]
+    """Mark neighbours that a cell has and that do not have it."""
+    for i in range(first, last):
+        for n in range(found.shape[1]):
+            missing[i, n] = found[i, n] >= 0 and not _contains(found[found[i, n]], i)
+
+
+@device
+def _contains(rows, row):  # type: ignore[no-untyped-def]
+    found = False
+    for other in rows:
+        found |= other == row
+    return found
 
 
 @device
@@ -133,15 +171,18 @@ def _tangents(x, y, z):  # type: ignore[no-untyped-def]
 
 
 @device
-def _neighbour(keys, slots, places, i, away, one, two):  # type: ignore[no-untyped-def]
+def _neighbour(keys, slots, places, i, away, one, two, coarser):  # type: ignore[no-untyped-def]
     """Row of the cell around a point `away` in the plane of a cell, or next to that one along the face's axis; -1 for
-    none.
+    none. coarser: levels that it is above the cell.
     """
-    level = np.int64(places.cell[i] & np.uint64((1 << LEVEL_BITS) - 1))
-    side = np.int64(1) << level
-    x = math.floor(places.unit[i, 0] * side + away[0] * one[0] + away[1] * two[0])
-    y = math.floor(places.unit[i, 1] * side + away[0] * one[1] + away[1] * two[1])
-    z = math.floor(places.unit[i, 2] * side + away[0] * one[2] + away[1] * two[2])
+    own = np.int64(places.cell[i] & np.uint64((1 << LEVEL_BITS) - 1))
+    if own < coarser:
+        return np.int64(-1)
+    level = own - coarser
+    side, scale = np.int64(1) << level, 0.5**coarser
+    x = math.floor(places.unit[i, 0] * side + scale * (away[0] * one[0] + away[1] * two[0]))
+    y = math.floor(places.unit[i, 1] * side + scale * (away[0] * one[1] + away[1] * two[1]))
+    z = math.floor(places.unit[i, 2] * side + scale * (away[0] * one[2] + away[1] * two[2]))
     axis = places.face[i] // 2
     for off in range(3):
         by = (off + 1) % 3 - 1  # 0, 1, -1
@@ -212,7 +253,7 @@ def _weigh(first, last, near, there, guide, apart, weights, totals):  # type: ig
             sigma += _LEAST_NOISE * max(abs(float(guide[i])), abs(float(guide[row]))) + _NOTHING
             differs = (float(guide[row]) - float(guide[i])) / sigma
             weights[n] = near.weights[n] * math.exp(-differs * differs)
-            total += weights[n]
+            total += weights[n] * near.parts[n]
         totals[i] = total
 
 
@@ -220,8 +261,8 @@ def _weigh(first, last, near, there, guide, apart, weights, totals):  # type: ig
 def _filter(first, last, near, weights, totals, values, smooth):  # type: ignore[no-untyped-def]
     """Write means over neighbours of values (N, C).
 
-    Two cells exchange equal shares, so that their sum stays: else cells that few others agree with, the bright ones of
-    a few paths, would count less.
+    Two cells exchange as much light, so that the sum over all areas stays: else cells that few others agree with, the
+    bright ones of a few paths, would count less.
     """
     channels = values.shape[1]
     sums = np.empty(channels)
@@ -230,7 +271,7 @@ def _filter(first, last, near, weights, totals, values, smooth):  # type: ignore
         sums[:] = 0.0
         for n in range(near.first[i], near.first[i + 1]):
             row = near.rows[n]
-            share = float(weights[n]) / max(float(totals[i]), float(totals[row]))
+            share = float(weights[n]) * near.parts[n] / max(float(totals[i]), float(totals[row]))
             own -= share
             for c in range(channels):
                 sums[c] += share * values[row, c]

@@ -16,11 +16,12 @@ from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .cell_filter import NOISE_STEPS, STEPS, Neighbours, Places, filtered, neighbours
 from .hashing import fill_slots, mixed, slots_for
+from .seen_cells import LEVEL_BITS
 from .surfels import BACK
 
 MIN_OPACITY = 1e-3  # of a surfel: below it, its paths met gaps alone
 LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
-ANY_SHEET, ANY_FACE = -2, 6  # of cells that hold the mean over all sheets, or all faces
+ANY_SHEET, ANY_FACE = -3, 6  # of cells that hold the mean over all sheets, or all faces
 
 
 class SurfelSurface(NamedTuple):
@@ -143,7 +144,9 @@ class CellGrid:
         self._is_filtered = filtered
         if len(cell):
             unit = grid.to_unit(surface.place)
-            places = Places(cell, face, sheet, unit, surface.normal, surface.is_filtered)
+            level, seen = cell & np.uint64((1 << LEVEL_BITS) - 1), surfels["pixels"] > 0.0
+            area = 0.25 ** level.astype(np.float64)
+            places = Places(cell, face, sheet, unit, surface.normal, area, seen, surface.is_filtered)
             slots = slots_for(len(cell))
             fill_slots(slots, self._keys, np.arange(len(cell)))
             self._neighbours = [

@@ -20,7 +20,7 @@ from .hashing import mixed, row_of_key
 from .light_cells import ANY_FACE, ANY_SHEET, LEAST_BASE, LightCells
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS
 from .sheets import Sheets
-from .surfels import BACK, COARSE, FRONT
+from .surfels import BACK, COARSE, FRONT, side_of_sheet
 
 _DARK = 0.02  # of the other side's light: enclosed
 _LEAST_LIGHT = np.float32(1e-30)
@@ -144,7 +144,7 @@ def _look_up(first, last, places, surface, cells, lights, where):  # type: ignor
             row = np.int64(-1)
             for up in range(low, top + 1):
                 cell = ((key[f] >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
-                row = _found(keys, slots, cell, face, surface.sheet[t])
+                row = _found(keys, slots, cell, face, side_of_sheet(surface.sheet[t], side))
                 if row >= 0:
                     break
             for up in range(low, top + 1):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfels: the few pieces of surface whose light is baked, chosen among the fragments of an octree (methods 7.2g).
 
-A light cell is a cell of the octree, the face of the cube that the lit side of a surface faces most, and the sheet that
-it lies on, so that floor and wall, tile and what lies under it, and the two sides of a wall never mix. Cells in leaves
-that cameras see have the size that their pixels need; others are coarse. A cell has one surfel: the fragment that wins
-a lottery by area. Numbers of the lottery are hashes of the fragments, so that the choice depends neither on their
-order, nor on cameras that see other leaves.
+A light cell is a cell of the octree, the face of the cube that the lit side of a surface faces most, and the side of
+the sheet that it lies on, so that floor and wall, tile and what lies under it, and the two sides of a wall never mix.
+Cells in leaves that cameras see have the size that their pixels need; others are coarse. A cell has one surfel: the
+fragment that wins a lottery by area. Numbers of the lottery are hashes of the fragments, so that the choice depends
+neither on their order, nor on cameras that see other leaves.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _MIN_OPACITY = 1.0 / 255.0
 _LAST = np.uint64(2**64 - 1)
 LABEL = "Choosing surfels"
 
-# A surfel: the hash of its light cell and fragment; its light cell, as in `SeenCells`, with face and sheet; its
-# leaf; its triangle among all of the surface, and side; place, weights of corners 1 and 2; area in world units of its
-# fragment, and `share`, of all that it stands for, times opacity; pixels that show its cell, 0 if none does.
+# A surfel: the hash of its light cell and fragment; its light cell, as in `SeenCells`, with face and side of a sheet;
+# its leaf; its triangle among all of the surface, and side; place, weights of corners 1 and 2; area in world units of
+# its fragment, and `share`, of all that it stands for, times opacity; pixels that show its cell, 0 if none does.
 SURFEL = np.dtype(
     [
         ("id", "u8"), ("cell", "u8"), ("leaf", "u8"), ("triangle", "i8"), ("share", "f8"), ("rank", "f4"),
@@ -183,6 +183,12 @@ def _is_shown(fragments, f, surface, eyes, side):  # type: ignore[no-untyped-def
 
 
 @device
+def side_of_sheet(sheet, side):  # type: ignore[no-untyped-def]
+    """Number of a side of a sheet: of a thin wall, the back of one leaf may face as the front of the other does."""
+    return np.int64(2 * sheet + side)
+
+
+@device
 def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no-untyped-def]
     """Enter a side of a fragment into the lottery of its light cell.
 
@@ -192,7 +198,8 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
     t, key = fragments.triangle[f], fragments.keys[f]
     face = np.int64(surface.face[t]) ^ side
     cell = ((key >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
-    place = mixed(mixed(cell, face), surface.sheet[t])
+    sheet = side_of_sheet(surface.sheet[t], side)
+    place = mixed(mixed(cell, face), sheet)
     number = surface.first + t
     fragment = mixed(mixed(mixed(key, level), number), side)
     # The first of exponential arrivals, of a rate that is the weight: each wins with a chance in proportion to it.
@@ -214,7 +221,7 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
         drawn.leaf = (key << np.uint64(LEVEL_BITS)) | np.uint64(level)
         drawn.area = np.float32(fragments.area_world[f])
         drawn.one, drawn.two = fragments.barycentric[f, 0], fragments.barycentric[f, 1]
-        drawn.sheet, drawn.face, drawn.side = surface.sheet[t], np.uint8(face), np.uint8(side)
+        drawn.sheet, drawn.face, drawn.side = sheet, np.uint8(face), np.uint8(side)
 
 
 def _capped(rows: np.ndarray) -> np.ndarray:

@@ -41,12 +41,13 @@ class Job:
 
     def __init__(self) -> None:
         self.told: list[str] = []
+        self.changes: dict[str, object] = {}
 
     def report(self, _kind: set[str], text: str) -> None:
         self.told.append(text)
 
     def steps(self) -> Steps[str]:
-        settings = JobSettings.of(weights=Path(bpy.context.scene.patchnet.weights), **NOISY)
+        settings = JobSettings.of(weights=Path(bpy.context.scene.patchnet.weights), **NOISY | self.changes)
         return PATCHNET_OT_run_all.steps(self, bpy.context, settings)
 
 
@@ -130,6 +131,20 @@ def test_a_stopped_job_leaves_its_last_round_and_goes_on(
     for name in ("luminance", "normal", "child_mask", "side_light"):
         np.testing.assert_array_equal(getattr(resumed.octree, name), getattr(whole.octree, name))
     np.testing.assert_array_equal(resumed.coded.codes, whole.coded.codes)
+
+
+def test_a_job_that_refines_further_shows_nothing_noisier(
+    job: Job, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Finished light stays until there is better light, even if the job is stopped."""
+    monkeypatch.setattr(lit_octree, "time", SimpleNamespace(perf_counter=iter(range(99)).__next__))
+    drain(job.steps())
+    before = results.voxels_of(scene)
+    job.changes = {"max_samples": 1024}
+    seen = [before, *(results.voxels_of(scene) for _ in job.steps()), results.voxels_of(scene)]
+    seen = [found for found, last in zip(seen[1:], seen, strict=False) if found is not last]
+    noise = [each.octree.provenance[LIGHT_NOISE] for each in seen]
+    assert len(seen) == 2 and before.octree.provenance[LIGHT_NOISE] > noise[0] > noise[1]
 
 
 def test_nobody_looks_in_background(job: Job, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from patchnet import commands
 from patchnet.operators.session import results
-from patchnet.patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE, fine_light_text
+from patchnet.patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE, WANTED_NOISE, fine_light_text
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.octree.voxel_cloud import VoxelCloud, voxel_cloud
 from patchnet.tests.blender.job_scene import build
@@ -76,6 +76,12 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
     build()
     with pytest.raises(RuntimeError, match="no voxels yet"):
         bpy.ops.patchnet.export_octree(filepath=str(tmp_path / "voxels.ply"))
+
+
+def test_noise_above_the_threshold_is_said() -> None:
+    octree = results.voxels_of(bpy.context.scene).octree
+    octree.provenance.update({FINE_LIGHT: 1.0, LIGHT_NOISE: 0.026, WANTED_NOISE: 0.01})
+    assert fine_light_text(octree) == "Fine light everywhere; noise 2.6%, above 1%: raise Max Samples"
 
 
 @pytest.mark.parametrize(

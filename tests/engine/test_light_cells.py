@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.hashing import row_of_key
 from patchnet.patchnet_addon.light.light_cells import (
@@ -21,16 +22,19 @@ from patchnet.patchnet_addon.light.light_cells import (
     surface_of_surfels,
 )
 from patchnet.patchnet_addon.light.rounds import picture_noise
-from patchnet.patchnet_addon.light.surfels import BACK, SURFEL
+from patchnet.patchnet_addon.light.seen_cells import LEVEL_BITS, SeenCells, all_cells
+from patchnet.patchnet_addon.light.surfels import BACK, SURFEL, choose_surfels
+from patchnet.patchnet_addon.lod.fit import leaf_keys_of
 from patchnet.patchnet_addon.octree.grid import Grid
-from patchnet.patchnet_addon.octree.voxelize import triangle_areas_and_normals
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
 from patchnet.patchnet_addon.runtime.kernels import kernel
+from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
 from patchnet.patchnet_addon.surface.textures import TextureTable
-from patchnet.tests.references.surfels import Spot, key_of, light_cells_reference, neighbours_reference
+from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 
-from .light_samples import FLAT_GRID, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of
-from .mesh_samples import in_batches
+from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of
+from .mesh_samples import even, in_batches
 
 UP = 4  # face of a square that faces up
 
@@ -108,13 +112,16 @@ def test_neighbours_are_those_around_points_in_the_plane(step: int, seed: int) -
     surfels, surface, _ = random_bake(seed, color=False)
     near = CellGrid(surfels, surface, replace(FLAT_GRID, depth=5), filtered=True)._neighbours[STEPS.index(step)]
     own = [tuple(int(one[name]) for name in ("cell", "face", "sheet")) for one in surfels]
+    seen = surfels["pixels"] > 0.0
     spots = {
-        where: Spot(*spot) for where, *spot in zip(own, surface.place, surface.normal, surface.is_filtered, strict=True)
+        where: Spot(*spot)
+        for where, *spot in zip(own, surface.place, surface.normal, surface.is_filtered, seen, strict=True)
     }
+    all_of_them = all_neighbours(spots, step)
     for i, where in enumerate(own):
         mine = slice(*near.first[i : i + 2])
         found = sorted((own[row], weight) for row, weight in zip(near.rows[mine], near.weights[mine], strict=True))
-        expected = sorted(neighbours_reference(where, step, spots))
+        expected = sorted(all_of_them[where].items())
         assert [other for other, _ in found] == [other for other, _ in expected]
         np.testing.assert_allclose([weight for _, weight in found], [weight for _, weight in expected], rtol=1e-5)
     assert len(near.rows) > (100 if step < 8 else 20)
@@ -146,7 +153,8 @@ def test_cells_of_a_wall_have_all_their_neighbours(axis: int, facing: int, round
             owner = np.repeat(np.arange(len(surfels)), np.diff(near.first))
             level = surfels["cell"] & np.uint64(31)
             assert (near.rows != owner).all() and (level[near.rows] == level[owner]).all()
-            assert np.diff(near.first).max() == (7 if step == 1 else 8)  # one of the points is in the cell itself
+            pairs = set(zip(owner.tolist(), near.rows.tolist(), strict=True))
+            assert len(pairs) == len(near.rows) and pairs == {(row, own) for own, row in pairs}
             continue
         counts = np.diff(near.first)[fine]
         inner, edge = (26 - 2 * step) ** 2, 4 * step * (26 - 2 * step)
@@ -250,6 +258,33 @@ def test_a_noisy_wall_becomes_smooth() -> None:
     assert error[True] < 0.125 * error[False] and 0.5 < noise[True] / error[True] < 1.1
 
 
+def test_a_wall_has_no_step_where_its_cells_grow() -> None:
+    """Cells of one half are twice as wide, and their light, noisier than that, is brighter by a tenth."""
+    corners = square(0.3)
+    source = TriangleMesh.from_arrays(corners)
+    clipped = ClippedSurface(source, FLAT_GRID)
+    leaves = all_cells(drain(leaf_keys_of(clipped, even())))
+    right = morton_decode(leaves.cells >> np.uint64(LEVEL_BITS))[:, 0] >= 32
+    seen = SeenCells(leaves.cells, np.where(right, 4, 5), np.ones(len(right), np.float32))
+    surfels = drain(choose_surfels(clipped, even(), sheets_on(corners, np.zeros(2), 1), seen, NO_EYES))
+    table = TextureTable.from_materials(source.materials)
+    surface = surface_of_surfels(surfels, source, table, reflecting(table, [True]), color=False)
+    surface, fine = surface._replace(base=np.ones_like(surface.base)), surfels["pixels"] > 0.0
+    x, level = surface.place[:, 0], (surfels["cell"] & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64)
+    assert set(level[fine & (x < 0.5)]) == {5} and set(level[fine & (x > 0.5)]) == {4}
+    plain = np.where(x < 0.5, 1.0, 1.1)
+    sums = SurfelSums.zeros(len(surfels), 3)
+    sums.add(np.arange(len(surfels)), np.stack([plain, np.ones(len(x)), np.full(len(x), 0.3)], axis=1), 4)
+    light = light_of(surfels, surface, sums, filtered=True).light[: len(surfels), 0]
+    middle = fine & (surface.place[:, 1] > 0.3) & (surface.place[:, 1] < 0.7)
+    left, beyond = (light[middle & (np.abs(x - at) < 1 / 64)].mean() for at in (0.5 - 1 / 64, 0.5 + 1 / 64))
+    far = light[middle & (x < 0.2)].mean(), light[middle & (x > 0.85)].mean()
+    assert abs(beyond - left) < 0.03 and left > 1.02 and beyond < 1.08
+    assert far[0] < 1.02 and far[1] > 1.08
+    area = 0.25 ** level[fine]
+    assert area @ light[fine] == pytest.approx(area @ plain[fine], rel=1e-6), "light is kept"
+
+
 def test_noise_of_unequal_rounds_is_that_of_the_mean() -> None:
     """Paths of noise 1 in rounds of 4, 4 and 8, each in two parts: the mean's is a fourth, within a twentieth of it."""
     surfels, _ = wall(0.3)
@@ -286,7 +321,7 @@ def test_the_filter_keeps_surfaces_apart(apart: str) -> None:
     surfels, places = wall(0.3, 0.301) if apart == "sheets" else wall(0.3, facing=0 if apart == "faces" else 1)
     surface = plain_surface(surfels, places)
     other = {
-        "sheets": surfels["sheet"] == 1,
+        "sheets": surfels["sheet"] == 2,  # the front of the second
         "faces": surfels["face"] != UP,
         "unfiltered": (surfels["cell"] >> np.uint64(5)) % 2 == 1,
     }[apart]

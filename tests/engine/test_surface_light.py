@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.light.light_cells import (
     LightCells,
     surface_of_surfels,
 )
+from patchnet.patchnet_addon.light.seen_cells import SeenCells
 from patchnet.patchnet_addon.light.sheets import Sheets
 from patchnet.patchnet_addon.light.surface_light import (
     COARSELY,
@@ -26,7 +27,7 @@ from patchnet.patchnet_addon.light.surface_light import (
     cells_shade,
     upright_shade,
 )
-from patchnet.patchnet_addon.light.surfels import COARSE, choose_surfels
+from patchnet.patchnet_addon.light.surfels import BACK, COARSE, FRONT, choose_surfels
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
@@ -42,7 +43,16 @@ from patchnet.patchnet_addon.surface.mesh import (
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
-from .light_samples import NO_EYES, partly_seen, random_layout, random_surface, sheets_on, sums_of
+from .light_samples import (
+    FLAT_GRID,
+    NO_EYES,
+    partly_seen,
+    random_layout,
+    random_surface,
+    sheets_on,
+    square,
+    sums_of,
+)
 from .mesh_samples import box, even
 
 GRID = Grid((0.0, 0.0, 0.0), 1.0, 5)
@@ -78,9 +88,13 @@ def random_cells(clipped: ClippedSurface, sheets: Sheets, seed: int) -> dict[Pla
         level, normal = fragments.level, triangle_areas_and_normals(batch.corners_world)[1][fragments.triangle[f]]
         for up in range(min(COARSE, level) + 1):
             cell = (key >> 3 * up) << 5 | level - up
-            for sign in (1.0, -1.0):
+            for side, sign in enumerate((1.0, -1.0)):
                 face = face_reference(sign * normal)
-                ways = [(cell, face, int(sheets.sheet[t])), (cell, face, ANY_SHEET), (cell, ANY_FACE, ANY_SHEET)]
+                ways = [
+                    (cell, face, 2 * int(sheets.sheet[t]) + side),
+                    (cell, face, ANY_SHEET),
+                    (cell, ANY_FACE, ANY_SHEET),
+                ]
                 for place, chance in zip(ways, (0.06, 0.06, 0.5), strict=True):
                     if place not in cells and key_of(place) % 1000 < 1000 * chance:
                         cells[place] = random_cell()
@@ -94,6 +108,30 @@ def painted(source: TriangleMesh) -> TriangleMesh:
         materials = ((batch.first_triangle + np.arange(len(batch))) % len(MATERIALS)).astype(np.int32)
         parts.append(TriangleBatch(batch.corners_world, batch.uvs, materials, batch.first_triangle))
     return TriangleMesh(tuple(parts), MATERIALS)
+
+
+def test_the_back_of_a_leaf_is_not_the_front_of_another() -> None:
+    """Of a hollow wall, whose leaves are one open sheet: the outer one is lit from outside, the inner one's back dark.
+
+    Coarse light cells hold both, and they face alike.
+    """
+    corners = np.concatenate([square(0.32), square(0.30)[:, ::-1]])  # the inner one's back faces up
+    source, sheets = TriangleMesh.from_arrays(corners), sheets_on(corners, np.zeros(4), 0)
+    clipped, nothing = ClippedSurface(source, FLAT_GRID), np.empty(0, np.uint64)
+    seen = SeenCells(nothing, np.empty(0, np.int64), np.empty(0, np.float32))
+    surfels = drain(choose_surfels(clipped, even(), sheets, seen, NO_EYES))
+    table = TextureTable.from_materials(source.materials)
+    surface = surface_of_surfels(surfels, source, table, np.zeros(1, bool), color=False)
+    outside = (surface.place[:, 2] > 0.31) & (surface.normal[:, 2] > 0.0)
+    inside = (surface.place[:, 2] < 0.31) & (surface.normal[:, 2] < 0.0)
+    lit = np.where(outside | inside, 1.0, 0.0)
+    cells = CellGrid(surfels, surface, FLAT_GRID, filtered=False).light(sums_of(np.stack([lit, lit], axis=1)))
+    sides = MaterialSides(np.zeros(1, bool), np.zeros(1, bool))
+    shade = cells_shade(cells, table, sheets, sides, color=False)
+    for batch, fragments in clipped.parts():
+        lights = shade(batch, fragments)[3][..., 0]
+        np.testing.assert_array_equal(lights[:, FRONT], 1.0)
+        np.testing.assert_array_equal(lights[:, BACK], 0.0)
 
 
 @pytest.mark.parametrize("color", [False, True])
@@ -120,7 +158,8 @@ def test_as_a_look_up_in_a_dictionary(color: bool) -> None:
         for f in range(len(fragments)):
             t = int(fragments.triangle[f])
             for side, sign in enumerate((1.0, -1.0)):
-                face, sheet = face_reference(sign * normals[t]), int(sheets.sheet[batch.first_triangle + t])
+                face = face_reference(sign * normals[t])
+                sheet = 2 * int(sheets.sheet[batch.first_triangle + t]) + side
                 cell = lookup_reference(cells, int(fragments.keys[f]), fragments.level, face, sheet)
                 if cell is not None and facing[f] != -sign:
                     expected[f, side] = (cell.light * BASES[materials[f]])[:channels]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,7 @@ class Spot(NamedTuple):
     unit: np.ndarray
     normal: np.ndarray
     is_filtered: bool
+    is_seen: bool = True
 
 
 def mixed_reference(h: int, value: int) -> int:
@@ -130,7 +131,8 @@ def surfels_reference(
                 hashed = mixed_reference(mixed_reference(mixed_reference(key, level), number), side)
                 rank = float(np.float32(-math.log(((hashed >> 11) + 0.5) / 2.0**53) / weight))
                 for up, shows in ways.items():
-                    where = _above(key, level, up), face_reference(sign * normals[t]), int(sheets.sheet[number])
+                    sheet = 2 * int(sheets.sheet[number]) + side
+                    where = _above(key, level, up), face_reference(sign * normals[t]), sheet
                     mine = mixed_reference(key_of(where), hashed)
                     entries[where].append(Drawn(mine, key << 5 | level, number, side, weight, shows, rank))
     drawn = {}
@@ -221,7 +223,7 @@ def light_cells_reference(
     where_of = [tuple(int(one[name]) for name in ("cell", "face", "sheet")) for one in surfels]
     unit, light, half, spots = grid.to_unit(surface.place), {}, {}, {}
     for i, where in enumerate(where_of):
-        spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]))
+        spots[where] = Spot(unit[i], surface.normal[i], bool(surface.is_filtered[i]), bool(surfels["pixels"][i] > 0.0))
         *color, opacity, _ = sums.light[i] / sums.samples[i]
         if opacity > MIN_OPACITY:
             light[where] = np.array(color) / opacity / surface.base[i]
@@ -230,7 +232,7 @@ def light_cells_reference(
     if filtered:
         light, noise = filtered_reference(light, half, spots)
     else:
-        noise = noise_reference(half, spots, STEPS[: cells_module.NOISE_STEPS])
+        noise = noise_reference(half, [all_neighbours(spots, step) for step in STEPS[: cells_module.NOISE_STEPS]])
         noise = {where: math.hypot(noise[where], half[where]) / math.sqrt(2.0) for where in light}
     cells, shares = {}, {}
     for i, where in enumerate(where_of):
@@ -262,85 +264,119 @@ def filtered_reference(
     The guide that tells which neighbours are alike is the mean around each cell in the first pass, then the light.
     """
     values = {where: np.array([*light[where], half[where]]) for where in light}
-    noise = noise_reference(half, spots, STEPS[: cells_module.NOISE_STEPS])
-    guide = {where: blurred_reference(where, light, noise, spots) for where in light}
-    for number, step in enumerate(STEPS):
+    near = [all_neighbours(spots, step) for step in STEPS]
+    noise = noise_reference(half, near[: cells_module.NOISE_STEPS])
+    guide = {where: blurred_reference(where, light, noise, near[0]) for where in light}
+    for number, around in enumerate(near):
         weights: dict[Place, list[tuple[Place, float]]] = {where: [] for where in light}
         for where in light:
-            for other, weight in neighbours_reference(where, step, spots):
+            for other, weight in around[where].items():
                 if other in light:
                     (one, noise_one), (two, noise_two) = guide[where], guide[other]
                     sigma = cells_module._SIGMAS * math.hypot(noise_one, noise_two)
                     sigma += cells_module._LEAST_NOISE * max(abs(one), abs(two)) + 1e-30
                     weights[where].append((other, weight * math.exp(-(((two - one) / sigma) ** 2))))
-        total = {where: 1.0 + sum(weight for _, weight in of) for where, of in weights.items()}
+        total = {
+            where: 1.0 + sum(weight * _part(where, other) for other, weight in of) for where, of in weights.items()
+        }
         smooth = {}
         for where, own in values.items():
             smooth[where], rest = np.zeros_like(own), 1.0
             for other, weight in weights[where]:
-                share = weight / max(total[where], total[other])
+                share = weight * _part(where, other) / max(total[where], total[other])
                 smooth[where], rest = smooth[where] + share * values[other], rest - share
             smooth[where] = smooth[where] + rest * own
         values = smooth
         left = {where: float(value[-1]) for where, value in values.items()}
-        noise = noise_reference(left, spots, STEPS[number : number + cells_module.NOISE_STEPS])
-        guide = {where: (float(values[where][0]), noise[where]) for where in light}
+        noise = noise_reference(left, near[number : number + cells_module.NOISE_STEPS])
+        own = {where: max(noise[where], float(cells_module._OWN) * abs(left[where])) for where in light}
+        guide = {where: (float(values[where][0]), own[where]) for where in light}
     return {where: value[:-1] for where, value in values.items()}, noise
 
 
-def noise_reference(
-    half: Mapping[Place, float], spots: Mapping[Place, Spot], steps: tuple[int, ...]
-) -> dict[Place, float]:
+def _part(where: Place, other: Place) -> float:
+    """Part of a cell's area that is not more than another's."""
+    return float(min(4.0 ** ((where[0] & 31) - (other[0] & 31)), 1.0))
+
+
+Near = Mapping[Place, Mapping[Place, float]]  # weights of the neighbours of each cell
+
+
+def all_neighbours(spots: Mapping[Place, Spot], step: int) -> dict[Place, dict[Place, float]]:
+    """Neighbours of all cells at a distance, those that a cell has and those that have it."""
+    own = {where: neighbours_reference(where, step, spots) for where in spots}
+    found = {where: dict(near) for where, near in own.items()}
+    for where, near in own.items():
+        for other, weight in near.items():
+            if where not in own[other]:
+                found[other][where] = weight
+    return found
+
+
+def noise_reference(half: Mapping[Place, float], near: Sequence[Near]) -> dict[Place, float]:
     """Root of the mean square of each cell with light and those around it, at one distance after the other."""
     squared = {where: value**2 for where, value in half.items()}
-    for step in steps:
+    for at_step in near:
         wide = {}
         for where in squared:
-            around = [squared[other] for other, _ in neighbours_reference(where, step, spots) if other in squared]
+            around = [squared[other] for other in at_step[where] if other in squared]
             wide[where] = float(np.mean([squared[where], *around]))
         squared = wide
     return {where: math.sqrt(value) for where, value in squared.items()}
 
 
 def blurred_reference(
-    where: Place, light: Mapping[Place, np.ndarray], noise: Mapping[Place, float], spots: Mapping[Place, Spot]
+    where: Place, light: Mapping[Place, np.ndarray], noise: Mapping[Place, float], near: Near
 ) -> tuple[float, float]:
     """Mean luminance of a cell and the eight around it, and the noise of that."""
-    ways = [(other, weight) for other, weight in neighbours_reference(where, 1, spots) if other in light]
+    ways = [(other, weight) for other, weight in near[where].items() if other in light]
     weights = np.array([1.0, *(weight for _, weight in ways)])
     around = [where, *(other for other, _ in ways)]
     mean = weights @ np.array([light[other][0] for other in around]) / weights.sum()
     return float(mean), float(np.linalg.norm(weights * [noise[other] for other in around]) / weights.sum())
 
 
-def neighbours_reference(where: Place, step: int, spots: Mapping[Place, Spot]) -> list[tuple[Place, float]]:
+def neighbours_reference(where: Place, step: int, spots: Mapping[Place, Spot]) -> dict[Place, float]:
     """Cells around the eight points at a distance in the plane of a cell, or beside them along its face's axis, and
-    their weights.
+    their weights; where there is none, that of the next coarser level, if cameras see both.
     """
-    cell, face, sheet = where
-    spot, level, found = spots[where], cell & 31, []
+    spot, found = spots[where], dict[Place, float]()
+    level = where[0] & 31
     if not spot.is_filtered:
-        return []
+        return {}
     axis = int(np.argmax(np.abs(spot.normal)))
     one = np.zeros(3)
     one[axis], one[(axis + 1) % 3] = -spot.normal[(axis + 1) % 3], spot.normal[axis]
     one /= np.linalg.norm(one)
     two = np.cross(spot.normal, one)
-    for across, up in itertools.product((-1, 0, 1), repeat=2):
+    for up, across in itertools.product((-1, 0, 1), repeat=2):
         if across == up == 0:
             continue
-        point = spot.unit * (1 << level) + step * across * one + step * up * two
-        for beside in (0, 1, -1):
-            at = np.floor(point).astype(int) + beside * (np.arange(3) == face // 2)
-            if (at < 0).any() or (at >= 1 << level).any():
-                continue
-            other = int(morton_encode(at)) << 5 | level, face, sheet
-            if other in spots and spots[other].is_filtered:
-                weight = _in_one_plane(spot, spots[other]) * math.exp(-cells_module._DISTANCE * (across**2 + up**2))
-                if other != where and weight > cells_module._LEAST_WEIGHT:
-                    found.append((other, weight))
-                break
+        point = spot.unit + (step * across * one + step * up * two) / (1 << level)
+        other = _cell_at(point, level, where, spots)
+        if other is None and spot.is_seen and level > 0:
+            other = _cell_at(point, level - 1, where, spots)
+            if other is not None and not spots[other].is_seen:
+                other = None
+        if other is None or other == where:
+            continue
+        weight = _in_one_plane(spot, spots[other]) * math.exp(-cells_module._DISTANCE * (across**2 + up**2))
+        if weight > cells_module._LEAST_WEIGHT and other not in found:
+            found[other] = weight
     return found
+
+
+def _cell_at(point: np.ndarray, level: int, where: Place, spots: Mapping[Place, Spot]) -> Place | None:
+    """Filtered cell of a level around a point, or beside it along the axis of the face, of the face and sheet."""
+    _, face, sheet = where
+    for beside in (0, 1, -1):
+        at = np.floor(point * (1 << level)).astype(int) + beside * (np.arange(3) == face // 2)
+        if (at < 0).any() or (at >= 1 << level).any():
+            continue
+        other = int(morton_encode(at)) << 5 | level, face, sheet
+        if other in spots and spots[other].is_filtered:
+            return other
+    return None
 
 
 def _in_one_plane(one: Spot, other: Spot) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ....patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE
+from ....patchnet_addon.export.fine_light import FINE_LIGHT, LIGHT_NOISE, WANTED_NOISE
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.source_hash import source_hash
 from ....patchnet_addon.runtime.worker import computed
@@ -72,6 +72,8 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[Surfa
     reasons = yield from computed(lambda: black_views(job, chosen, cells, lit), Progress(0, 1, "Looking for light"))
     if reasons:
         lit.notes[BLACK_VIEWS] = reasons
+    if lit.notes[LIGHT_NOISE] > light.noise_threshold:  # Max Samples came first
+        lit.notes[WANTED_NOISE] = light.noise_threshold
     return replace(lit, reused=reused / max(int(sums.samples.sum()), 1))
 
 
