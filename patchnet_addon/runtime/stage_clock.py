@@ -16,13 +16,14 @@ class StageClock:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
-        self.present = ""  # innermost stage, or the last one
+        self.present = ""  # outermost stage, or the last one: a job is as far as that
         self._within: list[float] = []  # seconds of the stages within each open one
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Time the block; a block that raises does not count."""
-        outer, self.present = self.present, name
+        if not self._within:
+            self.present = name
         self._within.append(0.0)
         start = time.perf_counter()
         try:
@@ -33,4 +34,3 @@ class StageClock:
             self._within.pop()
             if self._within:
                 self._within[-1] += time.perf_counter() - start
-                self.present = outer

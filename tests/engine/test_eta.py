@@ -36,6 +36,30 @@ def test_stages_within_another_one_do_not_count_for_it(monkeypatch: pytest.Monke
     assert stages.present == "views" and stages.seconds == {"codes": 2.0, "views": 7.0, "light": 6.0}
 
 
+def test_a_job_is_not_nearly_done_while_views_of_a_first_round_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bake of two rounds of 20 s with 5 s of views between them, and of 20 s after them."""
+    clock = Clock()
+    monkeypatch.setattr(stage_clock.time, "perf_counter", clock)
+    stages, job = stage_clock.StageClock(), JobEta(frozenset({"views"}), clock)
+    job.expect({"light": 40.0, "views": 20.0})
+    whole: list[float | None] = []
+
+    def work(label: str, seconds: int) -> None:
+        for at in range(seconds):
+            whole.append(job.see(stages.present, Progress(at, seconds, label)).whole)
+            clock.now += 1.0
+
+    with stages.stage("light"):
+        work("Baking", 20)
+        with stages.stage("views"):
+            work("View", 5)
+        work("Refining", 20)
+    with stages.stage("views"):
+        work("View", 20)
+    true = np.arange(65) / 65
+    assert np.abs(np.array(whole, float) - true).max() < 0.2
+
+
 @pytest.mark.parametrize("factor", [0.07, 0.3, 0.7, 1.0, 1.5, 3.0, 14.0])
 def test_a_stage_of_another_pace_is_noticed_while_it_lasts(factor: float) -> None:
     expected = {"light": 60.0, "views": 20.0}
