@@ -24,7 +24,7 @@ from .seen_cells import ABOVE_LEAVES, LEVEL_BITS, SeenCells
 from .sheets import Sheets
 
 COARSE = 4  # levels of light cells above the leaves, where no camera looks
-MOST_SHEETS, UNSEEN_SHEETS = 4, 2  # of a cell and face, where cameras look and elsewhere; others have their mean light
+MOST_SHEETS = 4  # sides of sheets of a cell and face; others have their mean light
 FRONT, BACK = 0, 1
 _MIN_OPACITY = 1.0 / 255.0
 _LAST = np.uint64(2**64 - 1)
@@ -232,4 +232,4 @@ def _capped(rows: np.ndarray) -> np.ndarray:
     changed[1:] = (rows["cell"][1:] != rows["cell"][:-1]) | (rows["face"][1:] != rows["face"][:-1])
     start = np.flatnonzero(changed)
     place = np.arange(len(rows)) - np.repeat(start, np.diff(np.append(start, len(rows))))
-    return rows[place < np.where(rows["pixels"] > 0.0, MOST_SHEETS, UNSEEN_SHEETS)]
+    return rows[place < MOST_SHEETS]

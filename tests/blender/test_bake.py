@@ -124,6 +124,21 @@ def test_closed_boxes_have_the_light_of_the_side_that_cameras_see(inside_out: bo
     assert found.only(found.place[:, 2] > 0.999).mean_sides[outer] == pytest.approx(lit_outside, rel=0.02)
 
 
+def test_the_outside_of_a_hollow_wall_is_lit_where_no_camera_looks() -> None:
+    """Its coarse light cells also hold the dark back of the inside, which faces as the outside does."""
+    x, y, z = 0.15, 2.0, 1.0
+    corners = [(a * x, b * y, c * z) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+    without_floor = [(0, 1, 3, 2), (6, 7, 5, 4), (0, 4, 5, 1), (3, 7, 6, 2), (1, 5, 7, 3)]
+    link(mesh("Wall", corners, without_floor, diffuse()))
+    square("Stone", diffuse()).location = (1.6, 0.0, -1.1)  # so that no light cells meet within the wall
+    sun(2.0, (0.0, np.pi / 2.0, 0.0))  # from +x
+    bpy.context.scene.cycles.diffuse_bounces = 0
+    look_from((-6.0, 0.0, 0.0), (0.0, 0.0, 0.0), "Inside")
+    found = bake(depth=7, cameras=["Inside"], max_samples=4).fragments.of("Wall")
+    outside = found.only(found.place[:, 0] > x - 1e-4)
+    np.testing.assert_allclose(outside.luminance, 2.0 * 0.5 / np.pi, rtol=1e-3)
+
+
 def test_a_translucent_sheet_in_a_box_has_the_mean_of_its_sides() -> None:
     cube(diffuse((0.5, 0.5, 0.5)))
     paint = diffuse((0.0, 0.0, 0.0))

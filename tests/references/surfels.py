@@ -19,7 +19,7 @@ from patchnet.patchnet_addon.light.cell_filter import STEPS
 from patchnet.patchnet_addon.light.light_cells import ANY_FACE, ANY_SHEET, MIN_OPACITY, SurfelSums, SurfelSurface
 from patchnet.patchnet_addon.light.seen_cells import SeenCells
 from patchnet.patchnet_addon.light.sheets import Sheets
-from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS, UNSEEN_SHEETS
+from patchnet.patchnet_addon.light.surfels import COARSE, MOST_SHEETS
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
@@ -149,9 +149,7 @@ def _of_few_sheets(drawn: dict[Place, Drawn]) -> dict[Place, Drawn]:
         sheets[where[:2]].append(where)
     few = {}
     for own in sheets.values():
-        for place, where in enumerate(own):
-            if place < (MOST_SHEETS if drawn[where].pixels > 0.0 else UNSEEN_SHEETS):
-                few[where] = drawn[where]
+        few |= {where: drawn[where] for where in own[:MOST_SHEETS]}
     return few
 
 
