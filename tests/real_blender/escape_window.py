@@ -44,8 +44,8 @@ def prepare() -> clicks.Session:
     class Watched(whole):
         """Can be asked how far it is."""
 
-        def __init__(self, *values: object) -> None:
-            super().__init__(*values)
+        def __init__(self, *values: object, **named: object) -> None:
+            super().__init__(*values, **named)
             pictures.append(self)
 
     module.AdaptivePicture = Watched
