@@ -103,15 +103,11 @@ def neighbours(keys: np.ndarray, slots: np.ndarray, places: Places, step: int) -
     run_parts(_find_neighbours, count, keys, slots, places, step, found, alike)
     missing = np.zeros((count, _AROUND), np.bool_)
     run_parts(_find_missing, count, found, missing)
-    own, other = np.nonzero(found >= 0)[0].astype(np.int32), np.nonzero(missing)[0].astype(np.int32)
-    rows = np.concatenate([own, found[missing]])
-    order = np.argsort(rows, kind="stable")
-    first = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
-    others = np.concatenate([found[found >= 0], other])[order]
-    weights = np.concatenate([alike[found >= 0], alike[missing]])[order]
-    areas = places.area
-    parts = np.minimum(areas[others] / np.maximum(areas[rows[order]], 1e-300), 1.0).astype(np.float32)
-    return Neighbours(first, others, weights, parts)
+    counts = (found >= 0).sum(axis=1) + np.bincount(found[missing], minlength=count)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    mutual = Neighbours(first, *(np.empty(first[-1], kind) for kind in (np.int32, np.float32, np.float32)))
+    _join(found, alike, missing, places.area, first[:-1].copy(), mutual)
+    return mutual
 
 
 @kernel
@@ -145,6 +141,25 @@ def _find_missing(first, last, found, missing):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         for n in range(found.shape[1]):
             missing[i, n] = found[i, n] >= 0 and not _contains(found[found[i, n]], i)
+
+
+@kernel
+def _join(found, alike, missing, area, at, mutual):  # type: ignore[no-untyped-def]
+    """Write the neighbours that cells have, and those that miss them, each from index `at` (C,) on."""
+    for i in range(len(found)):
+        for n in range(found.shape[1]):
+            row = found[i, n]
+            if row >= 0:
+                _put(mutual, at, i, row, alike[i, n], area)
+                if missing[i, n]:
+                    _put(mutual, at, row, i, alike[i, n], area)
+
+
+@device
+def _put(mutual, at, i, row, weight, area):  # type: ignore[no-untyped-def]
+    mutual.rows[at[i]], mutual.weights[at[i]] = row, weight
+    mutual.parts[at[i]] = min(area[row] / area[i], 1.0)
+    at[i] += 1
 
 
 @device
