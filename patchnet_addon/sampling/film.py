@@ -23,6 +23,7 @@ from ..tracing.supersample import MAX_SIDE, PixelMeans, SpreadPixels, spread_pix
 CHANNELS = 4  # red, green, blue, coverage
 _ONE = 2.0**32  # of the sums
 _MOST = 1e9
+_SHARES_AT_ONCE = 1 << 20  # a wide filter has hundreds of pixels around each
 _ROWS_PER_STEP = 8
 
 
@@ -56,11 +57,13 @@ class Film:
         Returns plain means (n,) float32 of their luminances.
         """
         luminance = np.empty(len(pixels), np.float32)
+        most = max(_SHARES_AT_ONCE // len(self._shares), 1)
         for count in np.unique(samples):
-            mine = samples == count
-            before = self._given(octree, camera, pixels[mine], math.isqrt(count), pattern)[0]
-            after, luminance[mine] = self._given(octree, camera, pixels[mine], side, pattern)
-            self.replace(pixels[mine], before, after)
+            alike = np.flatnonzero(samples == count)
+            for mine in (alike[first : first + most] for first in range(0, len(alike), most)):
+                before = self._given(octree, camera, pixels[mine], math.isqrt(count), pattern).given
+                after, luminance[mine] = self._given(octree, camera, pixels[mine], side, pattern)
+                self.replace(pixels[mine], before, after)
         return luminance
 
     def _given(

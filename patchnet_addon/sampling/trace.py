@@ -32,6 +32,7 @@ from .strategy import (
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
     from ..tracing.render import PatchHits
+    from ..tracing.supersample import PixelMeans
 
 
 def trace_view(
@@ -58,8 +59,6 @@ def trace_view(
     from ..codes.predict import predict
     from ..tracing.chosen import fine_rays
     from ..tracing.render import seen_color
-    from ..tracing.supersample import supersample
-    from .film import filtered
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -73,10 +72,7 @@ def trace_view(
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
     exact_1 = (yield from exact_prediction(octree, hits, 1)) if EXACT_1 in needs else None
-    sampled = None
-    if reference or REFERENCE in needs:
-        box = pixel_filter == BOX_FILTER
-        sampled = yield from supersample(octree, camera) if box else filtered(octree, camera, pixel_filter)
+    sampled = (yield from _reference(octree, camera, pixel_filter)) if reference or REFERENCE in needs else None
     return PixelBuffers(
         hits,
         behind=patch.behind,
@@ -98,6 +94,15 @@ def trace_view(
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,
     )
+
+
+def _reference(octree: Octree, camera: Camera, pixel_filter: PixelFilter) -> Steps[PixelMeans]:
+    """32 x 32 rays in each pixel; a box is the paper's own way, without light above white."""
+    from ..tracing.supersample import supersample
+    from .film import filtered
+
+    box = pixel_filter == BOX_FILTER
+    return (yield from supersample(octree, camera) if box else filtered(octree, camera, pixel_filter))
 
 
 def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int | None) -> int:

@@ -6,6 +6,7 @@ import pytest
 
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.patchnet_addon.sampling import film as film_module
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture, Pace
 from patchnet.patchnet_addon.sampling.film import Film
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
@@ -132,6 +133,16 @@ def test_the_order_of_work_does_not_matter() -> None:
     np.testing.assert_array_equal(twice.samples, direct.samples)
     np.testing.assert_array_equal(twice.colors, direct.colors)
     np.testing.assert_array_equal(twice.alpha, direct.alpha)
+
+
+def test_a_wide_filter_is_spread_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    octree, pixel_filter = random_octree(), PixelFilter(GAUSSIAN, 10.0)
+    assert pixel_filter.radius == 15
+    whole = even_picture(octree, 2, pixel_filter)
+    monkeypatch.setattr(film_module, "_SHARES_AT_ONCE", 5000)
+    parts = even_picture(octree, 2, pixel_filter)
+    np.testing.assert_array_equal(parts.colors, whole.colors)
+    np.testing.assert_array_equal(parts.alpha, whole.alpha)
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 7, 8, 32])
