@@ -28,11 +28,17 @@ AUTO = "auto"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
+    from ..operators.schema.table import BOX_SHAPE, TABLE
+
     add_scene(parser, "scene file, as for `patchnet run`; demo: the courtyard; room: a closed room")
     parser.add_argument("--depth", required=True, help="octree depth; auto: fine only in the views")
     add_views(parser)
     add_settings(parser, "light", "noise_threshold", "max_samples", "denoise", "exposure")
     add_settings(parser, "sides", "gloss", "device")
+    parser.add_argument(
+        "--surface", choices=[value for value, _, _ in TABLE["shape"].choices], default=BOX_SHAPE,
+        help="where rays that reach the finest voxels end (boxes: training and the paper's figures know no others)",
+    )  # fmt: skip
     parser.add_argument(
         "--color", action=argparse.BooleanOptionalAction, default=False,
         help="keep color beside luminance, for exports and pictures (off: training reads luminance alone)",

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..operators.verify_light import CheckSettings, LightCheck
 
 _COLUMNS = ("silhouettes", "creases", "shadows", "textures", "smooth")
-_WHOLE = "whole voxels"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras", default="", help="names separated by commas, all, auto, or a number of cameras to place (active)"
     )
     add_number(parser, "--size", bounds.SIZE_PX, "pixels; 0 follows the render aspect", (256, 256), metavar=("W", "H"))
-    add_settings(parser, "sides", "light", "noise_threshold", "max_samples", "cells", "denoise")
+    add_settings(parser, "shape", "sides", "light", "noise_threshold", "max_samples", "cells", "denoise")
     gloss = [value for value, _, _ in TABLE["gloss"].choices]
     parser.add_argument(
         "--gloss", choices=gloss, default=GLOSS_OFF,
@@ -39,10 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--render-samples", bounds.RENDER_SAMPLES, "Cycles samples per pixel of the render", 256)
     add_number(parser, "--rays", bounds.RAYS, "rays per pixel side through the octree", 32)
     add_number(parser, "--difference", bounds.DIFFERENCE, "end of the pictures' legend", 0.2)
-    parser.add_argument(
-        "--whole-voxels", action="store_true",
-        help="also compare the octree without the boxes in its finest voxels, and write whole_voxels.png",
-    )  # fmt: skip
     add_out(parser, "folder for the report and the pictures", required=True)
 
 
@@ -63,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs({args.out / name: kind for name, kind in check_files(()).items()}, given, folder=args.out)
     open_or_build(args.scene)
     folders = camera_folders_of(settings)
-    with output_folder(args.out, check_files(folders.values(), args.whole_voxels), [*given, *scene_inputs()]) as folder:
+    with output_folder(args.out, check_files(folders.values()), [*given, *scene_inputs()]) as folder:
         with quiet_stdout(), ProgressBars() as bars:
             check = drain(verify_light(bpy.context, settings), bars.show)
         save_check(check, folder, settings.difference, folders)
@@ -84,7 +79,7 @@ def check_settings(args: argparse.Namespace) -> CheckSettings:
     names = () if number else tuple(name.strip() for name in args.cameras.split(",") if name.strip())
     given = given_settings(args) | {"cameras": names}
     job = JobSettings.of(**given, depth=depth_of(args.depth), size=tuple(args.size), color=False, out=args.out)
-    return CheckSettings(job, number, args.render_samples, args.rays, args.difference, args.whole_voxels)
+    return CheckSettings(job, number, args.render_samples, args.rays, args.difference)
 
 
 def camera_folders_of(settings: CheckSettings) -> dict[str, str]:
@@ -108,11 +103,8 @@ def print_check(check: LightCheck) -> None:
     print(f"{'camera':<12} {'PSNR dB':>7} {'ratio':>6} {'both hit':>8} {'noise dB':>8} {'FLIP':>7}  {shares}")
     for view in check.report["cameras"]:
         _print_row(view["camera"], view, f"{view['reference_noise_db']:.1f}")
-        if whole := view.get("whole_voxels"):
-            _print_row(_WHOLE, whole, "")
-    for name, key in (("all", "mean"), (_WHOLE, "mean_whole_voxels")):
-        if mean := check.report.get(key):
-            print(f"{name:<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")
+    mean = check.report["mean"]
+    print(f"{'all':<12} {mean['psnr_db']:>7.2f} {_ratio(mean['mean_ratio']):>6}")
 
 
 def _print_row(name: str, figures: dict[str, Any], noise_db: str) -> None:

@@ -17,10 +17,13 @@ from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.file import load_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.octree.voxelize import LeafDetail
 from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.surface.mesh import Fragments, TriangleBatch, TriangleMesh
+from ...patchnet_addon.surface.texture_lookup import BaseColors
+from ...patchnet_addon.surface.textures import TextureTable
 from ...training.benchmarks.shells import octree_of_shells, shell_triangles
 from ...training.run import torch_threads
 from ..shared.job_arguments import require_blender
@@ -68,8 +71,10 @@ def read_triangles(scene: Path | None) -> np.ndarray:
 
 
 def voxelized(mesh: TriangleMesh, depth: int) -> Octree:
-    """Octree of triangles under constant light, without textures."""
-    return drain(build_octree(mesh, Grid.around(mesh.bounds_world, depth), _constant_light, exposure=1.0))
+    """Octree of triangles under constant light, with their pieces, without textures."""
+    base = BaseColors(TextureTable.from_materials(mesh.materials), np.ones(len(mesh.materials), bool))
+    detail, grid = LeafDetail(boxes=True, base=base), Grid.around(mesh.bounds_world, depth)
+    return drain(build_octree(mesh, grid, _constant_light, exposure=1.0, detail=detail))
 
 
 def _constant_light(_batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, np.ndarray]:

@@ -34,6 +34,8 @@ from .inputs import SHELLS, imported, read_triangles, voxelized
 _BLOCK = 4  # side in pixels of super-sampled blocks, as in refinement
 _BLOCKS = 40
 _SIDE = 32
+_ROUNDING = 1e-4  # relative, of Embree's float32
+_FAR = 1e30
 _CLOSE = 0.15  # share of the way back from the surface to the view Inside
 
 
@@ -48,11 +50,14 @@ class EmbreeScene:
         meshes = imported("Embree", "embreex.mesh_construction")
         meshes.TriangleMesh(self._scene, (corners_world - self._middle).astype(np.float32))
 
-    def run(self, octree: Octree, camera: Camera) -> Callable[[], Any]:
-        """Trace the first hits of a perspective camera's pixels; the rays are generated in advance."""
+    def run(self, octree: Octree, camera: Camera, query: str = "INTERSECT") -> Callable[[], Any]:
+        """Trace the first hits of a perspective camera's pixels; the rays are generated in advance.
+
+        query: "INTERSECT" for triangles, "DISTANCE" for lengths, above 1e30 for none.
+        """
         direction = first_hits(octree, camera).direction
         origin = np.tile((camera.position_world - self._middle).astype(np.float32), (len(direction), 1))
-        return partial(self._scene.run, origin, direction, query="INTERSECT")
+        return partial(self._scene.run, origin, direction, query=query)
 
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
@@ -116,15 +121,19 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
     """Rates of one camera, and the cost of the second and third hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
     coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
+    leaves = coarse._replace(at_0=0.0, per_z=0.0)
     pixels = _blocks(camera)
     runs: dict[str, Callable[[], Any]] = {
         "ours": partial(trace_pixels, octree, camera, coarse),
-        "leaves": partial(trace_pixels, octree, camera, coarse._replace(at_0=0.0, per_z=0.0)),
+        "leaves": partial(trace_pixels, octree, camera, leaves),
         "fine": partial(trace_pixels, octree, camera, coarse._replace(last=FINE)),
         "behind": partial(trace_pixels, octree, camera, coarse._replace(last=BEHIND)),
         "picture": partial(first_hits, octree, camera),
         "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
     }
+    if octree.pieces is not None:
+        runs["exact"] = partial(trace_pixels, octree, camera, coarse, octree.exact_nodes)
+        runs["exact_leaves"] = partial(trace_pixels, octree, camera, leaves, octree.exact_nodes)
     if embree is not None:
         runs["embree"] = embree.run(octree, camera)
     for run in runs.values():
@@ -137,9 +146,20 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "visits_per_ray": visits_per_ray(octree, camera),
         "rays_per_s": {name: rays[name] / seconds[name] for name in runs},
         "ratio": None if embree is None else seconds["embree"] / seconds["ours"],
+        "same_hits": _same_hits(octree, camera, leaves, embree),
         "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
         "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
     }
+
+
+def _same_hits(octree: Octree, camera: Camera, leaves: Search, embree: EmbreeScene | None) -> float | None:
+    """Share of rays that meet the surface at the place where Embree's do, or both nothing; None without pieces."""
+    if embree is None or octree.pieces is None:
+        return None
+    own = trace_pixels(octree, camera, leaves, octree.exact_nodes)[0].t_world.astype(np.float64)
+    other = np.asarray(embree.run(octree, camera, "DISTANCE")(), np.float64)
+    met = np.isfinite(own)
+    return float(np.mean(np.where(met, np.abs(own - other) <= _ROUNDING * np.maximum(own, other), other > _FAR)))
 
 
 def _blocks(camera: Camera) -> np.ndarray:

@@ -47,7 +47,7 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--depth", default="auto", help="octree depth; auto: fine where the cameras look, coarse elsewhere (auto)"
     )
-    add_settings(parser, "track", "memory")
+    add_settings(parser, "track", "shape", "memory")
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, "side of the finest voxels in world units, instead of a depth"
     )

@@ -85,7 +85,6 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     from ...patchnet_addon.lod.depth import available_memory, peak_bytes, stored_bytes
 
     surface, light = settings.surface, settings.light
-    contents = {"color": light.color, "sides": light.has_sides}
     lookahead = load_network(settings.network).lookahead
     if surface.is_fitted:
         grid, fitted = yield from labelled(fitted_levels(source, cameras, settings, rough=True), "Estimating")
@@ -106,10 +105,10 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         depth=grid.depth,
         fitted=surface.is_fitted,
         leaves=leaves,
-        octree_bytes=stored_bytes(leaves, **contents),
+        octree_bytes=stored_bytes(leaves, settings.contents),
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.
         codes_bytes=int(leaves / (3.0 * 4.0 ** (lookahead - 1)) * _BYTES_PER_CODED),
-        peak_bytes=peak_bytes(leaves, **contents),
+        peak_bytes=peak_bytes(leaves, settings.contents),
         free_bytes=settings.compute.memory_bytes or available_memory(),
         lookahead_share=share,
         paths=light_paths(settings, cameras, leaves=leaves) if light.is_baked else 0.0,

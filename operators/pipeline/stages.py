@@ -25,7 +25,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.empty_view import BLACK_SURFACE
 from ..scene.precision import place_warnings
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import CYCLES
+from ..schema.table import CYCLES, EXACT_SHAPE, WHOLE_SHAPE
 from ..settings.groups import NETWORK_DEVICE, ComputeSettings, LightSettings, NetworkSettings
 from ..settings.job_settings import JobSettings
 from .reports import versions
@@ -74,8 +74,8 @@ def _even_grid(source: MeshSource, _cameras: Sequence[Camera], settings: JobSett
     grid = settings.surface.given_grid(source)
     bounds_world = settings.surface.bounds_world(source)
     coarse = yield from labelled(coarse_octree(source, bounds_world=bounds_world), "Finding the depth")
-    leaves, light = expected_leaves(coarse, grid.depth), settings.light
-    check_memory(leaves, grid.depth, settings.compute.memory_bytes, color=light.color, sides=light.has_sides)
+    leaves = expected_leaves(coarse, grid.depth)
+    check_memory(leaves, grid.depth, settings.compute.memory_bytes, settings.contents)
     return GridChoice(grid, leaves=leaves)
 
 
@@ -103,7 +103,7 @@ def fitted_levels(
 
     grid = Grid.around(settings.surface.bounds_world(source), MAX_DEPTH)
     memory = settings.compute.memory_bytes or available_memory()
-    most = max_leaves(memory - LAYOUT_BYTES, color=settings.light.color, sides=settings.light.has_sides)
+    most = max_leaves(memory - LAYOUT_BYTES, settings.contents)
     lookahead, shade = load_network(settings.network).lookahead, opacity_shade(source)
     fitting = fit_leaf_levels(source, grid, cameras, shade, max_leaves=most, lookahead=lookahead, rough=rough)
     fitted = yield from fitting
@@ -130,7 +130,8 @@ def _on_both_sides(source: MeshSource, make: Callable[[], ShadingFn]) -> Steps[S
     from ...patchnet_addon.light.surface_light import SurfaceLight
 
     shade = yield from computed(make, _TEXTURES)
-    return SurfaceLight(shade, np.zeros(source.triangle_count, np.int8))
+    reflects = np.array([max(material.emission) <= 0.0 for material in source.materials])
+    return SurfaceLight(shade, np.zeros(source.triangle_count, np.int8), reflects)
 
 
 def build(
@@ -142,18 +143,29 @@ def build(
     """
     from ...patchnet_addon.octree.build import build_clipped
     from ...patchnet_addon.octree.voxelize import LeafDetail
+    from ...patchnet_addon.surface.texture_lookup import BaseColors
 
     fitted = {"fitted": clipped.layout.block_level > 0}
     provenance = _provenance(clipped.source, settings, light) | fitted | lit.notes | provenance
     exposure = settings.light.exposure if light != UNLIT else None  # unlit colours are not exposed
     if light != UNLIT:
         provenance["exposure"] = "automatic" if exposure is None else "given"
-    detail = LeafDetail(True, settings.light.has_sides and light != UNLIT, lit.facing)
+    shape = settings.surface.shape
+    base = None
+    if shape == EXACT_SHAPE:
+        table = yield from computed(lambda: clipped.table, _TEXTURES)
+        base = BaseColors(table, lit.reflects)
+    detail = LeafDetail(
+        boxes=shape != WHOLE_SHAPE,
+        sides=settings.light.has_sides and light != UNLIT,
+        facing=lit.facing,
+        base=base,
+    )
 
     def make() -> Steps[Octree]:
         return build_clipped(clipped, lit.shade, exposure=exposure, provenance=provenance, detail=detail)
 
-    return run_in_worker(make, Progress(0, 1, "Voxelizing"))
+    return (yield from run_in_worker(make, Progress(0, 1, "Voxelizing")))
 
 
 def _provenance(source: MeshSource, settings: JobSettings, light: str) -> dict[str, Any]:

@@ -23,6 +23,7 @@ CPU, GPU = "CPU", "GPU"
 WORLD, BLACK_BACKGROUND, TRANSPARENT = "world", "black", "transparent"
 GLOSS_AUTO, GLOSS_OFF, GLOSS_ABOVE, GLOSS_CAMERA = "auto", "off", "above", "camera"
 SIX_SIDES, ONE_SIDE = "six", "one"
+EXACT_SHAPE, BOX_SHAPE, WHOLE_SHAPE = "exact", "boxes", "whole"
 DIFFUSE, COMBINED = "diffuse", "combined"
 SEEN_CELLS, ALL_CELLS = "seen", "everywhere"
 NOTHING, IMAGE, VERTEX_GROUP = "NONE", "IMAGE", "VERTEX_GROUP"
@@ -72,6 +73,16 @@ _SURFACE = (
         "Fit the voxels to the cameras at all frames of the scene instead of the current one",
         OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == AUTO,
         argument="--track", help="with --depth auto: the cameras at all frames of the scene",
+    ),
+    Setting(
+        "shape", "Surface in Voxels", "Where rays that reach the finest voxels end", OCTREE, Kind.CHOICE, EXACT_SHAPE,
+        choices=(
+            (EXACT_SHAPE, "Exact", "On the surface itself, whose textures are as sharp as pixels; takes about half as "
+             "much memory again"),
+            (BOX_SHAPE, "Boxes", "On the box around the surface in a voxel, as in the paper's figures here"),
+            (WHOLE_SHAPE, "Whole", "On the voxel"),
+        ),
+        argument="--surface", help="where rays that reach the finest voxels end",
     ),
     Setting(
         "memory", "Memory (GiB)",

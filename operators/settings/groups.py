@@ -37,7 +37,8 @@ class SurfaceSettings:
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree. voxel_size_world: leaf side instead of a depth. Without both, leaves are as deep as cameras
     need (methods 4.1b). track: the cameras count at all frames of the scene, not only at the current one. bounds: lower
-    and upper corner of the octree's cube in world units; None takes the surface's own.
+    and upper corner of the octree's cube in world units; None takes the surface's own. shape: where rays that reach
+    the finest voxels end: "exact" on the surface, "boxes" around it, "whole" voxels (methods 4.1d, 7.2k).
     """
 
     scope: str = VISIBLE
@@ -45,8 +46,10 @@ class SurfaceSettings:
     voxel_size_world: float | None = None
     track: bool = False
     bounds: Bounds | None = None
+    shape: str = TABLE["shape"].default
 
     def __post_init__(self) -> None:
+        _check_choice("shape", self.shape, [value for value, _, _ in TABLE["shape"].choices])
         if self.depth is not None and self.voxel_size_world is not None:
             raise SettingError("Depth and voxel size are both given: choose one of them")
         if self.track and not self.is_fitted:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.setting import Effect
-from ..schema.table import CAMERAS, CYCLES, IMPORTANCE, LIGHT, OCTREE, TABLE, VIEW, result_fields, rows
+from ..schema.table import CAMERAS, CYCLES, EXACT_SHAPE, IMPORTANCE, LIGHT, OCTREE, TABLE, VIEW, result_fields, rows
 from .groups import (
     ComputeSettings,
     LightSettings,
@@ -20,6 +20,9 @@ from .groups import (
     ViewSettings,
     fields_by_flat_name,
 )
+
+if TYPE_CHECKING:
+    from ...patchnet_addon.lod.depth import Contents
 
 ESTIMATED = (OCTREE, LIGHT, CAMERAS)  # inputs of an estimate
 _PARTS = {VIEW: (CAMERAS, VIEW, IMPORTANCE)}  # of a step with several inputs
@@ -97,6 +100,13 @@ class JobSettings:
         """Values that results of a stage, "octree", "light" or "codes", depend on, as text."""
         values = self.flat()
         return repr([(name, values[name]) for name in result_fields(stage)])
+
+    @property
+    def contents(self) -> Contents:
+        """What the octree holds, for estimates of its memory."""
+        from ...patchnet_addon.lod.depth import Contents  # imports numba
+
+        return Contents(self.light.color, self.light.has_sides, self.surface.shape == EXACT_SHAPE)
 
     def flat(self) -> dict[str, Any]:
         """All values by their flat names."""

@@ -30,7 +30,7 @@ else:
 FIRST = ("scope", "resolution", "depth", "voxel_size", "noise_threshold", "size", "budget")
 # Rarely changed settings, under Advanced in their sub-panels.
 ADVANCED = (
-    "memory", "cells", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
+    "shape", "memory", "cells", "device", "exposure", "color", "sides", "background", "heatmap_maximum",
 )  # fmt: skip
 # Placeholders of empty text settings.
 _WHEN_EMPTY = {"out": "No Files", "weights": "Shipped", "cameras": "Active Camera"}

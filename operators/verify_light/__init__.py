@@ -12,7 +12,6 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.image.comparison import Guides, compare, difference_picture, picture_psnr, side_by_side
-from ...patchnet_addon.image.contact_sheet import contact_sheet
 from ...patchnet_addon.image.heatmap import magnify
 from ...patchnet_addon.image.tone import gray
 from ...patchnet_addon.octree.octree import Octree
@@ -36,8 +35,7 @@ class CheckSettings:
     job: settings of the octree (depth and light), size and cameras; its `out` takes the results.
     viewpoints: number of cameras placed in the free space of the scene; 0 takes the job's cameras. render_samples:
     paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of the octree's
-    picture. difference: luminance at the ends of the pictures' legend. whole_voxels: also compare the octree without
-    the boxes in its finest voxels.
+    picture. difference: luminance at the ends of the pictures' legend.
     """
 
     job: JobSettings
@@ -45,7 +43,6 @@ class CheckSettings:
     render_samples: int = 256
     rays: int = 32
     difference: float = 0.2
-    whole_voxels: bool = False
 
 
 _COVERAGE_RAYS = 8
@@ -54,10 +51,7 @@ _COARSE_DEPTH = 8  # of the voxels in whose free space cameras are placed
 
 @dataclass(frozen=True, eq=False)
 class CameraCheck:
-    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures.
-
-    whole: the octree without boxes in its finest voxels, or None.
-    """
+    """Pictures of one camera (H, W) float32, exposed and clamped to [0, 1], row 0 at the bottom, and figures."""
 
     camera: Camera
     cycles: np.ndarray
@@ -120,20 +114,14 @@ def check_camera(
 ) -> Steps[CameraCheck]:
     """Render octree and Cycles through one camera, and compare."""
     mine = yield from _look(octree, camera, settings.rays)
-    whole = None
-    if settings.whole_voxels:
-        steps = _look(replace(octree, leaf_box=None), camera, settings.rays)
-        whole = yield from labelled(steps, "{}, whole voxels")
     halves = yield from render_halves(context, camera, settings.render_samples)
     if settings.job.light.is_baked and settings.job.light.gloss != GLOSS_OFF:  # else diffuse light and emission
         halves = [replace(half, luminance=half.combined) for half in halves]
     exposure = octree.exposure
     report = _figures(mine, halves, exposure) | _noise_and_place(halves, exposure, camera)
-    if whole is not None:
-        report["whole_voxels"] = _figures(whole, halves, exposure)
     mean = np.mean([half.luminance for half in halves], axis=0)
     cycles = np.clip(exposure * mean, 0.0, 1.0).astype(np.float32)
-    return CameraCheck(camera, cycles, mine[0], report, None if whole is None else whole[0])
+    return CameraCheck(camera, cycles, mine[0], report)
 
 
 def _look(octree: Octree, camera: Camera, rays: int) -> Steps[tuple[np.ndarray, np.ndarray]]:
@@ -171,12 +159,8 @@ def _report(
     timings_s: dict[str, float],
     warnings: list[str],
 ) -> dict[str, Any]:
-    means = {"mean": _mean_figures([(item.octree, item.cycles, item.report) for item in checks])}
-    if settings.whole_voxels:
-        whole = [(item.whole, item.cycles, item.report["whole_voxels"]) for item in checks if item.whole is not None]
-        means["mean_whole_voxels"] = _mean_figures(whole)
     return {
-        **means,
+        "mean": _mean_figures(checks),
         "cameras": [check.report for check in checks],
         "octree": {
             "depth": octree.depth,
@@ -184,11 +168,7 @@ def _report(
             "voxel_world": octree.grid.voxel_size_world,
             "exposure": octree.exposure,
         },
-        "settings": {
-            "render_samples": settings.render_samples,
-            "rays": settings.rays,
-            "whole_voxels": settings.whole_voxels,
-        },
+        "settings": {"render_samples": settings.render_samples, "rays": settings.rays},
         "light": octree.provenance,
         "timings_s": timings_s,
         "warnings": warnings,
@@ -197,22 +177,20 @@ def _report(
     }
 
 
-def _mean_figures(views: Sequence[tuple[np.ndarray, np.ndarray, dict[str, Any]]]) -> dict[str, Any]:
-    """Mean figures of all views, each given as picture, picture by Cycles, and figures."""
-    mine = sum(float(view[0].sum(dtype=np.float64)) for view in views)
-    cycles = sum(float(view[1].sum(dtype=np.float64)) for view in views)
-    mse = [10.0 ** (-figures["psnr_db"] / 10.0) for _, _, figures in views]
+def _mean_figures(checks: Sequence[CameraCheck]) -> dict[str, Any]:
+    """Mean figures of all cameras."""
+    mine = sum(float(check.octree.sum(dtype=np.float64)) for check in checks)
+    cycles = sum(float(check.cycles.sum(dtype=np.float64)) for check in checks)
+    mse = [10.0 ** (-check.report["psnr_db"] / 10.0) for check in checks]
     return {"psnr_db": -10.0 * float(np.log10(np.mean(mse))), "mean_ratio": mine / cycles if cycles else None}
 
 
 _PICTURES = ("cycles.png", "octree.png", "difference.png", "side_by_side.png")
-_WHOLE_VOXELS = "whole_voxels.png"
 
 
-def check_files(folders: Iterable[str], whole_voxels: bool = False) -> dict[str, FileKind]:
+def check_files(folders: Iterable[str]) -> dict[str, FileKind]:
     """Kind of each file of a light check by its path in the output folder; `folders` are those of the cameras."""
-    names = (*_PICTURES, _WHOLE_VOXELS) if whole_voxels else _PICTURES
-    return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in names}
+    return {REPORT_NAME: REPORT} | {f"{folder}/{name}": PNG for folder in folders for name in _PICTURES}
 
 
 def save_check(check: LightCheck, folder: Path, maximum: float, folders: Mapping[str, str]) -> None:
@@ -235,8 +213,3 @@ def _save_camera(item: CameraCheck, folder: Path, maximum: float) -> None:
     save_png(difference, difference_picture(item.octree - item.cycles, maximum, title, quantity))
     titles = "Cycles", "octree", figures
     save_png(beside, side_by_side(item.cycles, item.octree, maximum, titles))
-    if item.whole is not None:
-        figures = f"{item.report['whole_voxels']['psnr_db']:.1f} dB, {item.report['psnr_db']:.1f} dB"
-        row = [gray(picture) for picture in (item.cycles, item.whole, item.octree)]
-        name = f"{item.camera.name}: {figures}"
-        save_png(folder / _WHOLE_VOXELS, contact_sheet([row], [name], ["Cycles", "whole voxels", "boxes"]))

@@ -40,7 +40,7 @@ def truncated(octree: Octree, level: int) -> Octree:
         ends |= dict.fromkeys(("side_nodes", "side_light", "side_share", "side_chroma"), sides)
     kept = {name: getattr(octree, name)[:end] for name, end in ends.items() if getattr(octree, name) is not None}
     grid, starts = replace(octree.grid, depth=level), octree.level_start[: level + 2]
-    return replace(octree, grid=grid, level_start=starts, child_mask=child_mask, leaf_box=None, **kept)
+    return replace(octree, grid=grid, level_start=starts, child_mask=child_mask, leaf_box=None, pieces=None, **kept)
 
 
 def write_octree(octree: Octree, level: int, path: Path) -> Steps[int]:

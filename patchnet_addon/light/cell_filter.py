@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.hashing import mixed, row_of_key
 from ..cells.morton_kernels import cell_key
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
-from .hashing import mixed, row_of_key
 from .seen_cells import LEVEL_BITS
 
 STEPS = 1, 2, 4, 8  # distances of averaged cells, pass by pass

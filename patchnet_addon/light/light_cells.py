@@ -8,19 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.hashing import fill_slots, mixed, slots_for
 from ..octree.grid import Grid
 from ..octree.voxelize import triangle_areas_and_normals
 from ..runtime.kernels import kernel
 from ..surface.mesh import Fragments, MeshSource
-from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
+from ..surface.texture_lookup import BaseColors, base_of_fragments
 from ..surface.textures import TextureTable
 from .cell_filter import NOISE_STEPS, STEPS, Neighbours, Places, filtered, neighbours
-from .hashing import fill_slots, mixed, slots_for
 from .seen_cells import LEVEL_BITS
 from .surfels import BACK
 
 MIN_OPACITY = 1e-3  # of a surfel: below it, its paths met gaps alone
-LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
 ANY_SHEET, ANY_FACE = -3, 6  # of cells that hold the mean over all sheets, or all faces
 
 
@@ -91,14 +90,9 @@ def surface_of_surfels(
         place[mine] = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
         sign = np.where(own["side"] == BACK, -1.0, 1.0)
         normal[mine] = sign[:, None] * triangle_areas_and_normals(corners)[1]
-        luminance, _ = surface_of_fragments(table, batch, fragments)
-        base[mine, 0], material[mine] = luminance, batch.materials[local]
-        if color:
-            base[mine, 1:] = color_of_fragments(table, batch, fragments, luminance)
-    base = np.maximum(base, LEAST_BASE)
-    is_filtered = reflects[material]
-    base[~is_filtered] = 1.0
-    return SurfelSurface(place, normal, base, is_filtered, material)
+        base[mine] = base_of_fragments(BaseColors(table, reflects), batch, fragments, color=color)
+        material[mine] = batch.materials[local]
+    return SurfelSurface(place, normal, base, reflects[material], material)
 
 
 class SurfelSums(NamedTuple):

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..cells.hashing import mixed, row_of_key
 from ..cells.morton import morton_encode
 from ..octree.grid import Grid
 from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..surface.chroma import REC709
 from ..surface.mesh import Fragments, ShadingFn, TriangleBatch
-from ..surface.texture_lookup import color_of_fragments, surface_of_fragments
+from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
-from .hashing import mixed, row_of_key
-from .light_cells import ANY_FACE, ANY_SHEET, LEAST_BASE, LightCells
+from .light_cells import ANY_FACE, ANY_SHEET, LightCells
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS
 from .sheets import Sheets
 from .surfels import BACK, COARSE, FRONT, side_of_sheet
@@ -31,13 +31,15 @@ NOWHERE, COARSELY, FINELY = 0, 1, 2  # where the light of a side was found
 class SurfaceLight:
     """Light of a surface.
 
-    shade: of fragments. facing: (T,) int8, side of each triangle that gets light: 1 front, -1 back, 0 both.
+    shade: of fragments. facing: (T,) int8, side of each triangle that gets light: 1 front, -1 back, 0 both. reflects:
+    (M,) bool, materials whose light is in proportion to their base colour.
     warnings: sentences about what was left out. reused: share of its paths that an earlier bake had traced. notes:
     entries of the octree's file, as plain JSON values.
     """
 
     shade: ShadingFn
     facing: np.ndarray
+    reflects: np.ndarray
     warnings: tuple[str, ...] = ()
     notes: dict[str, Any] = field(default_factory=dict)
     reused: float = 0.0
@@ -62,20 +64,18 @@ def cells_shade(
     and dark. Of `through` materials it is the mean, without an enclosed, dark side.
     """
 
+    base = BaseColors(table, materials.reflects)
+
     def shade(batch: TriangleBatch, fragments: Fragments) -> tuple[np.ndarray, ...]:
-        luminance, opacity = surface_of_fragments(table, batch, fragments)
+        _, opacity = surface_of_fragments(table, batch, fragments)
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
         surface = Sheets(*(column[here] for column in sheets))
         lights = np.zeros((len(fragments), 2, cells.light.shape[1]), np.float32)
         where = np.zeros((len(fragments), 2), np.uint8)
         places = fragments.keys, fragments.triangle, fragments.level
         run_parts(_look_up, len(fragments), places, surface, cells, lights, where)
-        base = luminance[:, None]
-        if color:
-            base = np.concatenate([base, color_of_fragments(table, batch, fragments, luminance)], axis=1)
         material = batch.materials[fragments.triangle]
-        base = np.where(materials.reflects[material][:, None], np.maximum(base, LEAST_BASE), np.float32(1.0))
-        lights *= base[:, None]
+        lights *= base_of_fragments(base, batch, fragments, color=color)[:, None]
         facing = surface.facing[fragments.triangle]
         mean = _mean(lights, _back_share(lights[..., 0], where, facing, materials.through[material]))
         return mean[:, 0], opacity, mean[:, 1:], lights

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..cells.hashing import fill_slots, mixed, row_of_key, slots_for
 from ..octree.voxelize import ClippedSurface, triangle_areas_and_normals
 from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..surface.mesh import ShadingFn
 from ..tracing.camera import PERSPECTIVE, Camera
-from .hashing import fill_slots, mixed, row_of_key, slots_for
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS, SeenCells
 from .sheets import Sheets
 

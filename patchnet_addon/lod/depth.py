@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,8 @@ _SIDES_BYTES_PER_NODE = 1.5  # at most 2.9
 _LEAF_BYTES = 15 + BOX_BYTES_PER_LEAF, 105 + 11  # stored, and further bytes during its pass
 _COLOR_LEAF_BYTES = 2, 40
 _SIDES_LEAF_BYTES = (8, 144), (10, 240)  # without and with colour
+# Pieces: 12 bytes for each of about 1.2 and their triangles; 20 while they are collected, and copies of these in order.
+_PIECES_LEAF_BYTES = 24, 70
 _PASS_LEAVES = BLOCK_FRAGMENTS * 3 // 4
 _NODES_PER_LEAF = 1.36
 
@@ -85,28 +88,41 @@ def expected_leaves(coarse: Octree, depth: int) -> int:
     return int(area * 4.0**depth + edges * 2.0**depth)
 
 
-def stored_bytes(leaves: int, *, color: bool = False, sides: bool = False) -> int:
-    """Expected bytes of an octree."""
-    node_bytes = BYTES_PER_NODE + COLOR_BYTES_PER_NODE * color + (_SIDES_BYTES_PER_NODE if sides else 0.0)
-    return int(leaves * (_NODES_PER_LEAF * node_bytes + BOX_BYTES_PER_LEAF))
+class Contents(NamedTuple):
+    """What an octree holds beside luminance: colour, luminance by direction, pieces of its leaves."""
+
+    color: bool = False
+    sides: bool = False
+    pieces: bool = False
 
 
-def _bytes_per_leaf(color: bool, sides: bool) -> tuple[int, int]:
+_PLAIN = Contents()
+
+
+def stored_bytes(leaves: int, contents: Contents = _PLAIN) -> int:
+    """Expected bytes of an octree, without textures."""
+    node_bytes = BYTES_PER_NODE + COLOR_BYTES_PER_NODE * contents.color + _SIDES_BYTES_PER_NODE * contents.sides
+    leaf_bytes = BOX_BYTES_PER_LEAF + _PIECES_LEAF_BYTES[0] * contents.pieces
+    return int(leaves * (_NODES_PER_LEAF * node_bytes + leaf_bytes))
+
+
+def _bytes_per_leaf(contents: Contents) -> tuple[int, int]:
     """Stored bytes per leaf, and further bytes during its pass."""
-    bytes_ = [_LEAF_BYTES] + [_COLOR_LEAF_BYTES] * color + [_SIDES_LEAF_BYTES[color]] * sides
+    bytes_ = [_LEAF_BYTES] + [_COLOR_LEAF_BYTES] * contents.color + [_SIDES_LEAF_BYTES[contents.color]] * contents.sides
+    bytes_ += [_PIECES_LEAF_BYTES] * contents.pieces
     kept, in_pass = (sum(column) for column in zip(*bytes_, strict=True))
     return kept, in_pass
 
 
-def peak_bytes(leaves: float, *, color: bool = False, sides: bool = False) -> int:
+def peak_bytes(leaves: float, contents: Contents = _PLAIN) -> int:
     """Peak memory in bytes of building an octree, without the scene."""
-    kept, in_pass = _bytes_per_leaf(color, sides)
+    kept, in_pass = _bytes_per_leaf(contents)
     return int(max(kept * leaves + in_pass * min(leaves, _PASS_LEAVES), 2 * kept * leaves))
 
 
-def max_leaves(memory_bytes: float, *, color: bool = False, sides: bool = False) -> int:
+def max_leaves(memory_bytes: float, contents: Contents = _PLAIN) -> int:
     """Largest number of leaves of an octree built within `memory_bytes`; inverse of `peak_bytes`."""
-    kept, in_pass = _bytes_per_leaf(color, sides)
+    kept, in_pass = _bytes_per_leaf(contents)
     in_one_pass = memory_bytes / (kept + in_pass)
     if in_one_pass <= _PASS_LEAVES:
         return int(max(in_one_pass, 0))
@@ -129,14 +145,12 @@ def _bound(memory_bytes: int | None) -> str:
     return f"the memory limit is {bytes_text(memory_bytes)}"
 
 
-def check_memory(
-    leaves: int, depth: int, memory_bytes: int | None = None, *, color: bool = False, sides: bool = False
-) -> None:
+def check_memory(leaves: int, depth: int, memory_bytes: int | None = None, contents: Contents = _PLAIN) -> None:
     """Raise MemoryEstimateError if an octree of a given depth with that many leaves cannot be built in memory.
 
-    memory_bytes: limit; None for all available memory. color, sides: contents of the octree.
+    memory_bytes: limit; None for all available memory.
     """
-    peak = peak_bytes(leaves, color=color, sides=sides)
+    peak = peak_bytes(leaves, contents)
     if peak > (available_memory() if memory_bytes is None else memory_bytes):
         raise MemoryEstimateError(
             f"Depth {depth} needs about {bytes_text(peak)} for {count_text(leaves)} voxels, and "

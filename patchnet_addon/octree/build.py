@@ -13,7 +13,9 @@ import numpy as np
 from ..runtime.errors import GeometryError
 from ..runtime.progress import Steps
 from ..surface.chroma import REC709, decoded_colors
+from ..surface.hit_textures import hit_textures
 from ..surface.mesh import MeshSource, ShadingFn
+from .collect_pieces import LeafPieces, joined_pieces
 from .exposure import Emitters, exposure_without_emitters
 from .grid import Grid
 from .leaf_boxes import WHOLE, unpacked
@@ -40,7 +42,7 @@ class LevelPart(NamedTuple):
 
     child_mask: (n,) uint8, area_world: (n,) float32, normal: (n, 3) int8 as in `Octree`. Of its leaves: leaf_luminance
     (l,) float32, means before exposure, leaf_chroma (l, 2) uint8, or (l, 0) without colour, leaf_box (l, 3) uint8, and
-    leaf_sides, empty unless sides are stored.
+    leaf_sides, empty unless sides are stored, and leaf_pieces, None without.
     """
 
     child_mask: np.ndarray
@@ -50,6 +52,7 @@ class LevelPart(NamedTuple):
     leaf_chroma: np.ndarray
     leaf_box: np.ndarray
     leaf_sides: LeafSides
+    leaf_pieces: LeafPieces | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ def subtrees(leaves: Sequence[LeafSums], root_level: int) -> Subtrees:
         chroma = stored_chroma(own.sums[:, 1], own.sums[:, 5:]) if colored else np.empty((count, 0), np.uint8)
         boxes = unpacked(np.full(count, WHOLE, np.uint32)) if own.boxes is None else own.boxes
         sides = own.sides or no_sides(colored=colored)
-        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, chroma, boxes, sides))
+        levels.append(LevelPart(mask, *area_and_normal(sums), luminance, chroma, boxes, sides, own.pieces))
     return Subtrees(root_level, keys, sums, tuple(reversed(levels)))
 
 
@@ -129,18 +132,16 @@ def build_clipped(
         raise GeometryError(
             "No opaque surface is left to voxelize: all triangles have zero area or are fully transparent"
         )
-    return _joined(parts, clipped.grid, exposure, provenance or {}, emitters, boxes=detail.boxes, sides=detail.sides)
+    return _joined(parts, clipped, exposure, provenance or {}, emitters, detail)
 
 
 def _joined(
     parts: list[Subtrees],
-    grid: Grid,
+    clipped: ClippedSurface,
     exposure: float | None,
     provenance: dict[str, Any],
     emitters: Emitters,
-    *,
-    boxes: bool,
-    sides: bool,
+    detail: LeafDetail,
 ) -> Octree:
     """Octree of blocks in Morton order; empties `parts` to save memory."""
     blocks = zip_longest(*(part.levels for part in parts))
@@ -150,23 +151,29 @@ def _joined(
     light, masks = _column(levels, "leaf_luminance"), _column(levels, "child_mask")
     exposure = exposure_without_emitters(masks, light, emitters) if exposure is None else float(exposure)
     areas, normals, hues = (_column(levels, name) for name in ("area_world", "normal", "leaf_chroma"))
-    leaf_box = _column(levels[-1:], "leaf_box")[0] if boxes else None
-    side_parts = [_leaf_sides(level) for level in levels] if sides else []
+    leaf_box = _column(levels[-1:], "leaf_box")[0] if detail.boxes else None
+    side_parts = [_leaf_sides(level) for level in levels] if detail.sides else []
+    piece_parts = [part.leaf_pieces for level in levels for part in level if part.leaf_pieces is not None]
     levels.clear()
     bright, above = light_hdr_highlights(masks, areas, light, hues if colored else [], exposure)
     luminance, chroma = _luminance(masks, areas, light, hues if colored else [], exposure)
     found = None
-    if sides:
+    grid = clipped.grid
+    if detail.sides:
         hue = chroma if colored else [np.empty((len(mask), 0), np.uint8) for mask in masks]
         faces = [(grid.side_world / (1 << level)) ** 2 for level in range(depth + 1)]
         columns = zip(masks, areas, normals, luminance, hue, faces, side_parts, strict=True)
         found = sides_of_levels([LevelNodes(*column) for column in columns], exposure)
     child_mask = np.concatenate(masks)
+    first_child, pieces = number_children(child_mask), None
+    if detail.base is not None:
+        textures = hit_textures(detail.base.table, detail.base.reflects, color=colored)
+        pieces = joined_pieces(piece_parts, first_child, child_mask == 0, clipped.source, grid, textures)
     return Octree(
         grid=replace(grid, depth=depth),
         level_start=np.concatenate([[0], np.cumsum([len(mask) for mask in masks])]).astype(np.int64),
         child_mask=child_mask,
-        first_child=number_children(child_mask),
+        first_child=first_child,
         area_world=_emptied(areas),
         luminance=_emptied(luminance),
         normal=_emptied(normals).reshape(-1, 3),
@@ -178,6 +185,7 @@ def _joined(
         side_light=found.light if found else None,
         side_share=found.share if found else None,
         side_chroma=found.chroma if found and colored else None,
+        pieces=pieces,
         exposure=exposure,
         provenance=provenance,
     )

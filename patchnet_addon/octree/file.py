@@ -14,6 +14,7 @@ from ..runtime.errors import OctreeFileError, SettingError
 from ..runtime.files import content_hash, read_arrays, write_arrays
 from .grid import Grid
 from .octree import POPCOUNT, Octree
+from .pieces import PIECES_VERSION, are_consistent, piece_arrays, pieces_of
 from .sides import FACES
 
 KIND = "octree"
@@ -25,7 +26,8 @@ _DTYPES = {
     "luminance": np.uint16,
     "normal": np.int8,
 }
-# Files without colour, light above white, boxes or sides lack these arrays; older readers ignore them.
+# Files without colour, light above white, boxes or sides lack these arrays, those of boxes also `piece_arrays`; older
+# readers ignore them.
 _OPTIONAL_DTYPES = {
     "chroma": np.uint8,
     "bright_nodes": np.uint32,
@@ -43,7 +45,8 @@ _GROUPS = ({"bright_nodes", "bright_colors"}, {"side_nodes", "side_light", "side
 def octree_arrays(octree: Octree) -> dict[str, np.ndarray]:
     """Arrays of a file."""
     arrays = {name: getattr(octree, name) for name in (*_DTYPES, *_OPTIONAL_DTYPES)}
-    return {name: array for name, array in arrays.items() if array is not None}
+    pieces = {} if octree.pieces is None else piece_arrays(octree.pieces)
+    return {name: array for name, array in arrays.items() if array is not None} | pieces
 
 
 def octree_hash(octree: Octree) -> str:
@@ -61,6 +64,8 @@ def save_octree(octree: Octree, path: str | Path) -> None:
         "exposure": octree.exposure,
         "provenance": octree.provenance,
     }
+    if octree.pieces is not None:
+        metadata["pieces"] = PIECES_VERSION
     write_arrays(path, octree_arrays(octree), metadata, KIND)
 
 
@@ -69,8 +74,8 @@ def load_octree(path: str | Path) -> Octree:
 
     Raises OctreeFileError naming file and cause if it is missing, foreign, damaged or inconsistent.
     """
-    arrays, metadata = read_arrays(path, KIND, OctreeFileError)
-    arrays = {name: array for name, array in arrays.items() if name in _DTYPES or name in _OPTIONAL_DTYPES}
+    every, metadata = read_arrays(path, KIND, OctreeFileError)
+    arrays = {name: array for name, array in every.items() if name in _DTYPES or name in _OPTIONAL_DTYPES}
     for name, dtype in (_DTYPES | {name: kind for name, kind in _OPTIONAL_DTYPES.items() if name in arrays}).items():
         if name not in arrays or arrays[name].dtype != dtype:
             raise OctreeFileError(
@@ -89,7 +94,14 @@ def load_octree(path: str | Path) -> Octree:
     problem = _inconsistency(arrays, grid.depth)
     if problem:
         raise OctreeFileError(f"{path} is inconsistent: {problem}; create the file anew")
-    return Octree(grid=grid, exposure=exposure, provenance=provenance, **arrays)  # type: ignore[arg-type]
+    pieces = None
+    if metadata.get("pieces") == PIECES_VERSION:  # of another version, the file opens as boxes
+        pieces = pieces_of(every)
+        if pieces is None or not are_consistent(pieces, arrays["first_child"][arrays["child_mask"] == 0]):
+            raise OctreeFileError(f"{path} is inconsistent: its pieces do not fit its leaves; create the file anew")
+    return Octree(  # type: ignore[arg-type]
+        grid=grid, exposure=exposure, provenance=provenance, pieces=pieces, **arrays
+    )
 
 
 def _inconsistency(arrays: dict[str, Any], depth: int) -> str:

@@ -16,6 +16,7 @@ from ..cells.morton import morton_decode
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..surface.chroma import decoded_colors
 from .grid import Grid
+from .pieces import NONE, Pieces
 from .sides import NO_HIGHLIGHTS, NO_SIDES, HdrHighlights, NodeLight, marked, sides_of
 
 LUMINANCE_SCALE = 65535.0
@@ -30,12 +31,15 @@ class Nodes(NamedTuple):
     first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
     first_boxed: the first node with a box; all later ones have one.
     boxes: (b, 3) uint8 as `Octree.leaf_box`; without boxes, `first_boxed` is above all nodes.
+    pieces, corners: triangles of pieces (p,) and their corners (t, 9) as in `Pieces`, empty for rays that end on boxes.
     """
 
     child_mask: np.ndarray
     first_child: np.ndarray
     first_boxed: int
     boxes: np.ndarray
+    pieces: np.ndarray = NONE.triangle
+    corners: np.ndarray = NONE.corners
 
 
 def without_boxes(child_mask: np.ndarray, first_child: np.ndarray) -> Nodes:
@@ -55,7 +59,8 @@ class Octree:
 
     level_start: (depth + 2,) int64, nodes of level l are level_start[l] to level_start[l + 1].
     child_mask: (n,) uint8, bit x + 2y + 4z set if that child exists; 0 for leaves.
-    first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit.
+    first_child: (n,) uint32, node index of the first existing child; the others follow in order of their bit. Of a
+    leaf, with `pieces`: the first of its pieces, `NO_PIECES` for none.
     area_world: (n,) float32, surface in the voxel, weighed by opacity.
     luminance: (n,) uint16, mean luminance over that surface, 65535 = 1 (methods 7.1, 7.2).
     normal: (n, 3) int8, mean normal, 127 = 1, not renormalised (methods 7.2).
@@ -67,6 +72,7 @@ class Octree:
     None if leaves are whole voxels.
     side_nodes, side_light, side_share, side_chroma: (s,) uint32, ascending, (s, 6) and (s, 6) uint8, and in colour
     (s, 6, 2) uint8: nodes with a luminance by direction (`sides.py`); None if all have one luminance.
+    pieces: triangles of leaves (`pieces.py`); None where all rays end on boxes.
     exposure: factor on luminance before it was clamped to [0, 1].
     provenance: how the octree was made (scene, light, settings, versions), plain JSON values.
     """
@@ -86,6 +92,7 @@ class Octree:
     side_light: np.ndarray | None = None
     side_share: np.ndarray | None = None
     side_chroma: np.ndarray | None = None
+    pieces: Pieces | None = None
     exposure: float = 1.0
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -100,6 +107,17 @@ class Octree:
         if self.leaf_box is None:
             return without_boxes(self.child_mask, self.first_child)
         return Nodes(self.child_mask, self.first_child, int(self.level_start[self.depth]), self.leaf_box)
+
+    @property
+    def exact_nodes(self) -> Nodes:
+        """Nodes for rays that end on the surface where leaves have pieces."""
+        if self.pieces is None:
+            return self.nodes
+        return self.nodes._replace(pieces=self.pieces.triangle, corners=self.pieces.corners)
+
+    def without_pieces(self) -> Octree:
+        """Return the octree with rays that end on boxes, as in the paper."""
+        return replace(self, pieces=None)
 
     @property
     def filled(self) -> np.ndarray:
@@ -123,9 +141,10 @@ class Octree:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the node arrays."""
+        """Bytes of the node arrays and the pieces."""
         arrays = (array for name, array in vars(self).items() if name != "level_start")
-        return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+        nodes = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+        return nodes + (0 if self.pieces is None else self.pieces.nbytes)
 
     @cached_property
     def hdr_highlights(self) -> HdrHighlights:

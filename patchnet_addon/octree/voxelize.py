@@ -16,11 +16,12 @@ from ..runtime.bounds import INT32_COUNT, check_count
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
-from ..surface.texture_lookup import surface_of_fragments
+from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
 from .accumulate import LeafAccumulator, OccupiedCells
 from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
+from .collect_pieces import LeafPieces, PieceCollector
 from .grid import Grid
 from .leaf_levels import LeafLevels
 from .side_levels import LeafSides
@@ -41,7 +42,7 @@ class LeafSums:
     keys: (n,) uint64. sums: (n, 5) float32 or float64: area, area * luminance, area * normal (x, y, z), in world units
     and weighted by opacity; (n, 7) with area * red and area * blue, in colours of that luminance; (n, 0) for keys only.
     boxes: (n, 3) uint8 around the surface in each (`leaf_boxes.py`); None for whole voxels.
-    sides: of the leaves whose sides differ; None without sides.
+    sides: of the leaves whose sides differ; None without sides. pieces: of the leaves; None without.
     """
 
     level: int
@@ -49,6 +50,7 @@ class LeafSums:
     sums: np.ndarray
     boxes: np.ndarray | None = None
     sides: LeafSides | None = None
+    pieces: LeafPieces | None = None
 
 
 class LeafDetail(NamedTuple):
@@ -56,12 +58,14 @@ class LeafDetail(NamedTuple):
 
     boxes: of the finest leaves. sides: luminance by direction. facing: (T,) int8, lit side of each triangle: 1 front,
     -1 back, 0 both; None: the front. only_keys: nothing but their cells, so that sums are (n, 0); takes less memory.
+    base: colours of the surface, with which leaves keep their pieces.
     """
 
     boxes: bool = False
     sides: bool = False
     facing: np.ndarray | None = None
     only_keys: bool = False
+    base: BaseColors | None = None
 
 
 PLAIN_LEAVES = LeafDetail()
@@ -177,7 +181,10 @@ def voxelize(
                 else LeafAccumulator(grid.side_world / (1 << level), sides=detail.sides)
                 for level in cells
             }
-            shares.append(_Share(clipped, index, blocks.layout.block_level, cells, leaves, shade, watch, detail.facing))
+            pieces = {} if detail.base is None else {level: PieceCollector() for level in cells}
+            shares.append(
+                _Share(clipped, index, blocks.layout.block_level, cells, leaves, pieces, shade, watch, detail)
+            )
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
         for report in _on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
@@ -195,23 +202,34 @@ class _Share:
     block_level: int
     cells: dict[int, CellSet]
     leaves: dict[int, LeafAccumulator | OccupiedCells]
+    pieces: dict[int, PieceCollector]
     shade: ShadingFn
     watch: Watch | None
-    facing: np.ndarray | None
+    detail: LeafDetail
 
     def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
         """Clip, shade and sum up the batch's triangles, with areas (T,) and unit normals (T, 3)."""
         here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        facing = None if self.facing is None else self.facing[here]
+        facing = None if self.detail.facing is None else self.detail.facing[here]
         for fragments in self.clipped.fragments(self.number, batch, areas_world, self.cells):
             luminance, opacity, *more = self.shade(batch, fragments)
             if self.watch is not None:
                 self.watch(batch, fragments, luminance)
             self.leaves[fragments.level].add(fragments, luminance, opacity, normals, *more, facing=facing)
+            if self.detail.base is not None:
+                color = len(more) > 0 and more[0].shape[1] > 0
+                base = base_of_fragments(self.detail.base, batch, fragments, color=color)
+                self.pieces[fragments.level].add(batch, fragments, (luminance, opacity, *more), base, facing=facing)
 
     def take(self) -> list[LeafSums]:
         """Take the leaves, level by level, and release them here."""
-        return [LeafSums(level, *self.leaves.pop(level).take()) for level in self.cells if len(self.leaves[level])]
+        taken = []
+        for level in self.cells:
+            if len(self.leaves[level]):
+                sums = LeafSums(level, *self.leaves.pop(level).take())
+                pieces = self.pieces.pop(level).take(sums.keys) if self.pieces else None
+                taken.append(replace(sums, pieces=pieces))
+        return taken
 
 
 def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:

@@ -65,7 +65,6 @@ def run_parts(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
     finally:
         for _ in left:  # after an error or Ctrl-C no thread begins another part
             pass
-        running = [helper for helper in helpers if not helper.cancel()]  # cancels those that have not begun
-        wait(running)
-        for helper in running:
+        wait(helpers)  # not cancelled: no thread runs Python later, while this one calls Blender
+        for helper in helpers:
             helper.result()

@@ -37,11 +37,13 @@ def on_texture(m, s, r):  # type: ignore[no-untyped-def]
 
     Larger coordinates are whole numbers in single precision, which all wrap modes treat like `_FAR`.
     """
-    return _countable(m[0, 0] * s + m[0, 1] * r + m[0, 2]), _countable(m[1, 0] * s + m[1, 1] * r + m[1, 2])
+    return on_axis(m[0, 0], m[0, 1], m[0, 2], s, r), on_axis(m[1, 0], m[1, 1], m[1, 2], s, r)
 
 
 @device
-def _countable(coordinate):  # type: ignore[no-untyped-def]
+def on_axis(along, across, start, s, r):  # type: ignore[no-untyped-def]
+    """One coordinate of `on_texture`, by a row of the transform."""
+    coordinate = along * s + across * r + start
     if -_FAR < coordinate < _FAR:
         return coordinate
     return _FAR if coordinate > 0.0 else -_FAR

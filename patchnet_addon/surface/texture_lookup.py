@@ -8,6 +8,7 @@ only a gap. It is then scaled to the luminance, so that opacity and luminance ha
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,9 @@ from .chroma import BLUE, GREEN, RED
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
 from .texels import MipChain, bilinear, cut, mip_level, on_texture, wrapped
-from .textures import TextureTable
+from .textures import LEVEL_BIAS, TextureTable
 
-# A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
-_LEVEL_BIAS = 0.5 * math.log2(3.0)
+LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
 
 
 def surface_of_fragments(
@@ -69,7 +69,7 @@ def level_of_size(levels, chain, m, corners, uvs, area):  # type: ignore[no-unty
     scale = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) * (finest.height * finest.width)
     whole = _triangle_area(corners)
     footprint = 0.5 * abs(du * ev - dv * eu) * scale * (area / whole if whole > 0.0 else 1.0)
-    level = 0.5 * math.log2(max(footprint, 1e-12)) - _LEVEL_BIAS
+    level = 0.5 * math.log2(max(footprint, 1e-12)) - LEVEL_BIAS
     coarsest = float(chain.level_count - 1)
     return max(level, 0.0) if level < coarsest else coarsest  # also of UVs whose area overflows
 
@@ -163,6 +163,27 @@ def color_of_fragments(
     given = np.asarray(luminance, np.float32)
     run_parts(_colors, len(fragments), batch.arrays, fragments.arrays, table.chains, table.materials, given, out)
     return out
+
+
+class BaseColors(NamedTuple):
+    """Base colours of M materials. reflects: (M,) bool, those whose light is in proportion to a known base colour."""
+
+    table: TextureTable
+    reflects: np.ndarray
+
+
+def base_of_fragments(colors: BaseColors, batch: TriangleBatch, fragments: Fragments, *, color: bool) -> np.ndarray:
+    """Luminance, with `color` also red, green and blue, by which light is multiplied: (F, 1) or (F, 4) float32.
+
+    It is 1 for materials that do not reflect so.
+    """
+    table = colors.table
+    luminance, _ = surface_of_fragments(table, batch, fragments)
+    base = luminance[:, None]
+    if color:
+        base = np.concatenate([base, color_of_fragments(table, batch, fragments, luminance)], axis=1)
+    chosen = colors.reflects[batch.materials[fragments.triangle]]
+    return np.where(chosen[:, None], np.maximum(base, LEAST_BASE), np.float32(1.0))
 
 
 @device

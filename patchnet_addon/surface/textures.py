@@ -9,6 +9,7 @@ texels do not affect the rest.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ from .mesh import Material, Texture
 REPEAT, EXTEND, MIRROR, CLIP, BLACK = range(5)
 # Outside of a clipped image, opacity is 0 if the image holds opacity; an image of colour only is black.
 WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP, "BLACK": BLACK}
+# A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
+LEVEL_BIAS = 0.5 * math.log2(3.0)
 CUT_SAMPLES = 4  # along a texel cut by a threshold
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 

@@ -4,7 +4,8 @@
 A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
 the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). Depending on its phases, the ray continues to the first
 voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12). A leaf with a box ends rays
-that hit the box; others pass it (methods 4.1d).
+that hit the box; others pass it (methods 4.1d). Where rays are to end on the surface, they have to meet a piece of the
+leaf (methods 7.2k); such a search has the phase COARSE alone.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.leaf_boxes import STEPS, mirrored_span
+from ..octree.pieces import NO_PIECES
 from ..runtime.kernels import lean_device
 from ..runtime.vectors import (
     LANES,
@@ -21,12 +23,13 @@ from ..runtime.vectors import (
     less,
     load,
     lowest_one,
+    put,
     select,
     smaller,
     smallest,
     splat,
-    store,
 )  # fmt: skip
+from .packet_pieces import meet_pieces
 from .tile import (
     ALIVE,
     ANSWERED,
@@ -181,6 +184,14 @@ def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped
 
 
 @lean_device
+def has_pieces(nodes, node):  # type: ignore[no-untyped-def]
+    """Return whether a node is a leaf with pieces, and rays are to meet these."""
+    if len(nodes.pieces) == 0 or nodes.child_mask[node] != 0:
+        return False
+    return nodes.first_child[node] != NO_PIECES
+
+
+@lean_device
 def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """End the phases of rays among `lanes` that the node of a level stops; returns lanes that continue inside it."""
     first = packet * LANES
@@ -189,7 +200,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
     boxed = levels.state[level, HERE] >= nodes.first_boxed
     tested = lanes
     while tested != 0:
-        enter = _entry(tile, first, levels, level, size)
+        enter, leave = _entry(tile, first, levels, level, size), splat(_FAR)
         stopped = tested
         behind = tested & tile.lanes[PHASE + BEHIND, packet]
         if boxed:
@@ -197,6 +208,11 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
             stopped &= less(enter, leave)
         elif behind != 0:  # these may start beyond the node
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
+        if leaf and has_pieces(nodes, levels.state[level, HERE]):
+            if not boxed:
+                leave = _exit(tile, first, levels, level, size)
+            here = levels.state[level, HERE]
+            stopped, enter = meet_pieces(nodes, tile, packet, mirror, here, size, (stopped, enter, leave))
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
             if search.last == BEHIND:
@@ -225,24 +241,18 @@ def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[n
     """Record the node of a level as the hit of a phase."""
     first = packet * LANES
     here = phase * RAYS + first
-    _put(tile.numbers, LENGTH * RAYS + here, ended, enter)
-    _put(tile.numbers, NODE * RAYS + here, ended, splat(np.float64(levels.state[level, HERE])))
+    put(tile.numbers, LENGTH * RAYS + here, ended, enter)
+    put(tile.numbers, NODE * RAYS + here, ended, splat(np.float64(levels.state[level, HERE])))
     if phase == COARSE:
         _put_cell(tile, first, ended, levels, level)
 
 
 @lean_device
-def _put(array, index, lanes, values):  # type: ignore[no-untyped-def]
-    """Store values in some lanes."""
-    store(array, index, select(lanes, values, load(array, index)))
-
-
-@lean_device
 def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def]
     """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
-    _put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
+    put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
     for axis in range(3):
-        _put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels.state[level, AT + axis])))
+        put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels.state[level, AT + axis])))
 
 
 @lean_device
@@ -257,13 +267,13 @@ def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ign
         return begun
     if phase == COARSE:
         beyond = load(tile.numbers, LENGTH * RAYS + first) + splat(PATCH_SIDES / (np.int64(1) << level))
-        _put(tile.numbers, RESTART * RAYS + first, begun, beyond)
+        put(tile.numbers, RESTART * RAYS + first, begun, beyond)
         tile.lanes[PHASE + FINE, packet] |= begun
         if search.last == BEHIND:
             for above in range(level):
                 _fit_restart(search, tile, packet, levels, above, begun)
     else:
-        _put(tile.numbers, START * RAYS + first, begun, load(tile.numbers, RESTART * RAYS + first))
+        put(tile.numbers, START * RAYS + first, begun, load(tile.numbers, RESTART * RAYS + first))
         tile.lanes[PHASE + BEHIND, packet] |= begun
     return begun
 
@@ -371,9 +381,14 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # typ
                 if met != 0:
                     visits += 1
                     step_down(nodes, mirror, levels, level, octant)
-                    if levels.state[level + 1, HERE] >= nodes.first_boxed:
+                    here, exit_ = levels.state[level + 1, HERE], smaller(x[2 + side], leave)
+                    if here >= nodes.first_boxed:
                         entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
                         met &= less(entry, exit_)
+                    if met != 0 and has_pieces(nodes, here):
+                        through = met, entry, exit_
+                        size = 0.5 / (np.int64(1) << level)
+                        met, entry = meet_pieces(nodes, tile, packet, mirror, here, size, through)
                     left &= ~met
                     _record(tile, packet, COARSE, levels, level + 1, met, entry)
     tile.lanes[ALIVE, packet] &= left | ~lanes

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.contract import pixel_voxel_ratio
-from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.octree import LUMINANCE_SCALE, Nodes, Octree
 from ..octree.side_kernels import see_colors, see_luminance
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
@@ -155,8 +155,13 @@ def visits_per_ray(octree: Octree, camera: Camera) -> float:
     return float(trace_pixels(octree, camera)[1].sum() / camera.pixel_count)
 
 
-def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -> tuple[TracedPixels, np.ndarray]:
-    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64; search None: as `first_hits`."""
+def trace_pixels(
+    octree: Octree, camera: Camera, search: Search | None = None, nodes: Nodes | None = None
+) -> tuple[TracedPixels, np.ndarray]:
+    """Hits of all pixels as arrays, and visits by row of tiles (rows,) int64.
+
+    search: None as `first_hits`. nodes: `Octree.exact_nodes` for rays that end on the surface; None: on boxes.
+    """
     unit = camera_in_unit_cube(camera, octree.grid)
     if search is None:
         search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
@@ -174,7 +179,7 @@ def trace_pixels(octree: Octree, camera: Camera, search: Search | None = None) -
         behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
-    run_parts(_trace_rows, len(visits), octree.nodes, unit, search, traced, visits)
+    run_parts(_trace_rows, len(visits), octree.nodes if nodes is None else nodes, unit, search, traced, visits)
     return traced, visits
 
 

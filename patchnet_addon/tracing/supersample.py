@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..octree.octree import LUMINANCE_SCALE, Octree
+from ..octree.pieces import NONE, Pieces
 from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
 from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
 from ..runtime.bounds import RAYS
@@ -18,14 +19,32 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
 from .camera import Camera, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
+from .piece_light import see_piece
 from .pixel_filter import PixelFilter, Splat, box_splat, grid_places, splat_of
-from .tile import COARSE, DIRECTION, PACKETS, PIXEL, SAMPLE, TILE, WANTED, Search, make_levels, make_tile, node_seen
+from .tile import (
+    COARSE,
+    DIRECTION,
+    LENGTH,
+    PACKETS,
+    PIECE,
+    PIXEL,
+    SAMPLE,
+    SPEED,
+    START,
+    TILE,
+    WANTED,
+    Search,
+    make_levels,
+    make_tile,
+    node_seen,
+)
 from .tile_walk import trace_tile
 
 MAX_SIDE = int(RAYS.high)  # per pixel side
 _NO_CHROMA = np.empty((0, 2), np.uint8)
 MEANS = 5  # luminance, red, green, blue, coverage
 _ROWS_PER_STEP = 8
+_BEYOND = 1e-9  # a hole, in the octree's cube
 
 
 class PixelMeans(NamedTuple):
@@ -40,11 +59,17 @@ class PixelMeans(NamedTuple):
 
 
 class _Light(NamedTuple):
-    """Light of nodes: luminance with sides, chroma (empty for gray), and light above white."""
+    """Light of nodes: luminance with sides, chroma (empty for gray), and light above white; pieces with their exposure.
+
+    clamps: whether light above white is cut off.
+    """
 
     nodes: NodeLight
     chroma: np.ndarray
     above_white: HdrHighlights
+    pieces: Pieces
+    exposure: float
+    clamps: bool
 
 
 def supersample(
@@ -125,12 +150,13 @@ def _spread(
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
-    light = _Light(octree.light, _NO_CHROMA if octree.chroma is None else octree.chroma, above_white)
+    chroma, pieces = _NO_CHROMA if octree.chroma is None else octree.chroma, octree.pieces or NONE
+    light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, above_white is NO_HIGHLIGHTS)
     order, starts = blocks(pixels, unit.width_px, side)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
     chosen = pixels[order], order, starts, side
-    run_parts(_means_of_blocks, len(starts) - 1, octree.nodes, light, unit, search, (chosen, splat), means)
+    run_parts(_means_of_blocks, len(starts) - 1, octree.exact_nodes, light, unit, search, (chosen, splat), means)
     return means
 
 
@@ -158,24 +184,60 @@ def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no
     for first_j in range(0, side, TILE):
         for first_i in range(0, side, TILE):
             aim_pixels(camera, tile, pixels, (first_j, first_i), side, splat.places)
-            trace_tile(nodes, search, tile, levels)
-            for packet in range(PACKETS):
-                left = tile.lanes[WANTED, packet]
-                while left != 0:
-                    ray = packet * LANES + lowest_one(left)
-                    left &= left - 1
-                    node = node_seen(camera, tile, COARSE, ray)
-                    if node >= 0:
-                        seen = _seen(tile, ray, node, light)
+            while True:  # again for rays that pass a hole of a triangle
+                trace_tile(nodes, search, tile, levels)
+                some = np.int64(0)
+                for packet in range(PACKETS):
+                    left, passed = tile.lanes[WANTED, packet], np.int64(0)
+                    while left != 0:
+                        lane = lowest_one(left)
+                        left &= left - 1
+                        ray = packet * LANES + lane
+                        node = node_seen(camera, tile, COARSE, ray)
+                        if node < 0:
+                            continue
+                        seen = _look(light, search, tile, ray, node)
+                        if seen[0] < 0.0:
+                            tile.numbers[START, ray] = tile.numbers[LENGTH, ray] + _BEYOND
+                            passed |= np.int64(1) << lane
+                            continue
                         sample, own = np.int64(tile.numbers[SAMPLE, ray]), sums[np.int64(tile.numbers[PIXEL, ray])]
                         for around in range(len(own)):
                             _add(seen, splat.weights[around, sample], own[around])
+                    tile.lanes[WANTED, packet] = passed
+                    some |= passed
+                if some == 0:
+                    break
+
+
+@lean_device
+def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
+    """Luminance, red, green and blue that a ray sees, as of `_seen`; a negative luminance in a hole of a piece."""
+    if tile.numbers[PIECE, ray] < 0.0:
+        return _seen(tile, ray, node, light)
+    pixel = search.at_0 + search.per_z * tile.numbers[LENGTH, ray] * tile.numbers[SPEED, ray]
+    luminance, red, green, blue = see_piece(light.pieces, tile, ray, pixel)
+    if luminance < 0.0:
+        return np.float32(luminance), red, green, blue
+    return _exposed(light, luminance, red, green, blue)
+
+
+@lean_device
+def _exposed(light, luminance, red, green, blue):  # type: ignore[no-untyped-def]
+    """Luminance, red, green and blue as of `_seen`, of linear light."""
+    luminance *= light.exposure
+    clamped = min(luminance, 1.0)
+    if len(light.chroma) == 0:
+        above = 0.0 if light.clamps else luminance - clamped
+        return np.float32(clamped * LUMINANCE_SCALE), above, above, above
+    scale = light.exposure * (clamped / luminance if light.clamps and luminance > 1.0 else 1.0)
+    return np.float32(clamped * LUMINANCE_SCALE), scale * red, scale * green, scale * blue
 
 
 @lean_device
 def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
     """Luminance, red, green and blue of a hit, the colours without the luminance where there is no chroma."""
-    nodes, chroma, above = light
+    nodes, chroma, above = light.nodes, light.chroma, light.above_white
     numbers = tile.numbers
     x, y, z = numbers[DIRECTION, ray], numbers[DIRECTION + 1, ray], numbers[DIRECTION + 2, ray]
     row = row_of(nodes.sides, node)

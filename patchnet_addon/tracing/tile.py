@@ -28,7 +28,7 @@ _TINY = 1e-150
 class Tile(NamedTuple):
     """Rays of a tile and their hits so far; ray 16 p + 4 y + x belongs to pixel (x, y) of packet p.
 
-    numbers: (31, 64) float64, a row for each number of a ray, as named below.
+    numbers: (34, 64) float64, a row for each number of a ray, as named below.
     lanes: (9, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
     Two arrays instead of one per name: each argument adds seconds of compilation in every function that takes it.
     """
@@ -48,7 +48,10 @@ CELLS, CELL, ENTRY = 18, 19, 22
 # Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several, and
 # of the ray among those of its pixel; picture coordinates of the tile's columns and rows.
 PICTURE, PIXEL, SAMPLE, XS, YS = 25, 27, 28, 29, 30
-_NUMBERS = 31
+# Piece that ended the ray in the phase COARSE, twice its index, plus one if its back was met, -1 for a voxel or a box;
+# weights of the triangle's last two corners there.
+PIECE, WEIGHTS = 31, 32
+_NUMBERS = 34
 # Rows of `lanes`: to be traced, still alive, with the hit behind their patch already found; in each phase; mirrored on
 # each axis.
 WANTED, ALIVE, ANSWERED, PHASE, MIRRORED = 0, 1, 2, 3, 6

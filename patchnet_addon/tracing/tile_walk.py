@@ -45,6 +45,7 @@ from .tile import (
     PENDING,
     PHASE,
     PHASES,
+    PIECE,
     RAYS,
     SPEED,
     START,
@@ -104,6 +105,7 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
     """
     for phase in range(PHASES):
         tile.numbers[NODE + phase] = -1.0
+    tile.numbers[PIECE] = -1.0
     visits = 0
     for mirror in range(8):
         some = np.int64(0)

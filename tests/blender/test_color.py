@@ -95,7 +95,7 @@ def test_luminance_is_the_same_with_and_without_colour(light: str) -> None:
     assert (gray.provenance["color"], colored.provenance["color"]) == (False, True)
     assert gray.exposure == colored.exposure
     for name, values in octree_arrays(gray).items():
-        if name != "bright_colors":
+        if name != "bright_colors" and not name.startswith("piece_"):
             np.testing.assert_array_equal(octree_arrays(colored)[name], values, err_msg=name)
 
 

@@ -46,7 +46,7 @@ def checked(**values: object) -> LightCheck:
     job = JobSettings.of(
         **{"depth": 7, "size": (96, 96), "max_samples": 4, "cameras": ("Eye",), "gloss": "off"} | values
     )
-    return drain(verify_light(bpy.context, CheckSettings(job, 0, 16, 6, 0.2, False)))
+    return drain(verify_light(bpy.context, CheckSettings(job, render_samples=16, rays=6)))
 
 
 def assert_right(check: LightCheck) -> None:

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 OTHER = {
     "scope": "SELECTED", "depth": 5, "voxel_size_world": 0.1, "memory_bytes": 2**30, "light": "two-lights",
     "noise_threshold": 0.1, "max_samples": 3, "cells": "everywhere", "exposure": 2.0, "color": False,
-    "weights": Path("other"), "gloss": "off", "denoise": False, "sides": "one",
+    "weights": Path("other"), "gloss": "off", "denoise": False, "sides": "one", "shape": "boxes",
 }  # fmt: skip
 
 

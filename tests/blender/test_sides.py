@@ -43,8 +43,8 @@ SCENES: dict[str, Callable[[], None]] = {
 
 
 def ratios(sides: str) -> list[float]:
-    """Mean luminance over that of Cycles, from above and from below."""
-    return mean_ratios(size=(24, 24), max_samples=32, cameras=("Above", "Below"), sides=sides)
+    """Mean luminance of voxels over that of Cycles, from above and from below."""
+    return mean_ratios(size=(24, 24), max_samples=32, cameras=("Above", "Below"), sides=sides, shape="boxes")
 
 
 @pytest.mark.parametrize("scene", SCENES)

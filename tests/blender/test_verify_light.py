@@ -42,17 +42,14 @@ def within_bounds(report: dict) -> bool:
 
 def test_the_room_agrees_and_half_the_light_does_not(room: None) -> None:
     before = scene_snapshot()
-    check: LightCheck = drain(verify_light(bpy.context, replace(settings(), whole_voxels=True)))
+    check: LightCheck = drain(verify_light(bpy.context, settings()))
     assert_unchanged(before)
     (frame,) = check.report["cameras"]
     assert within_bounds(frame), frame
     assert frame["reference_noise_db"] > frame["psnr_db"] + 6.0, "the reference must be cleaner than the difference"
     assert frame["both_hit_share"] == 1.0, "the room is closed"
     json.dumps(check.report, allow_nan=False)
-    whole = frame["whole_voxels"]
-    assert whole["psnr_db"] < frame["psnr_db"] - 1.0, "boxes show where in a voxel its surface is"
-    assert check.report["mean_whole_voxels"]["mean_ratio"] == pytest.approx(whole["mean_ratio"])
-    dark = replace(check.octree.without_sides(), luminance=check.octree.luminance // 2)
+    dark = replace(check.octree.without_sides().without_pieces(), luminance=check.octree.luminance // 2)
     few = replace(settings(), render_samples=32)
     wrong = drain(check_camera(bpy.context, dark, check.cameras[0].camera, few))
     assert wrong.report["mean_ratio"] == pytest.approx(0.5 * frame["mean_ratio"], rel=0.02)
@@ -118,7 +115,7 @@ def test_the_command_fits_an_automatic_depth_to_its_cameras(tmp_path: Path) -> N
 def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "check"
     arguments = ["room", "--depth", "5", "--cameras", "2", "--size", "32", "24", "--max-samples", "4", "--rays", "4"]
-    arguments += ["--render-samples", "8", "--whole-voxels", "--out", str(out)]
+    arguments += ["--render-samples", "8", "--out", str(out)]
     assert commands.main(["verify-light", *arguments]) == 0
     printed = capsys.readouterr().out
     assert "View 1" in printed and "PSNR" in printed
@@ -128,6 +125,5 @@ def test_the_command_writes_pictures_and_report(tmp_path: Path, capsys: pytest.C
         x, y, z = frame["position_world"]
         assert max(abs(x), abs(y)) < 1.0 and 0.0 < z < 2.0, "in the room"
         names = {path.name for path in (out / frame["folder"]).iterdir()}
-        assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png", "whole_voxels.png"}
-        assert f"{frame['whole_voxels']['psnr_db']:.2f}" in printed
-    assert "mean_whole_voxels" in report and f"{report['cameras'][0]['folder']}/whole_voxels.png" in report["files"]
+        assert names == {"cycles.png", "octree.png", "difference.png", "side_by_side.png"}
+        assert f"{frame['psnr_db']:.2f}" in printed

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from patchnet.patchnet_addon.light.hashing import fill_slots, mixed, row_of_key, slots_for
+from patchnet.patchnet_addon.cells.hashing import fill_slots, mixed, row_of_key, slots_for
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.tests.references.surfels import mixed_reference
 

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.cells.hashing import row_of_key
 from patchnet.patchnet_addon.cells.morton import morton_decode
 from patchnet.patchnet_addon.light.cell_filter import STEPS
-from patchnet.patchnet_addon.light.hashing import row_of_key
 from patchnet.patchnet_addon.light.light_cells import (
     ANY_FACE,
     ANY_SHEET,
-    LEAST_BASE,
     MIN_OPACITY,
     CellGrid,
     LightCells,
@@ -30,6 +29,7 @@ from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_are
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
+from patchnet.patchnet_addon.surface.texture_lookup import LEAST_BASE
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 

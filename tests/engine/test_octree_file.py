@@ -124,11 +124,11 @@ def test_estimate_is_near_the_truth(mesh):
     assert lod.stored_bytes(leaves) == pytest.approx(octree.nbytes, rel=0.25)
 
 
-@pytest.mark.parametrize("color", [False, True])
+@pytest.mark.parametrize("contents", [lod.Contents(), lod.Contents(color=True), lod.Contents(True, True, True)])
 @pytest.mark.parametrize("memory", [0, 1e6, 1e9, 2.5e9, 4e9, 8e9, 1e11])
-def test_most_leaves_is_the_inverse_of_peak_bytes(memory, color):
-    leaves = lod.max_leaves(memory, color=color)
-    assert lod.peak_bytes(leaves, color=color) <= memory < lod.peak_bytes(leaves + 2, color=color)
+def test_most_leaves_is_the_inverse_of_peak_bytes(memory, contents):
+    leaves = lod.max_leaves(memory, contents)
+    assert lod.peak_bytes(leaves, contents) <= memory < lod.peak_bytes(leaves + 2, contents)
 
 
 def test_voxel_size_sets_side_and_depth(mesh):

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from patchnet.patchnet_addon.cells.hashing import fill_slots, slots_for
 from patchnet.patchnet_addon.cells.morton import morton_decode
-from patchnet.patchnet_addon.light.hashing import fill_slots, slots_for
 from patchnet.patchnet_addon.light.light_cells import (
     ANY_FACE,
     ANY_SHEET,
-    LEAST_BASE,
     CellGrid,
     LightCells,
     surface_of_surfels,
@@ -40,6 +39,7 @@ from patchnet.patchnet_addon.surface.mesh import (
     TriangleMesh,
     random_rotation,
 )
+from patchnet.patchnet_addon.surface.texture_lookup import LEAST_BASE
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 

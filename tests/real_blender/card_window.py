@@ -232,6 +232,24 @@ def by_priority():
     choose(render_samples=16.0)
 
 
+def ended_exactly(viewport) -> bool:
+    preview = viewport._preview
+    return preview is not None and preview.done and preview.picture.octree.pieces is not None
+
+
+def exact():
+    """Rays of renders end on the surface: the CPU goes on at rest."""
+    for shape in ("exact", "boxes"):
+        choose(shape=shape)
+        for step in ("voxelize", "bake_light"):
+            getattr(bpy.ops.patchnet, step)()
+        clicks.area("VIEW_3D").tag_redraw()
+        if shape == "exact":
+            yield from clicks.wait_for(lambda: any(ended_exactly(v) for v in viewports), "CPU", 120.0)
+            seen["exact by the CPU"] = True
+    yield from clicks.wait_for(rested, "boxes by the card", 120.0)
+
+
 def workspaces():
     """Another workspace and back: the viewport is another one of Blender's each time."""
     window, before = clicks.window(), clicks.window().workspace
@@ -278,12 +296,14 @@ def session():
     scene = clicks.window().scene
     scene.render.engine = "PATCHNET"
     prefer("CARD")
-    choose(resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0)
+    choose(
+        resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0, shape="boxes"
+    )
     watched(viewports)
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
     seen["card"] = module("gpu_view.cards").BlenderDevice().name
-    parts = picture, moves, split, heat, turning, by_priority, workspaces, freed, reloaded
+    parts = picture, moves, split, heat, turning, by_priority, exact, workspaces, freed, reloaded
     for part in parts if TURNED_S < 60 else (turning, reloaded):
         yield from part()
         visit.save(part.__name__)

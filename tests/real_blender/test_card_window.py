@@ -63,5 +63,9 @@ def test_priority_is_refined_by_the_cpu_at_rest(seen: dict) -> None:
     assert seen["refined by the CPU"] > 1
 
 
+def test_rays_end_on_the_surface_at_rest(seen: dict) -> None:
+    assert seen["exact by the CPU"]
+
+
 def test_nothing_is_said_of_errors(seen: dict) -> None:
     assert "Error" not in seen["said"] and "GPU" not in seen["said"]

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...patchnet_addon.octree.octree import Nodes, Octree
+from ...patchnet_addon.octree.pieces import NONE
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
 from ...patchnet_addon.runtime.kernels import device
@@ -20,6 +21,7 @@ class ForestNodes(NamedTuple):
 
     child_mask, first_child: of all octrees. first_boxed: (T,) int64, first node with a box in each octree; beyond the
     last node if none has. boxes: (b, 3) uint8 of all octrees. box_start: (T + 1,) int64, start of each octree's boxes.
+    pieces, corners: empty; training sees voxels.
     """
 
     child_mask: np.ndarray
@@ -27,6 +29,8 @@ class ForestNodes(NamedTuple):
     first_boxed: np.ndarray
     boxes: np.ndarray
     box_start: np.ndarray
+    pieces: np.ndarray
+    corners: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +52,7 @@ class Forest:
 def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
     """Nodes of one octree of a forest, as `Nodes`; not lean, since it returns arrays."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
-    return Nodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes)
+    return Nodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes, nodes.pieces, nodes.corners)
 
 
 def concatenate(octrees: Sequence[Octree]) -> Forest:
@@ -69,6 +73,8 @@ def concatenate(octrees: Sequence[Octree]) -> Forest:
             first_boxed=np.where(np.diff(box_start) > 0, root + [each.first_boxed for each in boxed], counts.sum()),
             boxes=np.concatenate([each.boxes for each in boxed]),
             box_start=box_start,
+            pieces=NONE.triangle,
+            corners=NONE.corners,
         ),
         luminance=np.concatenate([octree.luminance for octree in octrees]),
         normal=np.concatenate([octree.normal for octree in octrees]),

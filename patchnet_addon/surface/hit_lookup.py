@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Base colour and opacity where a ray meets a triangle, over the ray's footprint (methods 7.2k)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..runtime.kernels import lean_device
+from .hit_textures import TOP
+from .texels import MipChain, mip_level, on_axis, wrapped
+from .texture_lookup import LEAST_BASE
+from .textures import BLACK, MIRROR, REPEAT
+
+
+@lean_device
+def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-untyped-def]
+    """Base colour, red, green and blue, and opacity of a point of a triangle, means over a footprint.
+
+    triangles: (t, 8) as in `Pieces`. one, two: weights of the last two corners. pixel: side of the footprint. Colour is
+    1 where it does not multiply light.
+    """
+    material = textures.materials[np.int64(triangles[row, 7])]
+    red, green, blue, opacity = (
+        float(material.red),
+        float(material.green),
+        float(material.blue),
+        float(material.opacity),
+    )
+    if material.chain >= 0:
+        zero = 1.0 - one - two
+        s = zero * triangles[row, 0] + one * triangles[row, 2] + two * triangles[row, 4]
+        r = zero * triangles[row, 1] + one * triangles[row, 3] + two * triangles[row, 5]
+        level = triangles[row, 6] + math.log2(pixel)
+        threshold = float(material.threshold)
+        red, green, blue, there = _mean(textures, material.chain, s, r, level, threshold / opacity)
+        opacity = there if threshold == threshold else opacity * there
+        if material.color_chain >= 0:  # the colour has its own layout
+            red, green, blue, _ = _mean(textures, material.color_chain, s, r, level, math.nan)
+    if not material.reflects:
+        return 1.0, 1.0, 1.0, opacity
+    least = float(LEAST_BASE)
+    return max(red, least), max(green, least), max(blue, least), opacity
+
+
+@lean_device
+def _mean(textures, k, s, r, level, threshold):  # type: ignore[no-untyped-def]
+    """Colour and opacity of a chain's nearest level. level: for a chain of one texel."""
+    own = textures.chains[k]
+    u = on_axis(float(own.one), float(own.two), float(own.three), s, r)
+    v = on_axis(float(own.four), float(own.five), float(own.six), s, r)
+    chain = MipChain(int(own.first), int(own.level_count), int(own.wrap))
+    step = int(min(max(level + own.detail + 0.5, 0.0), chain.level_count - 1.0))
+    if chain.wrap != REPEAT and chain.wrap != MIRROR and not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
+        step = 0  # coarse levels hold the whole image, and there is only its border
+    red, green, blue, opacity = _bilinear(textures.texels, mip_level(textures.levels, chain, step), u, v)
+    if opacity <= 1e-6:
+        return 0.0, 0.0, 0.0, 0.0
+    scale = 1.0 / opacity
+    if step == 0 and threshold == threshold:  # the finest level keeps its opacity uncut
+        opacity = 1.0 if opacity >= threshold else 0.0
+    return scale * red, scale * green, scale * blue, min(opacity, 1.0)
+
+
+@lean_device
+def _bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
+    """Opacity times colour, and opacity, at (u, v) in units of the texture."""
+    x, y = u * level.width - 0.5, v * level.height - 0.5
+    left, low = math.floor(x), math.floor(y)
+    columns = wrapped(int(left), level.width, level.wrap), wrapped(int(left) + 1, level.width, level.wrap)
+    rows = wrapped(int(low), level.height, level.wrap), wrapped(int(low) + 1, level.height, level.wrap)
+    x, y = x - left, y - low
+    red = green = blue = opacity = 0.0
+    for corner in range(4):
+        row, column = rows[corner >> 1], columns[corner & 1]
+        weight = (y if corner >> 1 else 1.0 - y) * (x if corner & 1 else 1.0 - x)
+        texel = np.int64(255 << 24) if level.wrap == BLACK else np.int64(0)
+        if row >= 0 and column >= 0:
+            texel = np.int64(texels[level.offset + row * level.width + column])
+        r, g, b = texel & 255, texel >> 8 & 255, texel >> 16 & 255
+        red += weight * (r * r)
+        green += weight * (g * g)
+        blue += weight * (b * b)
+        opacity += weight * (texel >> 24)
+    return red / TOP**2, green / TOP**2, blue / TOP**2, opacity / TOP

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays that end on the surface against Cycles: thin bars, a cut-out card, a texture finer than voxels, both sides."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender import shaders
+from patchnet.tests.blender.objects import lamp, link, look_from, mesh
+from patchnet.tests.blender.shaders import material, mixed, shader, shown, simple
+
+SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
+
+
+def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    made = bpy.data.images.new(name, *pixels.shape[1::-1], alpha=True, float_buffer=True)
+    made.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    made.pack()
+    return made
+
+
+def textured(name: str, pixels: np.ndarray, *, cut: bool) -> bpy.types.Material:
+    """Diffuse material of an image, with its alpha as cut-out."""
+    paint, tree = material(name)
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image(name, pixels)
+    diffuse = shader(tree, "BsdfDiffuse")
+    tree.links.new(node.outputs["Color"], diffuse.node.inputs["Color"])
+    if cut:
+        alpha = mixed(tree, shader(tree, "BsdfTransparent"), diffuse, 0.5)
+        tree.links.new(node.outputs["Alpha"], alpha.node.inputs[0])
+        diffuse = alpha
+    shown(tree, diffuse)
+    return paint
+
+
+def plate(name: str, corners: list[tuple[float, float, float]], paint: bpy.types.Material) -> None:
+    item = link(mesh(name, corners, [(0, 1, 2, 3)], paint))
+    uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    item.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.ravel())
+
+
+@pytest.fixture
+def fence(empty_scene: None) -> None:
+    """Bars a quarter of a voxel wide, a card with a disc, a chequered floor of squares half a voxel wide."""
+    checks = np.indices((64, 64)).sum(axis=0) % 2 * 0.7 + 0.1
+    floor = np.dstack([checks, 0.6 * checks, 0.3 * checks, np.ones((64, 64))])
+    plate("Floor", SQUARE, textured("Checks", floor, cut=False))
+    y, x = (np.mgrid[0:64, 0:64] + 0.5) / 64 - 0.5
+    disc = (np.hypot(x, y) < 0.35).astype(float)
+    plate("Card", [(-0.9, 0.5, 0.0), (0.0, 0.5, 0.0), (0.0, 0.5, 0.9), (-0.9, 0.5, 0.9)],
+          textured("Disc", np.dstack([0.8 * disc, 0.3 * disc, 0.2 * disc, disc]), cut=True))  # fmt: skip
+    paint = simple("BsdfDiffuse", "Iron", Color=(0.05, 0.05, 0.05, 1.0))
+    for x in np.linspace(0.05, 0.95, 10):
+        wide, low = 0.004, float(x)
+        corners = [(low, -0.3, 0.0), (low + 2 * wide, -0.3, 0.0), (low + 2 * wide, -0.3, 0.8), (low, -0.3, 0.8)]
+        link(mesh("Bar", corners, [(0, 1, 2, 3)], paint))
+    shaders.world().nodes["Background"].inputs["Color"].default_value = (0.5, 0.5, 0.5, 1.0)
+    lamp("SUN", 2.0, (0.5, -2.0, 3.0), angle=0.2)
+    look_from((0.4, -2.2, 1.2), (0.0, 0.0, 0.3), "Eye")
+    bpy.context.view_layer.update()
+
+
+def test_pictures_are_those_of_cycles(fence: None) -> None:
+    found = {}
+    for shape in ("whole", "boxes", "exact"):
+        job = JobSettings.of(depth=7, cameras=("Eye",), size=(160, 120), max_samples=32, color=False, shape=shape)
+        found[shape] = drain(verify_light(bpy.context, CheckSettings(job, render_samples=64, rays=8))).report["mean"]
+    psnr = {shape: report["psnr_db"] for shape, report in found.items()}
+    assert psnr["exact"] > max(psnr["boxes"] + 4.0, 30.0) and psnr["boxes"] > psnr["whole"] + 0.5, psnr
+    assert found["exact"]["mean_ratio"] == pytest.approx(1.0, abs=0.02)

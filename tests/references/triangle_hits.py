@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plain reference of rays that end on triangles: every ray against every triangle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def nearest_triangles(
+    corners: np.ndarray, origin: np.ndarray, direction: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Nearest of triangles (T, 3, 3) that rays (N, 3) meet, -1 for none (N,), length (N,), weights of its last two
+    corners (N, 2), and whether its front is met (N,).
+    """
+    count = len(origin)
+    nearest, length = np.full(count, -1), np.full(count, np.inf)
+    weights, front = np.zeros((count, 2)), np.zeros(count, bool)
+    for number, (one, two, three) in enumerate(corners):
+        normal = np.cross(two - one, three - one)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = ((one - origin) @ normal) / (direction @ normal)
+        place = origin + t[:, None] * direction - one
+        edges = np.stack([two - one, three - one])
+        solved = np.linalg.solve(edges @ edges.T, edges @ place.T).T
+        met = (solved >= 0.0).all(axis=1) & (solved.sum(axis=1) <= 1.0) & (t > 0.0) & (t < length)
+        nearest[met], length[met], weights[met] = number, t[met], solved[met]
+        front[met] = (direction[met] @ normal) < 0.0
+    return nearest, length, weights, front
