@@ -32,7 +32,8 @@ def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-u
         zero = 1.0 - one - two
         s = zero * triangles[row, 0] + one * triangles[row, 2] + two * triangles[row, 4]
         r = zero * triangles[row, 1] + one * triangles[row, 3] + two * triangles[row, 5]
-        level = triangles[row, 6] + math.log2(pixel)
+        mantissa, exponent = math.frexp(pixel)
+        level = triangles[row, 6] + exponent + 2.0 * mantissa - 2.0  # nearly the logarithm
         threshold = float(material.threshold)
         red, green, blue, there = _mean(textures, material.chain, s, r, level, threshold / opacity)
         opacity = there if threshold == threshold else opacity * there

@@ -30,37 +30,39 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: igno
     slack = splat(_SLACK * size + _ROUNDING)
     start = larger(enter - slack, load(tile.numbers, START * RAYS + first))
     nearest = leave + slack
-    ox, dx = _mirrored_ray(tile, 0, first, mirror & 1)
-    oy, dy = _mirrored_ray(tile, 1, first, mirror & 2)
-    oz, dz = _mirrored_ray(tile, 2, first, mirror & 4)
-    back = float((mirror ^ (mirror >> 1) ^ (mirror >> 2)) & 1)  # of a triangle with a positive volume; mirrors turn it
-    found = np.int64(0)
-    index = np.int64(nodes.first_child[leaf])
+    ox, dx = _rays(tile, 0, first, mirror & 1)
+    oy, dy = _rays(tile, 1, first, mirror & 2)
+    oz, dz = _rays(tile, 2, first, mirror & 4)
+    found, index = np.int64(0), np.int64(nodes.first_child[leaf])
     while True:
         piece = np.int64(nodes.pieces[index])
         row = piece & np.int64(TRIANGLE)
-        ax, bx, cx = _corners(nodes.corners, row, 0, mirror & 1)
-        ay, by, cy = _corners(nodes.corners, row, 1, mirror & 2)
-        az, bz, cz = _corners(nodes.corners, row, 2, mirror & 4)
-        b0, b1, b2 = splat(bx - ax), splat(by - ay), splat(bz - az)
-        c0, c1, c2 = splat(cx - ax), splat(cy - ay), splat(cz - az)
-        px, py, pz = dy * c2 - dz * c1, dz * c0 - dx * c2, dx * c1 - dy * c0
-        volume = b0 * px + b1 * py + b2 * pz
+        ax, ay, az = _corner(nodes, row, 0)
+        b0, b1, b2 = nodes.corners[row, 3] - ax, nodes.corners[row, 4] - ay, nodes.corners[row, 5] - az
+        c0, c1, c2 = nodes.corners[row, 6] - ax, nodes.corners[row, 7] - ay, nodes.corners[row, 8] - az
+        px = dy * splat(c2) - dz * splat(c1)
+        py = dz * splat(c0) - dx * splat(c2)
+        pz = dx * splat(c1) - dy * splat(c0)
+        volume = splat(b0) * px + splat(b1) * py + splat(b2) * pz  # above 0 in front
         scale = splat(1.0) / volume
         x, y, z = ox - splat(ax), oy - splat(ay), oz - splat(az)
         one = (x * px + y * py + z * pz) * scale
-        qx, qy, qz = y * b2 - z * b1, z * b0 - x * b2, x * b1 - y * b0
-        two = (dx * qx + dy * qy + dz * qz) * scale
-        length = (c0 * qx + c1 * qy + c2 * qz) * scale
-        met = lanes & less(splat(-_EDGE), one) & less(splat(-_EDGE), two) & less(one + two, splat(1.0 + _EDGE))
-        met &= less(start, length) & less(length, nearest)
+        met = lanes & less(splat(-_EDGE), one)
         if met != 0:
-            found |= met
-            nearest = select(met, length, nearest)
-            above, below = splat(2.0 * index + back), splat(2.0 * index + 1.0 - back)
-            put(tile.numbers, PIECE * RAYS + first, met, select(less(splat(0.0), volume), above, below))
-            put(tile.numbers, WEIGHTS * RAYS + first, met, one)
-            put(tile.numbers, (WEIGHTS + 1) * RAYS + first, met, two)
+            qx = y * splat(b2) - z * splat(b1)
+            qy = z * splat(b0) - x * splat(b2)
+            qz = x * splat(b1) - y * splat(b0)
+            two = (dx * qx + dy * qy + dz * qz) * scale
+            length = (splat(c0) * qx + splat(c1) * qy + splat(c2) * qz) * scale
+            met &= less(splat(-_EDGE), two) & less(one + two, splat(1.0 + _EDGE))
+            met &= less(start, length) & less(length, nearest)
+            if met != 0:
+                found |= met
+                nearest = select(met, length, nearest)
+                front, back = splat(2.0 * index), splat(2.0 * index + 1.0)
+                put(tile.numbers, PIECE * RAYS + first, met, select(less(splat(0.0), volume), front, back))
+                put(tile.numbers, WEIGHTS * RAYS + first, met, one)
+                put(tile.numbers, (WEIGHTS + 1) * RAYS + first, met, two)
         if piece & np.int64(LAST):
             break
         index += 1
@@ -68,18 +70,16 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: igno
 
 
 @lean_device
-def _mirrored_ray(tile, axis, first, mirrored):  # type: ignore[no-untyped-def]
-    """Origins and directions of a packet's mirrored rays on an axis."""
-    direction = load(tile.numbers, (DIRECTION + axis) * RAYS + first)
-    if mirrored:
-        direction = splat(0.0) - direction
-    return load(tile.numbers, (ORIGIN + axis) * RAYS + first), direction
+def _corner(nodes, row, first):  # type: ignore[no-untyped-def]
+    """Corner of a triangle, the first of whose coordinates is in column `first`."""
+    corners = nodes.corners
+    return np.float64(corners[row, first]), np.float64(corners[row, first + 1]), np.float64(corners[row, first + 2])
 
 
 @lean_device
-def _corners(corners, row, axis, mirrored):  # type: ignore[no-untyped-def]
-    """Mirrored coordinates of a triangle's corners on an axis."""
-    a, b, c = float(corners[row, axis]), float(corners[row, 3 + axis]), float(corners[row, 6 + axis])
+def _rays(tile, axis, first, mirrored):  # type: ignore[no-untyped-def]
+    """Origins and directions of a packet's rays on an axis, not mirrored."""
+    origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
     if mirrored:
-        return 1.0 - a, 1.0 - b, 1.0 - c
-    return a, b, c
+        origin = splat(1.0) - origin
+    return origin, load(tile.numbers, (DIRECTION + axis) * RAYS + first)

@@ -61,7 +61,7 @@ class PixelMeans(NamedTuple):
 class _Light(NamedTuple):
     """Light of nodes: luminance with sides, chroma (empty for gray), and light above white; pieces with their exposure.
 
-    clamps: whether light above white is cut off.
+    clamps: whether light above white is cut off. footprint: of textures, over that of stops.
     """
 
     nodes: NodeLight
@@ -70,6 +70,7 @@ class _Light(NamedTuple):
     pieces: Pieces
     exposure: float
     clamps: bool
+    footprint: float
 
 
 def supersample(
@@ -151,7 +152,8 @@ def _spread(
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
     chroma, pieces = _NO_CHROMA if octree.chroma is None else octree.chroma, octree.pieces or NONE
-    light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, above_white is NO_HIGHLIGHTS)
+    clamps, footprint = above_white is NO_HIGHLIGHTS, 1.0 if finer is None else finer / side
+    light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, clamps, footprint)
     order, starts = blocks(pixels, unit.width_px, side)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
@@ -216,7 +218,7 @@ def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
     if tile.numbers[PIECE, ray] < 0.0:
         return _seen(tile, ray, node, light)
     pixel = search.at_0 + search.per_z * tile.numbers[LENGTH, ray] * tile.numbers[SPEED, ray]
-    luminance, red, green, blue = see_piece(light.pieces, tile, ray, pixel)
+    luminance, red, green, blue = see_piece(light.pieces, tile, ray, light.footprint * pixel)
     if luminance < 0.0:
         return np.float32(luminance), red, green, blue
     return _exposed(light, luminance, red, green, blue)
