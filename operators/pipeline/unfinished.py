@@ -17,7 +17,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps, changed
 from ...patchnet_addon.runtime.worker import computed
 from ...patchnet_addon.tracing.camera import Camera
 from ..scene.scene_mesh import SceneMesh
-from ..schema.table import TWO_LIGHTS
+from ..schema.table import BOX_SHAPE, TWO_LIGHTS
 from ..settings.job_settings import JobSettings
 from .stages import GridChoice, build, two_lights
 
@@ -89,7 +89,7 @@ def stand_in_look(
     grid = Grid.around(settings.surface.bounds_world(source), min(choice.grid.depth, STAND_IN_DEPTH))
     lit = yield from two_lights(source, settings.light)
     clipped = yield from computed(lambda: ClippedSurface(source, grid, keep_bytes=0), Progress(0, 1, "Voxelizing"))
-    octree = yield from build(clipped, lit, settings.changed(exposure=None), TWO_LIGHTS, {})
+    octree = yield from build(clipped, lit, settings.changed(exposure=None, shape=BOX_SHAPE), TWO_LIGHTS, {})
     yield from first_look(octree, camera, meanwhile, STAND_IN)
 
 

@@ -77,9 +77,9 @@ _SURFACE = (
     Setting(
         "shape", "Surface in Voxels", "Where rays that reach the finest voxels end", OCTREE, Kind.CHOICE, EXACT_SHAPE,
         choices=(
-            (EXACT_SHAPE, "Exact", "On the surface itself, whose textures are as sharp as pixels; takes about half as "
-             "much memory again"),
-            (BOX_SHAPE, "Boxes", "On the box around the surface in a voxel, as in the paper's figures here"),
+            (EXACT_SHAPE, "Exact", "On the surface itself, whose textures are as sharp as pixels; voxels take twice as "
+             "much memory"),
+            (BOX_SHAPE, "Boxes", "On the box around the surface in a voxel"),
             (WHOLE_SHAPE, "Whole", "On the voxel"),
         ),
         argument="--surface", help="where rays that reach the finest voxels end",

@@ -27,7 +27,7 @@ _AREA_UNITS = 2.0**40
 _WHOLE = 2.0**24
 _PART = 2.0**-16
 _MAX_LUMINANCE = 2.0**32
-_MIN_OPACITY = 1.0 / 255.0
+MIN_OPACITY = 1.0 / 255.0
 # Weight of a fragment's light by its place, from the far end of a voxel to the near one in 32nds, where a voxel holds
 # several layers: what lies behind is hidden, as the layer under a slab is.
 _IN_FRONT = np.exp(32.0 * np.arange(-15, 16) / 32.0)
@@ -178,7 +178,7 @@ class OccupiedCells:
         self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
     ) -> None:
         """Add the cells of fragments, see `LeafAccumulator.add`."""
-        opaque = np.asarray(opacity, np.float32).astype(np.float64) >= _MIN_OPACITY
+        opaque = np.asarray(opacity, np.float32).astype(np.float64) >= MIN_OPACITY
         boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         self._parts.append(_joined_cells(fragments.keys[opaque], boxes[opaque]))
 
@@ -238,7 +238,7 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
     brick = np.int64(-1)
     columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
-        if not opacity[i] >= _MIN_OPACITY:
+        if not opacity[i] >= MIN_OPACITY:
             continue
         brick = brick_of(keys[i], brick, table, brick_key, count)
         if brick < 0:

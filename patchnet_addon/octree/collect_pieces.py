@@ -15,10 +15,10 @@ from ..runtime.kernels import device, kernel
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.hit_textures import HitTextures
 from ..surface.mesh import Fragments, MeshSource, TriangleBatch
+from .accumulate import MIN_OPACITY
 from .grid import Grid
 from .pieces import EXPONENT_BIAS, HOLES, LAST, MANTISSA, MOST_PIECES, NO_PIECES, TRIANGLE, Pieces
 
-_MIN_OPACITY = 1.0 / 255.0
 _MOST_LIGHT = 65408.0  # the largest that packed light holds
 _BOTH = np.empty(0, np.int8)
 _ADVICE = "choose boxes in Surface in Voxels"
@@ -90,7 +90,7 @@ def _collect(keys, triangle, given, facing, first_triangle, out):  # type: ignor
     opacity, lights, base = given
     count = 0
     for f in range(len(keys)):
-        if not opacity[f] >= _MIN_OPACITY:
+        if not opacity[f] >= MIN_OPACITY:
             continue
         out[0][count], out[1][count] = keys[f], first_triangle + triangle[f]
         way = facing[triangle[f]] if len(facing) else 0

@@ -52,14 +52,6 @@ NONE = Pieces(
 )
 
 
-def unpacked_light(packed: np.ndarray) -> np.ndarray:
-    """Colours (..., 3) float32 of packed ones (...)."""
-    packed = np.asarray(packed, np.uint32)
-    scale = np.exp2((packed >> 27).astype(np.float32) - EXPONENT_BIAS) / np.float32(MANTISSA)
-    steps = np.stack([packed & 511, packed >> 9 & 511, packed >> 18 & 511], axis=-1)
-    return np.asarray(steps * scale[..., None], np.float32)
-
-
 def piece_arrays(pieces: Pieces) -> dict[str, np.ndarray]:
     """Arrays of a file, which has no records: these are rows of bytes."""
     own = pieces._asdict() | pieces.textures._asdict()

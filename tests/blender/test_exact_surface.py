@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
 
+from patchnet.operators.pipeline.run import run_job
+from patchnet.operators.pipeline.unfinished import STAND_IN, Unfinished
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -74,3 +78,10 @@ def test_pictures_are_those_of_cycles(fence: None) -> None:
     psnr = {shape: report["psnr_db"] for shape, report in found.items()}
     assert psnr["exact"] > max(psnr["boxes"] + 4.0, 30.0) and psnr["boxes"] > psnr["whole"] + 0.5, psnr
     assert found["exact"]["mean_ratio"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_job_shows_textured_objects_before_their_light(fence: None, weights: Path) -> None:
+    seen: list[Unfinished] = []
+    settings = JobSettings.of(depth=5, cameras=("Eye",), size=(16, 12), max_samples=2, weights=weights)
+    drain(run_job(bpy.context, settings, seen.append))
+    assert seen[0].title == STAND_IN and seen[0].picture.max() > 0.0

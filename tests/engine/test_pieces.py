@@ -12,7 +12,7 @@ from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, octree_hash, save_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
-from patchnet.patchnet_addon.octree.pieces import LAST, NO_PIECES, PIECES_VERSION, TRIANGLE, unpacked_light
+from patchnet.patchnet_addon.octree.pieces import LAST, NO_PIECES, PIECES_VERSION, TRIANGLE
 from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.errors import OctreeFileError
 from patchnet.patchnet_addon.runtime.kernels import kernel
@@ -24,7 +24,7 @@ from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.references.first_hits import pixel_rays
-from patchnet.tests.references.triangle_hits import nearest_triangles
+from patchnet.tests.references.triangle_hits import nearest_triangles, unpacked_light
 
 from .octree_samples import random_octree
 

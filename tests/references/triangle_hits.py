@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plain reference of rays that end on triangles: every ray against every triangle."""
+"""Plain references of pieces: every ray against every triangle, and packed light."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from patchnet.patchnet_addon.octree.pieces import EXPONENT_BIAS, MANTISSA
 
 
 def nearest_triangles(
@@ -26,3 +28,11 @@ def nearest_triangles(
         nearest[met], length[met], weights[met] = number, t[met], solved[met]
         front[met] = (direction[met] @ normal) < 0.0
     return nearest, length, weights, front
+
+
+def unpacked_light(packed: np.ndarray) -> np.ndarray:
+    """Colours (..., 3) float32 of packed ones (...)."""
+    packed = np.asarray(packed, np.uint32)
+    scale = np.exp2((packed >> 27).astype(np.float32) - EXPONENT_BIAS) / np.float32(MANTISSA)
+    steps = np.stack([packed & 511, packed >> 9 & 511, packed >> 18 & 511], axis=-1)
+    return np.asarray(steps * scale[..., None], np.float32)
