@@ -187,7 +187,7 @@ def joined_pieces(
     count = np.concatenate([part.count for part in parts])
     number = np.concatenate([part.triangle for part in parts])
     light = np.concatenate([part.light for part in parts])
-    check_count(len(number), INT32_COUNT, "pieces of the surface", "choose boxes in Surface in Voxels")
+    check_count(len(number), INT32_COUNT, "pieces of the surface", _ADVICE)
     ends = np.cumsum(count, dtype=np.int64)
     first_child[leaf] = np.where(count > 0, (ends - count).astype(np.uint32), NO_PIECES)
     used = np.zeros(source.triangle_count, bool)
@@ -199,7 +199,7 @@ def joined_pieces(
         places = grid.to_unit(batch.corners_world[mine])
         corners.append(places.reshape(-1, 9).astype(np.float32))
         uvs.append(_uvs(batch, mine, places))
-    check_count(int(used.sum()), int(TRIANGLE), "triangles in leaves", "choose boxes in Surface in Voxels")
+    check_count(int(used.sum()), int(TRIANGLE), "triangles in leaves", _ADVICE)
     values = np.concatenate(uvs)
     triangle = rows[number].astype(np.uint32)
     triangle[textures.materials["holes"][values[triangle, 7].astype(np.int64)] > 0] |= HOLES

@@ -184,7 +184,7 @@ def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped
 
 
 @lean_device
-def has_pieces(nodes, node):  # type: ignore[no-untyped-def]
+def _has_pieces(nodes, node):  # type: ignore[no-untyped-def]
     """Return whether a node is a leaf with pieces, and rays are to meet these."""
     if len(nodes.pieces) == 0 or nodes.child_mask[node] != 0:
         return False
@@ -208,7 +208,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
             stopped &= less(enter, leave)
         elif behind != 0:  # these may start beyond the node
             stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
-        if leaf and has_pieces(nodes, levels.state[level, HERE]):
+        if leaf and _has_pieces(nodes, levels.state[level, HERE]):
             if not boxed:
                 leave = _exit(tile, first, levels, level, size)
             here = levels.state[level, HERE]
@@ -385,7 +385,7 @@ def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # typ
                     if here >= nodes.first_boxed:
                         entry, exit_ = _box_span(nodes, tile, packet * LANES, mirror, levels, level + 1)
                         met &= less(entry, exit_)
-                    if met != 0 and has_pieces(nodes, here):
+                    if met != 0 and _has_pieces(nodes, here):
                         through = met, entry, exit_
                         size = 0.5 / (np.int64(1) << level)
                         met, entry = meet_pieces(nodes, tile, packet, mirror, here, size, through)
