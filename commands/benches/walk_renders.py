@@ -32,7 +32,6 @@ from ...patchnet_addon.surface.textures import luminance
 from ...patchnet_addon.tracing.camera import Camera
 
 ENGINE = "PATCHNET"
-FIT_EVERY = 10  # distance in frames of cameras that the octree is fitted to
 _TRUTH_SEED = 1
 
 
@@ -107,8 +106,7 @@ def _spread(frames: int, count: int) -> list[int]:
 def _set_up(context: bpy.types.Context, settings: JobSettings, cameras: Sequence[Camera], found: Walk) -> Steps[None]:
     """Build the octree and store it as the scene's result."""
     clock = StageClock()
-    fitted = [*cameras[::FIT_EVERY], cameras[-1]]
-    made = yield from build_lit_octree(context, settings, clock, OctreeOverrides(cameras=lambda: fitted))
+    made = yield from build_lit_octree(context, settings, clock, OctreeOverrides(cameras=lambda: list(cameras)))
     found.setup_s, found.depth, found.leaves = clock.seconds, made.octree.depth, made.octree.leaf_count
     result = SceneResult(
         octree=made.octree, scope=VISIBLE, layout=made.layout, light=made.light, coded=None, state=made.state

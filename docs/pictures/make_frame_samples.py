@@ -20,7 +20,6 @@ import bpy  # noqa: TID251
 import numpy as np
 
 from patchnet.__main__ import leave
-from patchnet.commands.benches.walk_renders import FIT_EVERY
 from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of, walk_cameras
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.operators.cycles.camera_render import render_reference
@@ -78,7 +77,7 @@ def main() -> None:
 def _coded(cameras: list[Camera]) -> CodedOctree:
     size = cameras[0].width_px, cameras[0].height_px
     settings = JobSettings.of(color=True, size=size)
-    overrides = OctreeOverrides(cameras=lambda: [*cameras[::FIT_EVERY], cameras[-1]])
+    overrides = OctreeOverrides(cameras=lambda: list(cameras))
     octree = drain(build_lit_octree(bpy.context, settings, StageClock(), overrides)).octree
     return drain(encode(octree, load_network(settings.network), settings.compute))[0]
 

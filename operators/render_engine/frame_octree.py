@@ -49,7 +49,6 @@ _LAYER = (
 _ONE_CAMERA = (
     "Voxels are fine only for the camera of one frame: tick All Frames in the panel Octree and press Preview Selection"
 )
-_EVERY = 10  # frames from one camera to the next that voxels of an animation are fitted to
 _AS_IT_WAS = "Until then, outdated voxels are shown"
 _BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
 
@@ -232,7 +231,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     weights = load_network(settings.network) if settings.view.render_samples is None else None
     is_for_all = frame.moves and settings.surface.track and in_main_thread()
     overrides = OctreeOverrides(
-        cameras=lambda: [frame.camera, *(rendered_cameras(scene, _EVERY) if is_for_all else ())],
+        cameras=lambda: [frame.camera, *(rendered_cameras(scene) if is_for_all else ())],
         depsgraph=frame.depsgraph,
         baking=lambda: _bake_context(scene, frame.depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes

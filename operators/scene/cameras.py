@@ -261,14 +261,14 @@ def _view_alone(
     return view
 
 
-def rendered_cameras(scene: bpy.types.Scene, every: int) -> list[Camera]:
-    """Active camera at the last frame of a scene and at each of `every` frames before, at the render's size.
+def rendered_cameras(scene: bpy.types.Scene) -> list[Camera]:
+    """Active camera at each frame that a scene renders, at the render's size.
 
     Evaluates the cameras alone, so that a render can call it in the main thread.
     """
     bound = sorted((item for item in scene.timeline_markers if item.camera), key=lambda item: item.frame)
     cameras = []
-    for number in [*range(scene.frame_start, scene.frame_end, every), scene.frame_end]:
+    for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
         camera = next((item.camera for item in reversed(bound) if item.frame <= number), scene.camera)
         if camera is not None:
             cameras.append(_view_alone(camera, scene, number, 0.0, (0, 0)))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton import morton_encode
-from ..lod.fit import FINE_OFFSETS, ray_stops
+from ..lod.fit import FINE_OFFSETS, bands_of, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MOST_STILLS, SMALL_PX
@@ -20,8 +20,8 @@ from ..tracing.camera import Camera, camera_in_unit_cube
 LEVEL_BITS = 5  # of a cell: its Morton key << 5 | its level
 ABOVE_LEAVES = 1  # least levels of light cells above the leaves
 _FINER = 2  # levels by which rays are finer than the leaves of a pixel, so that they end in leaves
-_ROWS = 64
-_RECENT = 8  # cameras of a track whose light cells tell whether a further one sees much that is new
+_BANDS_PER_STEP = 8
+_RECENT = 8  # pictures of a track whose light cells tell whether a further one sees much that is new
 _KNOWN = 0.5  # share of the light cells
 LABEL = "Looking where cameras look"
 
@@ -61,24 +61,27 @@ def seen_cells(
     """Leaves in which rays of all cameras end.
 
     Stills have 2 x 2 rays a pixel, 4 x 4 in small pictures. With more than four cameras, which are a track, a pixel has
-    one ray, or 2 x 2 pixels have one where those before show most of what a camera sees. lookahead: levels, of the
-    weights in use.
+    one ray, or 2 x 2 pixels have one where those before show most of what a camera sees; successive cameras of a long
+    track share a picture's rays (`bands_of`). lookahead: levels, of the weights in use.
     """
     found, more = _none(), []
     recent: deque[np.ndarray] = deque(maxlen=_RECENT)
-    for number, camera in enumerate(cameras):
-        place = number, len(cameras)
-        if len(cameras) <= MOST_STILLS:
+    is_track = len(cameras) > MOST_STILLS
+    together = bands_of(0, len(cameras), 0).step
+    for first in range(0, len(cameras), together):
+        group = range(first, min(first + together, len(cameras)))
+        if not is_track:
+            camera = cameras[first]
             side, below = (4, 1) if camera.width_px * camera.height_px <= SMALL_PX else (2, 0)
             offsets = [((i + 0.5) / side - 0.5, (j + 0.5) / side - 0.5) for i in range(side) for j in range(side)]
-            part = yield from _look(nodes, grid, camera, offsets, lookahead, place, below=below)
+            part = yield from _look(nodes, grid, cameras, group, offsets, lookahead, below=below)
         else:
-            first = number % len(FINE_OFFSETS)
-            offsets = [*FINE_OFFSETS[first:], *FINE_OFFSETS[:first]]
-            part = yield from _look(nodes, grid, camera, offsets[:1], lookahead, place, coarser=1)
+            turn = first // together % len(FINE_OFFSETS)
+            offsets = [*FINE_OFFSETS[turn:], *FINE_OFFSETS[:turn]]
+            part = yield from _look(nodes, grid, cameras, group, offsets[:1], lookahead, coarser=1)
             known = np.isin(_light_cells(part), np.concatenate([np.empty(0, np.uint64), *recent]))
             if len(known) and known.mean() < _KNOWN:
-                part = yield from _look(nodes, grid, camera, offsets, lookahead, place, coarser=1)
+                part = yield from _look(nodes, grid, cameras, group, offsets, lookahead, coarser=1)
             recent.append(_light_cells(part))
         more.append(part)
         if sum(len(part.cells) for part in more) > len(found.cells):  # so that a long track is sorted few times
@@ -92,33 +95,36 @@ def seen_cells(
 def _look(
     nodes: Nodes,
     grid: Grid,
-    camera: Camera,
+    cameras: Sequence[Camera],
+    group: range,
     offsets: Sequence[tuple[float, float]],
     lookahead: int,
-    place: tuple[int, int],
     *,
     coarser: int = 0,
     below: int = 0,
 ) -> Steps[SeenCells]:
-    """Voxels that rays of a camera end in, with their own pixels.
+    """Voxels that rays of a group of a job's cameras end in, with the cameras' pixels.
 
     offsets: from the centres of pixels `coarser` levels coarser than the camera's. below: level of light cells below
-    that of the voxel that fits a pixel. place: the camera's number, and how many there are, for progress.
+    that of the voxel that fits a pixel.
     """
-    width, height = (max(side >> coarser, 1) for side in (camera.width_px, camera.height_px))
-    unit = camera_in_unit_cube(camera.with_size(width, height), grid)
-    share = camera.width_px * camera.height_px / (width * height * len(offsets))
-    parts = []
-    for first in range(0, height, _ROWS):
-        rows = first, min(first + _ROWS, height)
-        for offset in offsets:
-            stops = ray_stops(nodes, unit, rows, offset, lookahead + coarser + _FINER, lookahead)
-            hit = np.flatnonzero(stops.wanted > 0)
-            keys = morton_encode(stops.cell[hit])
-            cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
-            level = stops.wanted[hit].astype(np.int64) - lookahead + coarser + below
-            parts.append(SeenCells(cells, level, np.full(len(hit), share, np.float32)))
-        yield Progress(place[0] + rows[1] / height, place[1], LABEL)
+    parts = [_none()]
+    for number in group:
+        camera = cameras[number]
+        width, height = (max(side >> coarser, 1) for side in (camera.width_px, camera.height_px))
+        unit = camera_in_unit_cube(camera.with_size(width, height), grid)
+        bands = bands_of(number, len(cameras), height)
+        share = camera.width_px * camera.height_px / (width * height * len(offsets)) * bands.step
+        for first in range(0, len(bands), _BANDS_PER_STEP):
+            some = bands[first : first + _BANDS_PER_STEP]
+            for offset in offsets:
+                stops = ray_stops(nodes, unit, some, offset, lookahead + coarser + _FINER, lookahead)
+                hit = np.flatnonzero(stops.wanted > 0)
+                keys = morton_encode(stops.cell[hit])
+                cells = (keys << np.uint64(LEVEL_BITS)) | stops.level[hit].astype(np.uint64)
+                level = stops.wanted[hit].astype(np.int64) - lookahead + coarser + below
+                parts.append(SeenCells(cells, level, np.full(len(hit), share, np.float32)))
+            yield Progress(number + (first + len(some)) / len(bands), len(cameras), LABEL)
     return _joined(parts)
 
 

@@ -50,10 +50,13 @@ LEVELS_PER_ROUND = 2
 _COARSER = 2  # distance of rays in levels of pixels, in all but the last round: a block covers many pixels
 LABEL = "Fitting to the cameras"
 
-_ROWS_PER_STEP = 64
+_BANDS_PER_STEP = 8
 # Besides the centre ray, four rays with the footprint of a patch's voxels pass through gaps of each pixel; on a track
 # one of them, each frame another.
 FINE_OFFSETS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))
+_WHOLE_PICTURES = 25  # least number of pictures of rays that the cameras of a track have together
+_FARTHEST = 10  # rows of tiles from one with rays to the next, at most
+_GOLDEN = 0.6180339887498949
 
 
 class RayStops(NamedTuple):
@@ -69,6 +72,16 @@ class RayStops(NamedTuple):
     ahead: np.ndarray
 
 
+def bands_of(number: int, cameras: int, height_px: int) -> range:
+    """Rows of tiles of a picture in which the rays of a job's camera are.
+
+    number: of the camera among `cameras`. A long track has rays in a tenth of them, in each frame in others, so that no
+    shot and no turn is missed, and that rays stay close together: neighbours visit the same nodes.
+    """
+    apart = min(max(cameras // _WHOLE_PICTURES, 1), _FARTHEST)
+    return range(int(number * _GOLDEN % 1.0 * apart), -(-height_px // TILE), apart)
+
+
 def needed_levels(
     nodes: Nodes,
     grid: Grid,
@@ -76,6 +89,7 @@ def needed_levels(
     needed: np.ndarray,
     pixels: np.ndarray,
     *,
+    bands: range | None = None,
     lookahead: int = DEFAULT_LOOKAHEAD,
     coarser: int = 0,
     fine_offsets: Sequence[tuple[float, float]] = FINE_OFFSETS,
@@ -84,79 +98,79 @@ def needed_levels(
 
     pixels: (8^b,) uint32, increased by the number of pixels whose centre ray stops in each block.
 
-    nodes: of the present octree. lookahead: levels, of the weights in use. A pixel's centre ray requests the level for
-    the voxel that stops it and for its neighbours, which are in its patches; rays with the footprint of the patch's
-    voxels request it for their own hits, and so for surface in the gaps of the coarse picture. coarser: levels by which
-    the camera's pixels are coarser than those with look-ahead, whose footprints rays have. fine_offsets: of the latter
-    rays from the pixels' centres, in pixels.
+    nodes: of the present octree. bands: rows of tiles that have rays, None for all. lookahead: levels, of the weights
+    in use. A pixel's centre ray requests the level for the voxel that stops it and for its neighbours, which are in its
+    patches; rays with the footprint of the patch's voxels request it for their own hits, and so for surface in the gaps
+    of the coarse picture. coarser: levels by which the camera's pixels are coarser than those with look-ahead, whose
+    footprints rays have. fine_offsets: of the latter rays from the pixels' centres, in pixels.
     """
     unit = camera_in_unit_cube(camera, grid)
     block_level = (len(needed).bit_length() - 1) // 3
-    for first in range(0, camera.height_px, _ROWS_PER_STEP):
-        last = min(first + _ROWS_PER_STEP, camera.height_px)
+    bands = bands_of(0, 1, camera.height_px) if bands is None else bands
+    for first in range(0, len(bands), _BANDS_PER_STEP):
+        some = bands[first : first + _BANDS_PER_STEP]
         for offset, levels, margin in [((0.0, 0.0), 0, 1), *((offset, lookahead, 0) for offset in fine_offsets)]:
-            stops = ray_stops(nodes, unit, (first, last), offset, levels + coarser, lookahead + coarser)
+            stops = ray_stops(nodes, unit, some, offset, levels + coarser, lookahead + coarser)
             _request(stops, margin, block_level, needed)
             if margin:
                 _count(stops, block_level, pixels)
-        yield Progress(last, camera.height_px, "Finding detail")
+        yield Progress(first + len(some), len(bands), "Finding detail")
 
 
 def lookahead_share(nodes: Nodes, grid: Grid, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> float:
     """Share of the pixels that hit the octree whose voxel has descendants `lookahead` levels down; 1 without hits."""
-    stops = ray_stops(nodes, camera_in_unit_cube(camera, grid), (0, camera.height_px), (0.0, 0.0), 0, lookahead)
+    unit = camera_in_unit_cube(camera, grid)
+    stops = ray_stops(nodes, unit, bands_of(0, 1, camera.height_px), (0.0, 0.0), 0, lookahead)
     return float(stops.ahead[stops.wanted > 0].mean()) if (stops.wanted > 0).any() else 1.0
 
 
 def ray_stops(
-    nodes: Nodes, unit: CameraUnit, rows: tuple[int, int], offset: tuple[float, float], finer: int, lookahead: int
+    nodes: Nodes, unit: CameraUnit, bands: range, offset: tuple[float, float], finer: int, lookahead: int
 ) -> RayStops:
-    """Stops of the rays of rows of pixels.
+    """Stops of the rays of rows of tiles, each as high as a tile: rows of pixels above the picture are misses.
 
     offset: from the pixels' centres, in pixels. finer: levels by which the rays' footprint is finer than the pixel.
     """
-    count = (rows[1] - rows[0]) * unit.width_px
+    count = len(bands) * TILE * unit.width_px
     stops = RayStops(
         cell=np.zeros((count, 3), np.int32),
         level=np.zeros(count, np.uint8),
         wanted=np.zeros(count, np.uint8),
         ahead=np.zeros(count, np.bool_),
     )
-    bands = -(-(rows[1] - rows[0]) // TILE)
-    run_parts(_trace_bands, bands, nodes, unit, rows[0], offset, (finer, lookahead), stops)
+    run_parts(_trace_bands, len(bands), nodes, unit, (bands.start, bands.step), offset, (finer, lookahead), stops)
     return stops
 
 
 @kernel
-def _trace_bands(first, last, nodes, camera, first_row, offset, levels_down, stops):  # type: ignore[no-untyped-def]
-    """Trace rows of tiles below a row of the picture.
+def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):  # type: ignore[no-untyped-def]
+    """Trace rows of tiles. bands: the first one's number, and the distance of the next.
 
     offset: from the pixels' centres, in pixels. levels_down: of the rays' footprint, and of the look-ahead.
     """
     scratch = make_tile(), make_levels()
-    rows = len(stops.wanted) // camera.width_px
     for band in range(first, last):
-        _trace_band(nodes, camera, (first_row, band * TILE, rows), offset, levels_down, scratch, stops)
+        first_row = TILE * (bands[0] + bands[1] * band)
+        _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, TILE * band * camera.width_px)
 
 
 @lean_device
-def _trace_band(nodes, camera, rows, offset, levels_down, scratch, stops):  # type: ignore[no-untyped-def]
-    """Trace a row of tiles; rows: the first of the picture, the band's first after that one, and their number."""
-    first_row, first, count = rows
+def _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, place):  # type: ignore[no-untyped-def]
+    """Trace a row of tiles above a row of the picture; place: of its first ray among the stops."""
     finer, lookahead = levels_down
     tile = scratch[0]
     shrink = 1.0 / (np.int64(1) << finer)
     search = Search(shrink * camera.side_at_0, shrink * camera.side_per_z, 1.0, COARSE, MAX_LEVELS)
     for first_column in range(0, camera.width_px, TILE):
         columns = camera.width_px - first_column
-        corner = first_row + first, first_column
-        trace_block(nodes, camera, search, corner, (count - first, columns), offset, scratch)
-        for row in range(min(TILE, count - first)):
+        corner = first_row, first_column
+        trace_block(nodes, camera, search, corner, (camera.height_px - first_row, columns), offset, scratch)
+        for row in range(min(TILE, camera.height_px - first_row)):
             for column in range(min(TILE, columns)):
                 ray = ray_of(row, column)
                 node = node_seen(camera, tile, COARSE, ray)
                 if node >= 0:
-                    stop = (first + row) * camera.width_px + first_column + column
+                    stop = place + row * camera.width_px + first_column + column
                     pixel = (
                         camera.side_at_0
                         + camera.side_per_z * tile.numbers[LENGTH + COARSE, ray] * tile.numbers[SPEED, ray]
@@ -319,8 +333,9 @@ def _look(
     for number, camera in enumerate(cameras):
         offsets = FINE_OFFSETS if len(cameras) <= MOST_STILLS else (FINE_OFFSETS[number % len(FINE_OFFSETS)],)
         apart = camera.with_size(*(max(side >> coarser, 1) for side in (camera.width_px, camera.height_px)))
+        bands = bands_of(number, len(cameras), apart.height_px)
         steps = needed_levels(
-            nodes, grid, apart, needed, pixels, lookahead=lookahead, coarser=coarser, fine_offsets=offsets
+            nodes, grid, apart, needed, pixels, bands=bands, lookahead=lookahead, coarser=coarser, fine_offsets=offsets
         )
         yield from labelled(steps, f"{LABEL}: {camera.name}")
     return needed, pixels

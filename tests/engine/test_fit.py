@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lod import fit
-from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, needed_levels
+from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, bands_of, fit_leaf_levels, needed_levels
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError
@@ -85,6 +85,39 @@ def test_rays_that_lie_farther_apart_ask_for_what_pixels_ask_for():
     fewer = needed_levels_reference(octree, camera.with_size(20, 15), 4, np.array(FINE_OFFSETS), coarser=1)
     np.testing.assert_array_equal(two, fewer)
     assert set(two[two > 0]) == set(one[one > 0]) and 0 < (two > 0).sum() < (one > 0).sum()
+
+
+def test_rows_of_tiles_together_ask_for_what_the_picture_asks_for():
+    octree, (_, camera, _) = random_octree(seed=3, depth=6, count=500, adaptive=True), cameras()
+    whole, parts = (np.zeros(8**4, np.uint8) for _ in range(2))
+    pixels, counted = (np.zeros(8**4, np.uint32) for _ in range(2))
+    drain(needed_levels(octree.nodes, octree.grid, camera, whole, pixels))
+    rows = -(-camera.height_px // 8)
+    for first in range(3):
+        drain(needed_levels(octree.nodes, octree.grid, camera, parts, counted, bands=range(first, rows, 3)))
+        assert first == 2 or counted.sum() < pixels.sum()
+    np.testing.assert_array_equal(parts, whole)
+    np.testing.assert_array_equal(counted, pixels)
+
+
+def test_frames_of_a_long_track_have_rays_in_other_rows_each():
+    assert bands_of(3, 4, 100) == bands_of(30, 49, 100) == range(13)
+    share = [bands_of(number, 1000, 800) for number in range(1000)]
+    assert {rows.step for rows in share} == {10} and {rows.start for rows in share} == set(range(10))
+    for rows in (share[number : number + 30] for number in range(0, 900, 30)):  # a second of a film
+        assert {row for each in rows for row in each} == set(range(100))
+
+
+def test_a_short_shot_of_a_long_track_is_fitted(mesh, camera):
+    """Eight frames look at the other end of the floor, from near; nothing else does."""
+    shot = Camera.look_at(np.array([0.8, -0.5, 0.1]), np.array([0.8, -0.9, 0.0]), size_px=(96, 64))
+    away = Camera.look_at(np.array([0.1, 0.5, 0.25]), np.array([0.0, 0.9, 0.2]), size_px=(96, 64))
+    shares = []
+    for track in ([away] * 81, [*[away] * 41, *[shot] * 8, *[away] * 32]):
+        layout = drain(fit_leaf_levels(mesh, Grid.around(mesh.bounds_world, 9), track, even())).layout
+        octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 12), even(), layout=layout))
+        shares.append((share_of(octree, shot), share_of(octree, away)))
+    assert shares[0][0] < 0.1 and min(*shares[1], shares[0][1]) > 0.97
 
 
 def test_all_pixels_have_look_ahead_with_far_fewer_leaves(mesh, camera, fitted, octree):

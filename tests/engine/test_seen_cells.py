@@ -63,18 +63,34 @@ def test_frames_that_see_what_those_before_show_have_a_quarter_of_the_rays(monke
     assert len(calls) == 3 * (1 + 4) + 6 * 1
 
 
-def test_pixels_of_a_view_that_is_full_are_all_its_pixels() -> None:
-    """From within a closed shell of leaves, each light cell once; many rows of pixels are several parts."""
+def _shell() -> Octree:
+    """Leaves around a cube."""
     side = np.arange(8)
     cells = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
     shell = cells[((cells == 0) | (cells == 7)).any(axis=1)].tolist()
-    octree = octree_from_leaves({(3, tuple(cell)): (1.0, 0.5, (0.0, 0.0, 1.0)) for cell in shell}, 3)
+    return octree_from_leaves({(3, tuple(cell)): (1.0, 0.5, (0.0, 0.0, 1.0)) for cell in shell}, 3)
+
+
+def test_pixels_of_a_view_that_is_full_are_all_its_pixels() -> None:
+    """From within a closed shell of leaves, each light cell once; many rows of pixels are several parts."""
+    octree = _shell()
     keys = octree.keys(3)
     camera = Camera.look_at(np.array([0.5, 0.45, 0.55]), np.array([1.0, 0.7, 0.6]), size_px=(30, 150))
     seen = drain(seen_cells(octree.nodes, octree.grid, [camera]))
     around = {_cell_around(int(cell), int(level)): pixels for cell, level, pixels in zip(*seen, strict=True)}
     assert sum(around.values()) == pytest.approx(30 * 150, rel=1e-5)
     assert np.isin(seen.cells, cells_of(keys, 3)).all() and (np.diff(seen.cells.astype(np.int64)) > 0).all()
+
+
+def test_cameras_of_a_long_track_share_the_rays_of_a_picture() -> None:
+    """Each has rays in half of its rows, and all its pixels; from within a closed shell."""
+    octree = _shell()
+    camera = Camera.look_at(np.array([0.5, 0.45, 0.55]), np.array([1.0, 0.7, 0.6]), size_px=(32, 128))
+    seen = drain(seen_cells(octree.nodes, octree.grid, [camera] * 50))
+    around = {_cell_around(int(cell), int(level)): pixels for cell, level, pixels in zip(*seen, strict=True)}
+    assert sum(around.values()) == pytest.approx(50 * 32 * 128, rel=1e-5)
+    alone = drain(seen_cells(octree.nodes, octree.grid, [camera] * 5))
+    assert np.isin(alone.cells, seen.cells).all()
 
 
 def test_no_camera_and_no_hit_see_nothing() -> None:
