@@ -25,8 +25,8 @@ from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.ranking import rank
 from ...patchnet_addon.sampling.registry import STRATEGIES
 from ...patchnet_addon.tracing.camera import Camera
-from ...patchnet_addon.tracing.render import patch_hits
-from ...patchnet_addon.tracing.supersample import supersample
+from ...patchnet_addon.tracing.render import first_hits
+from ...patchnet_addon.tracing.supersample import behind_patches, supersample
 from ...training.benchmarks.timing import comparison
 from ..shared.views import view_cameras
 from .inputs import given_octree
@@ -69,10 +69,12 @@ def _frame(coded: CodedOctree, camera: Camera) -> dict[str, float]:
     """Wall seconds of each stage of one frame."""
     clock = StageClock()
     with clock.stage("trace"):
-        traced = patch_hits(coded.octree, camera, lookahead=coded.weights.lookahead)
+        hits = first_hits(coded.octree, camera)
+        every = np.arange(camera.pixel_count)
+        behind = behind_patches(coded.octree, camera, hits, every, lookahead=coded.weights.lookahead)
     with clock.stage("decode"):
-        prediction = predict(coded, traced.hits)
-    buffers = PixelBuffers(traced.hits, behind=traced.behind, prediction=prediction)
+        prediction = predict(coded, hits)
+    buffers = PixelBuffers(hits, behind=behind.luminance, prediction=prediction)
     with clock.stage("priority"):
         ranking = rank(STRATEGIES["patchnet-behind"], buffers, _BUDGET)
     with clock.stage("picture"):

@@ -25,7 +25,7 @@ from ...patchnet_addon.surface.mesh import TriangleMesh
 from ...patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
 from ...patchnet_addon.tracing.render import first_hits, trace_pixels, visits_per_ray
 from ...patchnet_addon.tracing.supersample import supersample_pixels
-from ...patchnet_addon.tracing.tile import BEHIND, COARSE, FINE, Search
+from ...patchnet_addon.tracing.tile import COARSE, FINE, Search
 from ...patchnet_addon.tracing.viewpoints import viewpoints
 from ...training.benchmarks.timing import comparison, timed
 from ..shared.views import view_cameras
@@ -118,7 +118,7 @@ def views_of(octree: Octree, size_px: tuple[int, int]) -> list[Camera]:
 
 
 def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: int, threads: int) -> dict[str, Any]:
-    """Rates of one camera, and the cost of the second and third hit of a ray."""
+    """Rates of one camera, and the cost of the finer hit of a ray."""
     unit = camera_in_unit_cube(camera, octree.grid)
     coarse = Search(unit.side_at_0, unit.side_per_z, 0.25, COARSE, octree.depth)
     leaves = coarse._replace(at_0=0.0, per_z=0.0)
@@ -127,7 +127,6 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "ours": partial(trace_pixels, octree, camera, coarse),
         "leaves": partial(trace_pixels, octree, camera, leaves),
         "fine": partial(trace_pixels, octree, camera, coarse._replace(last=FINE)),
-        "behind": partial(trace_pixels, octree, camera, coarse._replace(last=BEHIND)),
         "picture": partial(first_hits, octree, camera),
         "reference": partial(supersample_pixels, octree, camera, pixels, _SIDE),
     }
@@ -148,7 +147,6 @@ def _view(octree: Octree, camera: Camera, embree: EmbreeScene | None, repeats: i
         "ratio": None if embree is None else seconds["embree"] / seconds["ours"],
         "same_hits": _same_hits(octree, camera, leaves, embree),
         "fine_costs": seconds["fine"] / seconds["ours"] - 1.0,
-        "behind_costs": (seconds["behind"] - seconds["fine"]) / seconds["ours"],
     }
 
 

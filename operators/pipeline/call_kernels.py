@@ -55,7 +55,7 @@ def main(package: str, folder: str, *search_path: str) -> None:
     middle = np.full(3, 0.5)
     camera = part("tracing.camera").Camera.look_at(np.array([-2.0, 0.5, 0.5]), middle, size_px=SIZE)
     weights = part("network.weights").load_weights()
-    hits = part("tracing.render").patch_hits(octree, camera).hits
+    hits = part("tracing.render").fine_hits(octree, camera)[0]
     coded_nodes, count = part("codes.corner_rows").coded_nodes(octree, weights.lookahead)
     rows, codes = np.zeros((count, 3), np.uint32), np.zeros((2, 10), np.float16)
     around = np.zeros((len(codes), 8), np.uint32) if weights.kind.mixes else None

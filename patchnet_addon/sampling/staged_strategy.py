@@ -58,8 +58,8 @@ class Looks:
     def look(self, part: str, hits: Hits, pixels: np.ndarray) -> Sequence[Any]:
         """Compute a part of `PixelBuffers`, with those of the same look (`_FOUND`)."""
         from ..codes.predict import predict  # compiled code, which registration must not load
-        from ..tracing.chosen import behind_of, fine_rays
-        from ..tracing.render import seen_luminance
+        from ..tracing.chosen import fine_rays
+        from ..tracing.supersample import behind_patches
 
         if part == NORMAL:
             return (seen_normal(self.octree, hits.node[pixels]),)
@@ -71,8 +71,8 @@ class Looks:
         lookahead = DEFAULT_LOOKAHEAD if self.coded is None else self.coded.weights.lookahead
         if part == FINE_RAYS:
             return (fine_rays(self.octree, self.camera, pixels, lookahead=lookahead),)
-        nodes = behind_of(self.octree, self.camera, pixels, lookahead=lookahead)
-        return seen_luminance(self.octree, nodes, hits.direction[pixels]), nodes >= 0
+        behind = behind_patches(self.octree, self.camera, hits, pixels, lookahead=lookahead)
+        return behind.luminance, behind.coverage > 0.0
 
 
 class KnownPixels:

@@ -31,7 +31,6 @@ from .strategy import (
 
 if TYPE_CHECKING:
     from ..codes.coded_octree import CodedOctree
-    from ..tracing.render import PatchHits
     from ..tracing.supersample import PixelMeans
 
 
@@ -58,7 +57,8 @@ def trace_view(
     from ..codes.patch_rays import exact_prediction
     from ..codes.predict import predict
     from ..tracing.chosen import fine_rays
-    from ..tracing.render import seen_color
+    from ..tracing.render import fine_hits, first_hits, seen_color
+    from ..tracing.supersample import behind_patches
     from .plus.weights import estimators_of
 
     needs = frozenset[str]().union(*(strategy.needs for strategy in strategies))
@@ -66,8 +66,13 @@ def trace_view(
         needs |= {PREDICTION, BEHIND, FINE}
     lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
-    patch = _center_rays(octree, camera, needs, lookahead)
-    hits, behind_node = patch.hits, patch.behind_node
+    fine, behind = None, None
+    if FINE in needs:
+        hits, fine = fine_hits(octree, camera, lookahead=lookahead)
+    else:
+        hits = first_hits(octree, camera)
+    if BEHIND in needs:
+        behind = behind_patches(octree, camera, hits, np.arange(camera.pixel_count), lookahead=lookahead)
     colored = octree.chroma is not None
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None
@@ -75,22 +80,22 @@ def trace_view(
     sampled = (yield from _reference(octree, camera, pixel_filter)) if reference or REFERENCE in needs else None
     return PixelBuffers(
         hits,
-        behind=patch.behind,
+        behind=None if behind is None else behind.luminance,
         prediction=prediction,
         exact=exact,
         reference=None if sampled is None else sampled.luminance,
         preview_color=seen_color(octree, hits.node, hits.direction) if colored else None,
         reference_color=sampled.colors if sampled is not None and colored else None,
         reference_alpha=None if sampled is None else sampled.coverage,
-        fine=patch.fine,
+        fine=fine,
         fine_rays=fine_rays(octree, camera, lookahead=lookahead) if FINE_RAYS in needs else None,
         exact_1=exact_1,
         normal=seen_normal(octree, hits.node) if NORMAL in needs else None,
         child_mask=seen_children(octree, hits.node) if CHILD_MASK in needs else None,
         cube_side_world=octree.grid.side_world,
         scene_luminance=float(octree.luminance_float(slice(1))[0]),
-        behind_color=seen_color(octree, behind_node, hits.direction) if colored and behind_node is not None else None,
-        behind_hit=None if behind_node is None else behind_node >= 0,
+        behind_color=behind.colors if colored and behind is not None else None,
+        behind_hit=None if behind is None else behind.coverage > 0.0,
         unrefined=unrefined,
         estimators=estimators_of(coded.weights) if coded is not None and coded.weights.plus else None,
     )
@@ -117,15 +122,6 @@ def _lookahead(needs: frozenset[str], coded: CodedOctree | None, lookahead: int 
             "that look as far, or leave the look-ahead to the codes"
         )
     return lookahead
-
-
-def _center_rays(octree: Octree, camera: Camera, needs: frozenset[str], lookahead: int) -> PatchHits:
-    """Hits of the pixels' own rays, and of the finer rays and those behind the patch where needed."""
-    from ..tracing.render import PatchHits, first_hits, patch_hits
-
-    if not needs & {BEHIND, FINE}:
-        return PatchHits(first_hits(octree, camera))
-    return patch_hits(octree, camera, lookahead=lookahead, behind=BEHIND in needs)
 
 
 def seen_normal(octree: Octree, nodes: np.ndarray) -> np.ndarray:

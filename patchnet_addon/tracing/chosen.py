@@ -14,11 +14,10 @@ from ..runtime.bounds import DEFAULT_LOOKAHEAD
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
-from .camera import Camera, CameraUnit, camera_in_unit_cube
+from .camera import Camera, camera_in_unit_cube
 from .pixel_filter import grid_places
 from .render import finer_than_pixel
 from .tile import (
-    BEHIND,
     COARSE,
     PICTURE,
     PIXEL,
@@ -36,26 +35,22 @@ from .tile import (
 from .tile_walk import trace_tile
 
 
-def behind_of(octree: Octree, camera: Camera, pixels: np.ndarray, *, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
-    """Nodes (N,) int64 visible behind the patches of pixels (N,), -1 for none: `behind_node` of `patch_hits`."""
-    unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND, octree.depth)
-    return _traced(octree, unit, pixels, search, 1)[0][:, 0]
-
-
 def fine_rays(
     octree: Octree, camera: Camera, pixels: np.ndarray | None = None, *, lookahead: int = DEFAULT_LOOKAHEAD
 ) -> np.ndarray:
     """Luminances (N, 4) float32 of 2x2 rays in each of the pixels (N,) with a finer footprint (`finer_than_pixel`).
 
-    Lower row first, left to right. pixels: None for the whole picture.
+    Lower row first, left to right; 0 for a miss. pixels: None for the whole picture.
     """
-    if pixels is None:
-        pixels = np.arange(camera.pixel_count)
+    pixels = np.arange(camera.pixel_count) if pixels is None else np.asarray(pixels, np.int64)
     unit = camera_in_unit_cube(camera, octree.grid)
     finer = unit.finer(finer_than_pixel(lookahead))
     search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth)
-    return _traced(octree, unit, pixels, search, 2)[1]
+    order, starts = blocks(pixels, unit.width_px, 2)
+    chosen = pixels[order], order, starts, 2, grid_places(2)
+    seen = np.empty((len(pixels), 4), np.float32)
+    run_parts(_trace_blocks, len(starts) - 1, (octree.nodes, octree.light), unit, search, chosen, seen)
+    return seen
 
 
 def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,25 +68,9 @@ def blocks(pixels: np.ndarray, width_px: int, side: int) -> tuple[np.ndarray, np
     return order, np.concatenate([np.zeros(1, np.int64), ends])
 
 
-def _traced(
-    octree: Octree, unit: CameraUnit, pixels: np.ndarray, search: Search, side: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, side * side) int64 hit by the rays of pixels (N,), the lowest row first, -1 for a miss.
-
-    Also their luminances, float32, 0 for a miss.
-    """
-    pixels = np.asarray(pixels, np.int64)
-    order, starts = blocks(pixels, unit.width_px, side)
-    found, seen = np.empty((len(pixels), side * side), np.int64), np.empty((len(pixels), side * side), np.float32)
-    chosen = pixels[order], order, starts, side, grid_places(side)
-    scene = octree.nodes, octree.light
-    run_parts(_trace_blocks, len(starts) - 1, scene, unit, search, chosen, found, seen)
-    return found, seen
-
-
 @kernel
-def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # type: ignore[no-untyped-def]
-    """Write the nodes hit by rays of pixels, and their luminances, one block per tile. chosen: of `_traced`."""
+def _trace_blocks(first, last, scene, camera, search, chosen, seen):  # type: ignore[no-untyped-def]
+    """Write the luminances that rays of pixels see, one block per tile. chosen: of `fine_rays`."""
     nodes, light = scene
     pixels, places, starts, side, rays = chosen
     tile, levels = make_tile(), make_levels()
@@ -104,10 +83,10 @@ def _trace_blocks(first, last, scene, camera, search, chosen, found, seen):  # t
             place = places[index]
             for j in range(side):
                 for i in range(side):
-                    ray, sample = ray_of(top + j, left + i), side * j + i
+                    ray = ray_of(top + j, left + i)
                     node = node_seen(camera, tile, search.last, ray)
-                    found[place, sample] = node
-                    seen[place, sample] = luminance_of_ray(light, node, tile, ray) if node >= 0 else np.float32(0)
+                    met = luminance_of_ray(light, node, tile, ray) if node >= 0 else np.float32(0)
+                    seen[place, side * j + i] = met
 
 
 @lean_device

@@ -3,9 +3,9 @@
 
 A ray enters a node at the largest of its start and of the distances of the node's three lower planes. A node that fits
 the ray's pixel, or a leaf, ends the ray's phase (methods 4.1b). Depending on its phases, the ray continues to the first
-voxel that fits a finer footprint, then to the first one behind its patch (methods 3.12). A leaf with a box ends rays
-that hit the box; others pass it (methods 4.1d). Where rays are to end on the surface, they have to meet a piece of the
-leaf (methods 7.2k); such a search has the phase COARSE alone.
+voxel that fits a finer footprint (methods 3.12). A leaf with a box ends rays that hit the box; others pass it (methods
+4.1d). Where rays are to end on the surface, they have to meet a piece of the leaf (methods 7.2k); such a search has the
+phase COARSE alone.
 """
 
 from __future__ import annotations
@@ -32,9 +32,7 @@ from ..runtime.vectors import (
 from .packet_pieces import meet_pieces
 from .tile import (
     ALIVE,
-    ANSWERED,
     AT,
-    BEHIND,
     CELL,
     CELLS,
     COARSE,
@@ -48,12 +46,10 @@ from .tile import (
     PENDING,
     PHASE,
     RAYS,
-    RESTART,
     SPEED,
     START,
 )
 
-PATCH_SIDES = 1.5  # voxel sides from the entry to the start of the ray behind the patch
 _FAR = 1e300
 _SAFE = 1e-12  # relative
 
@@ -202,12 +198,9 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
     while tested != 0:
         enter, leave = _entry(tile, first, levels, level, size), splat(_FAR)
         stopped = tested
-        behind = tested & tile.lanes[PHASE + BEHIND, packet]
         if boxed:
             enter, leave = _box_span(nodes, tile, first, mirror, levels, level)
             stopped &= less(enter, leave)
-        elif behind != 0:  # these may start beyond the node
-            stopped &= less(enter, _exit(tile, first, levels, level, size)) | ~behind
         if leaf and _has_pieces(nodes, levels.state[level, HERE]):
             if not boxed:
                 leave = _exit(tile, first, levels, level, size)
@@ -215,15 +208,12 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
             stopped, enter = meet_pieces(nodes, tile, packet, mirror, here, size, (stopped, enter, leave))
         if not leaf:
             stopped &= less(splat(size), splat(2.0) * _pixel_side(search, tile, packet, enter))
-            if search.last == BEHIND:
-                passed = tested & ~stopped & tile.lanes[PHASE + FINE, packet]
-                _fit_restart(search, tile, packet, levels, level, passed)
         tested = np.int64(0)
-        for phase in range(BEHIND, -1, -1):  # in reverse, so that a phase does not begin and end here
+        for phase in range(FINE, -1, -1):  # in reverse, so that a phase does not begin and end here
             ended = stopped & tile.lanes[PHASE + phase, packet]
             if ended != 0:
                 _record(tile, packet, phase, levels, level, ended, enter)
-                tested |= _begin_next(search, tile, packet, phase, levels, level, ended)
+                tested |= _begin_next(search, tile, packet, phase, ended)
     return np.int64(0) if leaf else lanes & tile.lanes[ALIVE, packet]
 
 
@@ -256,46 +246,14 @@ def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def
 
 
 @lean_device
-def _begin_next(search, tile, packet, phase, levels, level, ended):  # type: ignore[no-untyped-def]
+def _begin_next(search, tile, packet, phase, ended):  # type: ignore[no-untyped-def]
     """Begin the next phase of lanes whose phase ended; returns those that are not done."""
-    first = packet * LANES
     tile.lanes[PHASE + phase, packet] &= ~ended
-    done = ended if phase >= search.last else ended & tile.lanes[ANSWERED, packet]
-    tile.lanes[ALIVE, packet] &= ~done
-    begun = ended & ~done
-    if begun == 0:
-        return begun
-    if phase == COARSE:
-        beyond = load(tile.numbers, LENGTH * RAYS + first) + splat(PATCH_SIDES / (np.int64(1) << level))
-        put(tile.numbers, RESTART * RAYS + first, begun, beyond)
-        tile.lanes[PHASE + FINE, packet] |= begun
-        if search.last == BEHIND:
-            for above in range(level):
-                _fit_restart(search, tile, packet, levels, above, begun)
-    else:
-        put(tile.numbers, START * RAYS + first, begun, load(tile.numbers, RESTART * RAYS + first))
-        tile.lanes[PHASE + BEHIND, packet] |= begun
-    return begun
-
-
-@lean_device
-def _fit_restart(search, tile, packet, levels, level, lanes):  # type: ignore[no-untyped-def]
-    """End the phase BEHIND of rays among `lanes` that begin again in the node of a level, if it fits there.
-
-    Pixels grow with the distance, so a node that was too large where the ray entered it may fit where the ray is to
-    begin again. Passed nodes are not visited again, so each is tested as the ray passes it.
-    """
-    first = packet * LANES
-    size = 1.0 / (np.int64(1) << level)
-    restart = load(tile.numbers, RESTART * RAYS + first)
-    pixel = splat(search.at_0) + splat(search.per_z) * (restart * load(tile.numbers, SPEED * RAYS + first))
-    fits = lanes & ~tile.lanes[ANSWERED, packet] & less(splat(size), splat(2.0 * search.finer) * pixel)
-    if fits != 0:
-        fits &= less(restart, _exit(tile, first, levels, level, size))
-        fits &= ~less(restart, _entry(tile, first, levels, level, size))
-        if fits != 0:
-            _record(tile, packet, BEHIND, levels, level, fits, restart)
-            tile.lanes[ANSWERED, packet] |= fits
+    if phase >= search.last:
+        tile.lanes[ALIVE, packet] &= ~ended
+        return np.int64(0)
+    tile.lanes[PHASE + FINE, packet] |= ended
+    return ended
 
 
 @lean_device

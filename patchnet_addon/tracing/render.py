@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of an octree: first hits, and the luminance behind a patch (methods 3.12, 4.1b).
+"""Pictures of an octree: first hits, and the finer voxels of the same rays (methods 3.12, 4.1b).
 
 All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 """
@@ -21,7 +21,6 @@ from ..runtime.threads import run_parts
 from ..runtime.vectors import lowest_one
 from .camera import Camera, camera_in_unit_cube
 from .tile import (
-    BEHIND,
     CELL,
     CELLS,
     COARSE,
@@ -39,11 +38,13 @@ from .tile import (
 )
 from .tile_walk import trace_block
 
+PATCH_SIDES = 1.5  # voxel sides from the entry to the start of the ray behind the patch
+
 
 class TracedPixels(NamedTuple):
     """Hits of P pixels as the kernel writes them: those of `Hits`, and nodes hit by finer rays, -1 for none.
 
-    fine, behind: (P,) int64, or (0,) if not requested.
+    fine: (P,) int64, or (0,) if not requested.
     """
 
     node: np.ndarray
@@ -54,8 +55,8 @@ class TracedPixels(NamedTuple):
     ratio: np.ndarray
     entry_voxel: np.ndarray
     direction: np.ndarray
-    fine: np.ndarray
     behind: np.ndarray
+    fine: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ class Hits:
     ratio: (P,) float32 pixel side / voxel side, clamped to [1/2, 1] (methods 7.8).
     entry_voxel: (P, 3) float32 entry point inside the voxel, [0, 1]^3.
     direction: (P, 3) float32, ray direction. camera_up: (3,) float64, the picture's up.
+    behind: (P,) float64, length at which the ray is behind its patch, in the octree's cube; inf for a miss.
     luminance: (P,) float32 of the voxel; 0 for a miss.
     """
 
@@ -80,6 +82,7 @@ class Hits:
     ratio: np.ndarray
     entry_voxel: np.ndarray
     direction: np.ndarray
+    behind: np.ndarray
     camera_up: np.ndarray
     luminance: np.ndarray
 
@@ -102,21 +105,6 @@ class Hits:
 _OF_PIXELS = {field.name for field in fields(Hits)} - {"width_px", "height_px", "camera_up"}
 
 
-@dataclass(frozen=True, eq=False)
-class PatchHits:
-    """Hits of the centre ray of each pixel, and of the same ray with a finer footprint.
-
-    hits: of the pixel's own footprint. fine: (P,) float32, luminance of the first voxel that fits the finer footprint.
-    behind: (P,) float32, L_B, luminance of the first such voxel behind the patch (methods 3.12), and behind_node: (P,)
-    int64, that voxel, -1 for none. Luminances are 0 for a miss; None if not requested.
-    """
-
-    hits: Hits
-    fine: np.ndarray | None = None
-    behind: np.ndarray | None = None
-    behind_node: np.ndarray | None = None
-
-
 def finer_than_pixel(lookahead: int) -> float:
     """Side of a pixel over the footprint of finer rays.
 
@@ -131,23 +119,16 @@ def first_hits(octree: Octree, camera: Camera) -> Hits:
     return _hits(octree, camera, trace_pixels(octree, camera)[0])
 
 
-def patch_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD, behind: bool = True) -> PatchHits:
-    """Trace a ray through every pixel centre, continued to the finer voxel and behind the patch.
+def fine_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> tuple[Hits, np.ndarray]:
+    """Trace a ray through every pixel centre, and on to the first voxel that fits a finer footprint, in one walk.
 
-    The finer footprint is the pixel over `finer_than_pixel`. One walk finds all three hits. behind: whether rays
-    continue behind the patch, which doubles the cost.
+    The finer footprint is the pixel over `finer_than_pixel`. Returns the hits, and the luminance (P,) float32 of the
+    finer voxels, 0 for a miss.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(
-        unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), BEHIND if behind else FINE, octree.depth
-    )
+    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE, octree.depth)
     traced, _ = trace_pixels(octree, camera, search)
-    return PatchHits(
-        _hits(octree, camera, traced),
-        seen_luminance(octree, traced.fine, traced.direction),
-        seen_luminance(octree, traced.behind, traced.direction) if behind else None,
-        traced.behind if behind else None,
-    )
+    return _hits(octree, camera, traced), seen_luminance(octree, traced.fine, traced.direction)
 
 
 def visits_per_ray(octree: Octree, camera: Camera) -> float:
@@ -175,8 +156,8 @@ def trace_pixels(
         ratio=np.empty(pixels, np.float32),
         entry_voxel=np.empty((pixels, 3), np.float32),
         direction=np.empty((pixels, 3), np.float32),
+        behind=np.empty(pixels),
         fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
-        behind=np.empty(pixels if search.last >= BEHIND else 0, np.int64),
     )
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
     run_parts(_trace_rows, len(visits), octree.nodes if nodes is None else nodes, unit, search, traced, visits)
@@ -275,13 +256,12 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
         traced.direction[pixel, axis] = tile.numbers[DIRECTION + axis, ray]
     if search.last >= FINE:
         traced.fine[pixel] = node_seen(camera, tile, FINE, ray)
-    if search.last >= BEHIND:
-        traced.behind[pixel] = node_seen(camera, tile, BEHIND, ray)
     if node < 0:
         traced.level[pixel] = 0
         traced.ratio[pixel] = 1.0
         traced.t_world[pixel] = np.inf
         traced.z_world[pixel] = np.inf
+        traced.behind[pixel] = np.inf
         for axis in range(3):
             traced.cell[pixel, axis] = -1
             traced.entry_voxel[pixel, axis] = 0.0
@@ -292,6 +272,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
     traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
     traced.t_world[pixel] = t * camera.side_world
     traced.z_world[pixel] = z * camera.side_world
+    traced.behind[pixel] = t + PATCH_SIDES / cells
     for axis in range(3):
         traced.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
         traced.entry_voxel[pixel, axis] = tile.numbers[ENTRY + axis, ray]

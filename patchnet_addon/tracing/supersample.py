@@ -12,7 +12,7 @@ from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.pieces import NONE, Pieces
 from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
 from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
-from ..runtime.bounds import RAYS
+from ..runtime.bounds import DEFAULT_LOOKAHEAD, RAYS
 from ..runtime.kernels import kernel, lean_device
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
@@ -21,6 +21,7 @@ from .camera import Camera, camera_in_unit_cube
 from .chosen import aim_pixels, blocks, corner_of
 from .piece_light import see_piece
 from .pixel_filter import PixelFilter, Splat, box_splat, grid_places, splat_of
+from .render import Hits, finer_than_pixel
 from .tile import (
     COARSE,
     DIRECTION,
@@ -37,10 +38,12 @@ from .tile import (
     make_levels,
     make_tile,
     node_seen,
+    ray_of,
 )
 from .tile_walk import trace_tile
 
 MAX_SIDE = int(RAYS.high)  # per pixel side
+_NO_STARTS = np.empty(0)
 _NO_CHROMA = np.empty((0, 2), np.uint8)
 MEANS = 5  # luminance, red, green, blue, coverage
 _ROWS_PER_STEP = 8
@@ -100,6 +103,24 @@ def supersample_pixels(
     return _mean_of_rays(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, finer)
 
 
+def behind_patches(
+    octree: Octree, camera: Camera, hits: Hits, pixels: np.ndarray, *, lookahead: int = DEFAULT_LOOKAHEAD
+) -> PixelMeans:
+    """What rays of pixels (N,) meet behind the patches of their hits (methods 3.12); nothing where they miss.
+
+    The footprint is the pixel over `finer_than_pixel`. In an octree with pieces the rays end on the surface.
+    """
+    pixels = np.asarray(pixels, np.int64)
+    means = PixelMeans(*(np.zeros((len(pixels), *shape), np.float32) for shape in ((), (3,), ())))
+    there = np.flatnonzero(hits.hit[pixels])
+    hit = pixels[there]
+    finer = finer_than_pixel(lookahead)
+    found = _mean_of_rays(octree, NO_HIGHLIGHTS, camera, hit, 1, finer, hits.behind[hit])
+    for all_of, some in zip(means, found, strict=True):
+        all_of[there] = some
+    return means
+
+
 class SpreadPixels(NamedTuple):
     """What rays of N pixels give to the K pixels around each, in rows, the lowest first, itself among them.
 
@@ -130,9 +151,15 @@ def spread_pixels(
 
 
 def _mean_of_rays(
-    octree: Octree, above_white: HdrHighlights, camera: Camera, pixels: np.ndarray, side: int, finer: float | None
+    octree: Octree,
+    above_white: HdrHighlights,
+    camera: Camera,
+    pixels: np.ndarray,
+    side: int,
+    finer: float | None,
+    lengths: np.ndarray = _NO_STARTS,
 ) -> PixelMeans:
-    means = _spread(octree, above_white, camera, pixels, side, box_splat(grid_places(side)), finer)[:, 0]
+    means = _spread(octree, above_white, camera, pixels, side, box_splat(grid_places(side)), finer, lengths)[:, 0]
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
 
 
@@ -144,10 +171,12 @@ def _spread(
     side: int,
     splat: Splat,
     finer: float | None,
+    lengths: np.ndarray = _NO_STARTS,
 ) -> np.ndarray:
     """Means (N, K, MEANS) float32 over side x side rays of each pixel (N,) int64, for each of K rows of a splat.
 
     Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
+    lengths: (N,) float64 where a pixel's only ray begins, in the octree's cube; none: where the camera sees.
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
@@ -157,7 +186,7 @@ def _spread(
     order, starts = blocks(pixels, unit.width_px, side)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
-    chosen = pixels[order], order, starts, side
+    chosen = pixels[order], order, starts, side, lengths[order] if len(lengths) else lengths
     run_parts(_means_of_blocks, len(starts) - 1, octree.exact_nodes, light, unit, search, (chosen, splat), means)
     return means
 
@@ -165,11 +194,12 @@ def _spread(
 @kernel
 def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means):  # type: ignore[no-untyped-def]
     """Write the means of pixels: a block in one tile, or a pixel in several tiles. chosen: of `_spread`."""
-    (pixels, places, starts, side), splat = chosen
+    (pixels, places, starts, side, lengths), splat = chosen
     scratch = make_tile(), make_levels(), np.empty((TILE * TILE, len(splat.total), MEANS))
     for block in range(first, last):
+        begin = lengths[starts[block] : starts[block + 1]] if len(lengths) else lengths
         here = pixels[starts[block] : starts[block + 1]]
-        _sum_rays(nodes, light, camera, search, (here, side, splat), scratch)
+        _sum_rays(nodes, light, camera, search, (here, side, begin, splat), scratch)
         for index in range(starts[block], starts[block + 1]):
             top, left = corner_of(camera, pixels[index], side)
             for around in range(len(splat.total)):
@@ -180,12 +210,16 @@ def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means): 
 @lean_device
 def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no-untyped-def]
     """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. chosen: of the block."""
-    pixels, side, splat = chosen
+    pixels, side, lengths, splat = chosen
     tile, levels, sums = scratch
     sums[:] = 0.0
     for first_j in range(0, side, TILE):
         for first_i in range(0, side, TILE):
             aim_pixels(camera, tile, pixels, (first_j, first_i), side, splat.places)
+            for index in range(len(lengths)):
+                top, left = corner_of(camera, pixels[index], side)
+                ray = ray_of(top, left)
+                tile.numbers[START, ray] = max(tile.numbers[START, ray], lengths[index])
             while True:  # again for rays that pass a hole of a triangle
                 trace_tile(nodes, search, tile, levels)
                 some = np.int64(0)

@@ -19,8 +19,8 @@ from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smalle
 TILE = 8  # pixels a side
 RAYS = TILE * TILE
 PACKETS = RAYS // LANES
-COARSE, FINE, BEHIND = 0, 1, 2  # targets of a ray: voxels that fit its pixel, then finer ones, then those behind
-PHASES = 3
+COARSE, FINE = 0, 1  # targets of a ray: voxels that fit its pixel, then finer ones
+PHASES = 2
 _PACKET = 4  # pixels a side
 _TINY = 1e-150
 
@@ -28,8 +28,8 @@ _TINY = 1e-150
 class Tile(NamedTuple):
     """Rays of a tile and their hits so far; ray 16 p + 4 y + x belongs to pixel (x, y) of packet p.
 
-    numbers: (34, 64) float64, a row for each number of a ray, as named below.
-    lanes: (9, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
+    numbers: (31, 64) float64, a row for each number of a ray, as named below.
+    lanes: (7, 4) int64, lanes of each packet as bits, a row for each set of them, as named below.
     Two arrays instead of one per name: each argument adds seconds of compilation in every function that takes it.
     """
 
@@ -38,24 +38,22 @@ class Tile(NamedTuple):
 
 
 # Rows of `numbers`; those of x, y and z follow each other. In the unit cube, mirrored: the origin of a ray, and 1 /
-# direction. Then its unmirrored direction, axial distance per length, lengths where it starts, or starts again, and
-# where its patch ends.
-ORIGIN, INVERSE, DIRECTION, SPEED, START, RESTART = 0, 3, 6, 9, 10, 11
+# direction. Then its unmirrored direction, axial distance per length, and the length where it starts.
+ORIGIN, INVERSE, DIRECTION, SPEED, START = 0, 3, 6, 9, 10
 # Hit of each phase: node, -1 for a miss, and the length to it.
-NODE, LENGTH = 12, 15
+NODE, LENGTH = 11, 13
 # Of the voxel that fits the pixel: 2^level, its mirrored cell, and the ray's entry point, [0, 1]^3 (`find_entries`).
-CELLS, CELL, ENTRY = 18, 19, 22
+CELLS, CELL, ENTRY = 15, 16, 19
 # Picture coordinates of the ray, [-1, 1] to the right and up; index of its pixel where a tile has rays of several, and
 # of the ray among those of its pixel; picture coordinates of the tile's columns and rows.
-PICTURE, PIXEL, SAMPLE, XS, YS = 25, 27, 28, 29, 30
+PICTURE, PIXEL, SAMPLE, XS, YS = 22, 24, 25, 26, 27
 # Piece that ended the ray in the phase COARSE, twice its index, plus one if its back was met, -1 for a voxel or a box;
 # weights of the triangle's last two corners there.
-PIECE, WEIGHTS = 31, 32
-_NUMBERS = 34
-# Rows of `lanes`: to be traced, still alive, with the hit behind their patch already found; in each phase; mirrored on
-# each axis.
-WANTED, ALIVE, ANSWERED, PHASE, MIRRORED = 0, 1, 2, 3, 6
-_LANE_SETS = 9
+PIECE, WEIGHTS = 28, 29
+_NUMBERS = 31
+# Rows of `lanes`: to be traced, still alive; in each phase; mirrored on each axis.
+WANTED, ALIVE, PHASE, MIRRORED = 0, 1, 2, 4
+_LANE_SETS = 7
 
 
 class Levels(NamedTuple):
@@ -79,7 +77,7 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phases FINE and BEHIND, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
+    phase FINE, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
     """
 
     at_0: float

@@ -33,7 +33,6 @@ from ..runtime.vectors import (
 from .packet_walk import mirrored_children, step_down, walk_packet
 from .tile import (
     ALIVE,
-    ANSWERED,
     AT,
     COARSE,
     HERE,
@@ -115,7 +114,6 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
                 down = tile.lanes[MIRRORED + axis, packet]
                 lanes &= down if (mirror >> axis) & 1 else ~down
             tile.lanes[ALIVE, packet] = lanes
-            tile.lanes[ANSWERED, packet] = 0
             for phase in range(PHASES):
                 tile.lanes[PHASE + phase, packet] = lanes if phase == COARSE else 0
             some |= lanes

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.chosen import behind_of, fine_rays
-from patchnet.patchnet_addon.tracing.render import patch_hits
+from patchnet.patchnet_addon.tracing.chosen import fine_rays
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.supersample import behind_patches
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes
 from patchnet.tests.references.first_hits import hits_of_pixels
 
@@ -39,8 +40,10 @@ def test_they_meet_the_same_voxels(name, share, lookahead, octree):
     """Bit for bit, as rays of the whole picture, and of one that is twice as large."""
     camera = CAMERAS[name]
     pixels = chosen(camera, share)
-    whole = patch_hits(octree, camera, lookahead=lookahead)
-    np.testing.assert_array_equal(behind_of(octree, camera, pixels, lookahead=lookahead), whole.behind_node[pixels])
+    hits, every = first_hits(octree, camera), np.arange(camera.pixel_count)
+    some, all_of = (behind_patches(octree, camera, hits, these, lookahead=lookahead) for these in (pixels, every))
+    for own, whole in zip(some, all_of, strict=True):
+        np.testing.assert_array_equal(own, whole[pixels])
     rays = fine_rays(octree, camera, pixels, lookahead=lookahead)
     np.testing.assert_array_equal(rays, fine_rays(octree, camera, lookahead=lookahead)[pixels])
     double = camera.with_size(2 * camera.width_px, 2 * camera.height_px)
@@ -54,4 +57,5 @@ def test_they_meet_the_same_voxels(name, share, lookahead, octree):
 def test_something_is_met(octree):
     camera = CAMERAS["perspective"]
     pixels = chosen(camera, 1.0)
-    assert (behind_of(octree, camera, pixels) >= 0).any() and fine_rays(octree, camera, pixels).any()
+    assert behind_patches(octree, camera, first_hits(octree, camera), pixels).coverage.any()
+    assert fine_rays(octree, camera, pixels).any()

@@ -20,7 +20,8 @@ from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.supersample import behind_patches
 from patchnet.tests.engine.mesh_samples import even
 from patchnet.tests.engine.octree_samples import dense_cells, random_octree, with_boxes
 from patchnet.tests.references.codes import corner_blocks_reference, voxel_blocks_reference
@@ -142,7 +143,8 @@ def test_pixels_look_as_far_as_the_weights_of_its_codes(octree, camera):
         buffers = drain(trace_view(octree, camera, exact, reference=False, **settings))
         wanted = drain(exact_prediction(octree, buffers.hits, lookahead))
         np.testing.assert_array_equal(buffers.exact.coverage, wanted.coverage)
-        np.testing.assert_array_equal(buffers.behind, patch_hits(octree, camera, lookahead=lookahead).behind)
+        behind = behind_patches(octree, camera, buffers.hits, np.arange(camera.pixel_count), lookahead=lookahead)
+        np.testing.assert_array_equal(buffers.behind, behind.luminance)
         for strategy in exact:
             assert strategy.scores(buffers)[buffers.exact.look_ahead].max() > 0
     buffers = drain(trace_view(octree, camera, [STRATEGIES["patchnet"]], coded=coded, reference=False))

@@ -22,7 +22,8 @@ from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_sha
 from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
+from patchnet.patchnet_addon.tracing.render import first_hits
+from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample_pixels
 from patchnet.tests.references.first_hits import pixel_rays
 from patchnet.tests.references.triangle_hits import nearest_triangles, unpacked_light
 
@@ -112,6 +113,25 @@ def test_rays_end_on_the_nearest_triangle(eye, kind, layout):
     assert np.count_nonzero((means.coverage > 0.5) != (nearest >= 0)) <= 2
     boxes = seen(octree.without_pieces(), camera)
     assert (np.abs(boxes.luminance - expected) > 2e-3).mean() > 10 * wrong.mean() + 0.01
+
+
+def test_rays_behind_patches_end_on_the_nearest_triangle_from_there():
+    mesh = TriangleMesh.from_arrays(soup(), (WHITE,))
+    octree = exact(mesh, two_lights_shade(mesh))
+    camera = Camera.look_at(np.array([-0.4, 1.4, 1.4]), np.array([0.5, 0.51, 0.48]), size_px=SIZE)
+    hits = first_hits(octree, camera)
+    corners = octree.grid.to_unit(mesh.parts[0].corners_world)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    light = np.abs(normal @ (0.36, -0.48, 0.8)) / np.linalg.norm(normal, axis=1)
+    row, column = np.divmod(EVERY, SIZE[0])
+    origin, direction, _ = pixel_rays(octree, camera, (2 * column + 1) / SIZE[0] - 1, (2 * row + 1) / SIZE[1] - 1)
+    begin = np.where(hits.hit, hits.behind, 0.0)
+    nearest, *_ = nearest_triangles(corners, origin + begin[:, None] * direction, direction)
+    expected = np.where(hits.hit & (nearest >= 0), light[nearest], 0.0)
+    wrong = np.abs(behind_patches(octree, camera, hits, EVERY).luminance - expected) > 2e-3
+    assert wrong.mean() < 5e-3 and (expected > 0.0).mean() > 0.05
+    boxes = behind_patches(octree.without_pieces(), camera, hits, EVERY).luminance
+    assert (np.abs(boxes - expected) > 2e-3).mean() > 5 * wrong.mean() + 0.01
 
 
 def test_rays_that_end_on_boxes_are_as_without_pieces():

@@ -8,7 +8,8 @@ import pytest
 
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, visits_per_ray
+from patchnet.patchnet_addon.tracing.render import fine_hits, first_hits, visits_per_ray
+from patchnet.patchnet_addon.tracing.supersample import behind_patches
 from patchnet.tests.engine.octree_samples import random_octree
 from patchnet.tests.references.first_hits import hits_of_pixels
 from patchnet.training.benchmarks.shells import octree_of_shells
@@ -79,25 +80,25 @@ def test_hits_in_a_random_octree():
 
 
 @pytest.mark.parametrize("lookahead", [1, 2, 3])
-def test_one_walk_has_the_answers_of_three(shells, lookahead):
+def test_finer_voxels_and_those_behind_patches_are_those_of_the_reference(shells, lookahead):
     for camera in cameras(shells):
         assert_patch_rays(shells, camera, lookahead)
 
 
 def assert_patch_rays(octree: Octree, camera: Camera, lookahead: int) -> None:
-    """Hits, finer voxels and what is behind the patch, of one walk, are those of three reference rays."""
-    found = patch_hits(octree, camera, lookahead=lookahead)
+    """Hits and finer voxels of one walk, and what is behind the patch, are those of three reference rays."""
+    hits, fine = fine_hits(octree, camera, lookahead=lookahead)
     node, t = assert_hits(octree, camera)
+    np.testing.assert_array_equal(hits.node, node)
     met, finer = node >= 0, 2.0 ** (lookahead + 1)
-    fine, _ = hits_of_pixels(octree, camera, finer)
-    np.testing.assert_array_equal(found.fine[met], seen(octree, fine)[met], err_msg=camera.name)
-    level = octree.level_of(np.maximum(node, 0))
-    beyond, _ = hits_of_pixels(octree, camera, finer, np.where(met, t, 0.0) + 1.5 * 0.5**level)
-    np.testing.assert_array_equal(found.behind[met], seen(octree, beyond)[met], err_msg=camera.name)
-    assert not found.fine[~met].any() and not found.behind[~met].any()
-    ended = patch_hits(octree, camera, lookahead=lookahead, behind=False)
-    np.testing.assert_array_equal(ended.fine, found.fine, err_msg=camera.name)
-    assert ended.behind is None and np.array_equal(ended.hits.node, found.hits.node)
+    np.testing.assert_array_equal(fine, np.where(met, seen(octree, hits_of_pixels(octree, camera, finer)[0]), 0.0))
+    start = np.where(met, t, 0.0) + 1.5 * 0.5 ** octree.level_of(np.maximum(node, 0))
+    np.testing.assert_allclose(hits.behind, np.where(met, start, np.inf), rtol=1e-12)
+    beyond, _ = hits_of_pixels(octree, camera, finer, start)
+    behind = behind_patches(octree, camera, hits, np.arange(camera.pixel_count), lookahead=lookahead)
+    expected = np.where(met, seen(octree, beyond), np.float32(0.0))
+    np.testing.assert_allclose(behind.luminance, expected, rtol=3e-7, err_msg=camera.name)
+    np.testing.assert_array_equal(behind.coverage, met & (beyond >= 0), err_msg=camera.name)
 
 
 def seen(octree: Octree, nodes: np.ndarray) -> np.ndarray:

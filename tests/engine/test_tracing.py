@@ -11,8 +11,8 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
-from patchnet.patchnet_addon.tracing.render import first_hits, patch_hits, ray_up, seen_color
-from patchnet.patchnet_addon.tracing.supersample import supersample
+from patchnet.patchnet_addon.tracing.render import first_hits, ray_up, seen_color
+from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample
 from patchnet.tests.references.first_hits import hits_of_pixels, supersampled_reference
 from patchnet.tests.references.small import ray_up_reference
 
@@ -119,7 +119,7 @@ def test_behind_sees_the_second_of_two_sheets():
     camera = Camera.look_at(np.array([0.001, 0.002, 4.0]), np.zeros(3), up_world=(0, 1, 0), size_px=(8, 8))
     hits = first_hits(octree, camera)
     np.testing.assert_allclose(hits.luminance[hits.hit], 0.9, atol=1e-4)
-    seen = patch_hits(octree, camera).behind[hits.hit]
+    seen = behind_patches(octree, camera, hits, np.flatnonzero(hits.hit)).luminance
     assert np.median(seen) == pytest.approx(0.2, abs=1e-4)
     assert set(np.round(np.unique(seen), 3)) <= {np.float32(0.0), np.float32(0.2)}
 
