@@ -31,9 +31,9 @@ from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, VISIB
 from ..session import results
 from ..session.octree_cache import found_on_disk, result_or_kept
 from ..session.scene_result import SceneResult
-from ..session.scene_session import KeyedResult, in_main_thread, session_of
+from ..session.scene_session import in_main_thread, session_of
 from ..session.staleness import look_again
-from ..settings.job_settings import JobSettings
+from ..settings.job_settings import JobSettings, recorded
 from ..state.digest import composed
 from ..state.scene_state import scene_state
 
@@ -80,7 +80,7 @@ def octree_of_frame(
     """
     scene = depsgraph.scene.original
     still = _stands_still(scene)
-    if animation:  # frames made alone would have other reflections
+    if animation or settings.surface.track:  # frames made alone would have other reflections
         gloss = settings.light.gloss
         settings = settings.changed(from_camera=gloss == GLOSS_CAMERA or (gloss == GLOSS_AUTO and still))
         if settings.surface.is_fitted and not still and in_main_thread() and scene_state(scene).frame is None:
@@ -122,7 +122,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     scene, session, there = frame.scene, session_of(frame.scene), result_or_kept(frame.scene)
     if there is not None:
         look_again(there, scene)
-    fits = there is not None and (not there.stale or there.is_stale_by_gloss_alone)
+    fits = there is not None and (not there.stale or there.is_stale_by_gloss_alone) and _is_as_set(frame, there)
     kept = _with_its_gloss(frame, there) if there is not None and fits else None
     if kept is not None and not _serves_cameras(frame, kept):
         if frame.can_bake:
@@ -147,23 +147,31 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         if frame.moves and not frame.settings.surface.track:
             key += cameras_text([frame.camera])
     if kept is not None and here:
-        session.kept_frame = KeyedResult(kept, key)
-    for known in (session.kept_frame, session.made_frame):
-        if known is not None and known.key == key and (known.result is kept or known is session.made_frame):
-            return known.result
+        kept.frame_key = key
+    for known in (kept, session.made_frame):
+        if known is not None and key and known.frame_key == key:
+            return known
     session.made_frame = None  # frees memory for the next one
     found = _on_disk(frame) if key else None
     if found is not None:
-        session.made_frame = KeyedResult(found, key)
+        found.frame_key, session.made_frame = key, found
         return found
     there = results.result_of(scene)
     made = yield from _made(frame, there)
     if made is not there:
+        if not key and made.state is not None and made.state.frame is not None:  # of later frames as well, perhaps
+            key = surface_key(frame.depsgraph, frame.settings)
         if key:
-            session.made_frame = KeyedResult(made, key)
+            made.frame_key, session.made_frame = key, made
         if not fits:
             results.keep(scene, made, "octree", "light")
     return made
+
+
+def _is_as_set(frame: _Frame, result: SceneResult) -> bool:
+    """Return whether the scene has the settings that it had; in a window they count from Preview Selection on."""
+    now, stages = frame.scene.patchnet, (OCTREE, LIGHT) if bpy.app.background else ()
+    return all(result.made_with.get(stage) in (None, recorded(now, stage)) for stage in stages)
 
 
 def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
@@ -229,9 +237,8 @@ def _made(frame: _Frame, there: SceneResult | None) -> Steps[SceneResult]:
 def _compute(frame: _Frame) -> Steps[SceneResult]:
     scene, settings = frame.scene, frame.settings
     weights = load_network(settings.network) if settings.view.render_samples is None else None
-    is_for_all = frame.moves and settings.surface.track and in_main_thread()
     overrides = OctreeOverrides(
-        cameras=lambda: [frame.camera, *(rendered_cameras(scene) if is_for_all else ())],
+        cameras=lambda: _fitted_to(frame),
         depsgraph=frame.depsgraph,
         baking=lambda: _bake_context(scene, frame.depsgraph, settings),
         provenance={"scene": scene.name, "frame": scene.frame_current},  # not those of the copy that bakes
@@ -241,6 +248,15 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     for warning in made.warnings:
         frame.warn(warning)
     return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)
+
+
+def _fitted_to(frame: _Frame) -> list[Camera]:
+    """Cameras that an automatic depth is fitted to: of all frames with All Frames, in the same order at each."""
+    scene = frame.scene
+    if not (frame.settings.surface.is_fitted and frame.settings.surface.track and in_main_thread()):
+        return [frame.camera]
+    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+    return rendered_cameras(scene) + ([] if scene.frame_current in frames else [frame.camera])
 
 
 @contextmanager

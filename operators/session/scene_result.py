@@ -56,7 +56,8 @@ class SceneResult:
     at each step, by step. made_by: keys of the job's settings by step, "cameras" of those that the depth was chosen
     for, and "seen" of those that the light was baked for. state: of the scene when it was read, None if it is unknown.
     notes: sentences about omissions and approximations, by subject: "objects", "octree", "codes", "view", "cycles".
-    summary: lines for the panel, written when a step ends, so that drawing computes nothing.
+    summary: lines for the panel, written when a step ends, so that drawing computes nothing. frame_key: of settings and
+    evaluated surface and light, "" until a rendered frame needs it.
     """
 
     octree: Octree
@@ -77,6 +78,7 @@ class SceneResult:
     notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     summary: list[str] = field(default_factory=list)
     unfinished: bool = False
+    frame_key: str = ""
 
     @property
     def stale(self) -> set[str]:

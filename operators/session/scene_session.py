@@ -24,14 +24,6 @@ if TYPE_CHECKING:
     from .shown_view import ShownView
 
 
-@dataclass(frozen=True)
-class KeyedResult:
-    """Result for rendering frames, and the key of its surface."""
-
-    result: SceneResult
-    key: str
-
-
 @dataclass(frozen=True, eq=False)
 class KeyedMap:
     """Map of a world, or None with the problem if Cycles cannot make one. key: of the world."""
@@ -46,25 +38,23 @@ class SceneSession:
     """State that is kept of one scene.
 
     result: octree, light and codes. estimate: the last one. views: by name of their camera, for overlay and inspection.
-    kept_frame: `result` with its key, once a render needs the key. made_frame: result of the last rendered frame
-    with an octree of its own. world: its light in all directions.
+    made_frame: result of the last rendered frame with an octree of its own. world: its light in all directions.
     """
 
     result: SceneResult | None = None
     estimate: Estimate | None = None
     views: dict[str, ShownView] = field(default_factory=dict)
-    kept_frame: KeyedResult | None = None
-    made_frame: KeyedResult | None = None
+    made_frame: SceneResult | None = None
     world: KeyedMap | None = None
 
     def free(self) -> None:
         """Drop all but the estimate."""
-        self.result = self.kept_frame = self.made_frame = self.world = None
+        self.result = self.made_frame = self.world = None
         self.views.clear()
 
     def free_frames(self) -> None:
         """Free the results of rendered frames."""
-        self.kept_frame = self.made_frame = None
+        self.made_frame = None
 
 
 _sessions: dict[int, SceneSession] = {}  # by session_uid of the scene
@@ -137,8 +127,7 @@ def held() -> Held:
 
 def _session_bytes(session: SceneSession) -> int:
     """Bytes of octrees, codes and views of a scene."""
-    frames = [frame.result for frame in (session.kept_frame, session.made_frame) if frame is not None]
-    results = [result for result in (session.result, *frames) if result is not None]  # may share an octree
+    results = [result for result in (session.result, session.made_frame) if result is not None]  # may share an octree
     octrees = {id(result.octree): result.octree.nbytes for result in results}
     codes = {id(result.coded): result.coded.nbytes for result in results if result.coded is not None}
     views = [array.nbytes for view in session.views.values() for array in (*view.values.values(), *view.looks.values())]

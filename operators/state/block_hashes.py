@@ -27,10 +27,14 @@ _OF_OBJECTS_LIT = (
     "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
 )  # fmt: skip
 _REFERRED = ("parent", "instance_collection", "data")
-# Modifiers whose result can differ between frames without keyframes.
+# Modifiers whose result can differ between frames without keyframes, and geometry nodes in those of type NODES.
 _MOVES_BY_ITSELF = frozenset(
-    {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "NODES", "MESH_CACHE",
+    {"CLOTH", "SOFT_BODY", "FLUID", "OCEAN", "WAVE", "DYNAMIC_PAINT", "PARTICLE_SYSTEM", "MESH_CACHE",
      "MESH_SEQUENCE_CACHE", "BUILD", "EXPLODE"}
+)  # fmt: skip
+_MOVING_NODES = frozenset(
+    {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput", "GeometryNodeSimulationOutput", "GeometryNodeBake",
+     "GeometryNodeInputActiveCamera"}
 )  # fmt: skip
 FILMS = frozenset({"SEQUENCE", "MOVIE"})  # sources of images
 _POSITION = "position"
@@ -99,6 +103,7 @@ class BlockReader:
         for modifier in item.modifiers:
             surface.modifier(modifier, depth=2)
             self.animated |= modifier.type in _MOVES_BY_ITSELF
+            self.animated |= modifier.type == "NODES" and _moves(modifier.node_group, set())
         if item.type == "MESH" and len(item.modifiers) and len(item.vertex_groups):
             weights = [(vertex.index, at.group, at.weight) for vertex in item.data.vertices for at in vertex.groups]
             surface.array("weights", np.array(weights, np.float64))
@@ -123,8 +128,9 @@ class BlockReader:
             data = getattr(owner, "animation_data", None)
             if data is None or not (data.action or len(data.drivers) or len(data.nla_tracks)):
                 continue
-            self.animated = True
-            for curve in fcurves(data):
+            curves = list(fcurves(data))
+            self.animated |= len(data.drivers) > 0 or len(data.nla_tracks) > 0 or not all(map(_is_constant, curves))
+            for curve in curves:
                 digest.text(curve.data_path, curve.array_index, curve.mute, curve.extrapolation)
                 for name in _KEYFRAME_VALUES:
                     digest.array(name, values_of(curve.keyframe_points, name, 2, np.float32))
@@ -154,6 +160,22 @@ def _mesh(data: bpy.types.Mesh, surface: OwnDigest, light: OwnDigest) -> None:
     surface.faces(data)
     surface.block(data.shape_keys)
     light.geometry(data, without=_POSITION)
+
+
+def _moves(tree: bpy.types.NodeTree | None, met: set[bpy.types.NodeTree]) -> bool:
+    """Return whether a tree of geometry nodes can differ between frames without keyframes; met: trees to pass over."""
+    if tree is None or tree in met:
+        return False
+    met.add(tree)
+    return any(node.bl_idname in _MOVING_NODES or _moves(getattr(node, "node_tree", None), met) for node in tree.nodes)
+
+
+def _is_constant(curve: bpy.types.FCurve) -> bool:
+    """Return whether a curve has one value at all frames."""
+    heights = np.stack([values_of(curve.keyframe_points, name, 2, np.float32) for name in _KEYFRAME_VALUES]).ravel()[
+        1::2
+    ]
+    return curve.mute or (len(curve.modifiers) == 0 and (heights == heights[:1]).all())
 
 
 def may_appear(item: bpy.types.Object) -> bool:

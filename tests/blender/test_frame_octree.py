@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import Steps
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, passes_in, rendered
+from patchnet.tests.blender.objects import geometry_nodes
 
 
 @pytest.fixture(autouse=True)
@@ -112,6 +113,69 @@ def test_automatic_voxels_serve_the_camera_at_all_frames(
     _keys(scene.objects["Lath 2"], [(1, 0.0), (3, 0.001)])
     bpy.ops.render.render(animation=True)
     assert len(made) == 5 and max(octree.leaf_count for octree in made[2:]) < whole.leaf_count
+
+
+def test_a_frame_alone_is_that_of_the_animation(scene: bpy.types.Scene) -> None:
+    """With All Frames, whichever frame comes first; without, its voxels serve its own camera."""
+    scene.patchnet.resolution, scene.patchnet.track = "AUTO", True
+    scene.objects["Slab"].scale = (0.25, 1.0, 0.25)
+    scene.camera.data.lens = 480.0
+    scene.frame_start, scene.frame_end = 1, 4
+    _keys(scene.camera, [(1, 0.3), (4, 0.6)])
+    folder = Path(scene.render.filepath).parent
+    bpy.ops.render.render(animation=True)
+    whole, leaves = passes_in(folder / "picture-0003.exr"), kept(scene).octree.leaf_count
+    for track in (True, False):
+        results.forget(scene)
+        session_of(scene).made_frame = None
+        scene.patchnet.track = track
+        scene.frame_set(3)
+        alone = rendered(scene)
+        assert (kept(scene).octree.leaf_count == leaves) == track
+        for name in ("Combined", "Level", "Depth") if track else ():
+            assert np.array_equal(alone[name], whole[name]), name
+
+
+@pytest.mark.parametrize("what", ["geometry nodes", "keyframes of one value", "time that changes nothing", "time"])
+def test_what_does_not_move_is_voxelized_once(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    """Rendered as stills, one frame after the other."""
+    lath = scene.objects["Lath 2"]
+    if what == "keyframes of one value":
+        for frame in (1, 50):
+            lath.keyframe_insert("location", frame=frame)
+    else:
+        tree, given, made_of = geometry_nodes(lath)
+        moved = tree.nodes.new("GeometryNodeTransform")
+        tree.links.new(given, moved.inputs["Geometry"])
+        tree.links.new(moved.outputs["Geometry"], made_of)
+        if what != "geometry nodes":
+            time = tree.nodes.new("GeometryNodeInputSceneTime").outputs["Frame"]
+            scaled = tree.nodes.new("ShaderNodeMath")
+            scaled.operation, scaled.inputs[1].default_value = "MULTIPLY", 0.01 if what == "time" else 0.0
+            tree.links.new(time, scaled.inputs[0])
+            tree.links.new(scaled.outputs[0], moved.inputs["Translation"])
+    made: list[int] = []
+    build_octree = frame_octree.build_lit_octree
+
+    def counted(context: bpy.types.Context, *rest: object) -> object:
+        made.append(context.scene.frame_current)
+        return build_octree(context, *rest)
+
+    monkeypatch.setattr(frame_octree, "build_lit_octree", counted)
+    for frame in (1, 20, 40):
+        scene.frame_set(frame)
+        rendered(scene)
+    assert made == ([1, 20, 40] if what == "time" else [1])
+    assert (kept(scene).state.frame is None) == (what in ("geometry nodes", "keyframes of one value"))
+
+
+def test_settings_that_changed_since_count_without_a_window(scene: bpy.types.Scene) -> None:
+    assert bpy.ops.patchnet.voxelize() == {"FINISHED"}
+    scene.patchnet.depth = 5
+    rendered(scene)
+    assert kept(scene).octree.depth == 5
 
 
 def share_ahead(scene: bpy.types.Scene, octree: Octree) -> float:
