@@ -7,7 +7,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..patchnet_addon.runtime.errors import SettingError
 from ..patchnet_addon.runtime.quantities import counted, error_text
 from .shared.arguments import add_out
 from .shared.frames import add_frames, bake_with_bars, check_frames, print_frames
@@ -58,8 +57,6 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
     from ..operators.animation.frame_maker import JobMaker
 
     assert settings.out is not None
-    if settings.surface.track:
-        raise SettingError("With --frames each octree is fitted to its frame's cameras: omit --track")
     print_frames(bake_with_bars(args, JobMaker(settings), settings.out), settings.out)
     return 0
 

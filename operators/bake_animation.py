@@ -45,7 +45,7 @@ class PATCHNET_OT_bake_animation(FrameProperties, AnimationProperties, JobOperat
             overwrite=not setting(context, self, "skip_existing"),
             one_grid=setting(context, self, "same_grid"),
         )
-        result = yield from bake_frames(context, JobMaker(settings.changed(track=False)), plan)
+        result = yield from bake_frames(context, JobMaker(settings), plan)
         for warning in result.warnings:
             tell(self, "WARNING", warning)
         return f"{result.sentence()}, files in {settings.out}"

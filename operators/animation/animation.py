@@ -100,7 +100,7 @@ def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan)
     missing = {folder / name: kind for folder in folders for name, kind in files.items()}
     check_outputs({plan.out / REPORT_NAME: REPORT, **missing}, inputs, folder=plan.out)
     with kept_frame(context.scene):
-        common = SharedSettings(exposure=maker.exposure)
+        common = SharedSettings(exposure=maker.exposure, track=maker.track(context))
         if maker.bakes:
             common = replace(common, daylight=(yield from _before_all(same_daylight(context, plan.frames))))
         if plan.one_grid:

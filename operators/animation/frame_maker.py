@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
@@ -18,11 +19,12 @@ from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
-from ..pipeline.run import JobResult, run_job, write_result
+from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
-from ..scene.cameras import camera_name
+from ..pipeline.surface_key import surface_key
+from ..scene.cameras import AUTO, camera_name, track_cameras
 from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
 from ..settings.groups import Bounds
@@ -91,12 +93,14 @@ class SharedSettings:
     """Settings that frames share, so that their pictures do not flicker.
 
     exposure: factor on luminance; None if the frame chooses it for all others. daylight: whether sun and sky are added;
-    None without a bake. bounds: of one grid for all frames, None for a grid per frame.
+    None without a bake. bounds: of one grid for all frames, None for a grid per frame. track: key of the cameras of
+    all frames that voxels are fitted to, "" for those of a frame.
     """
 
     exposure: float | None = None
     daylight: bool | None = None
     bounds: Bounds | None = None
+    track: str = ""
 
 
 class OctreeMaker:
@@ -109,6 +113,10 @@ class OctreeMaker:
     def __init__(self, settings: JobSettings, overrides: OctreeOverrides, wanted: str) -> None:
         self._settings, self._overrides, self._wanted = settings, overrides, wanted
         self.scope, self.exposure, self.bakes = settings.surface.scope, settings.light.exposure, settings.light.is_baked
+
+    def track(self, context: bpy.types.Context) -> str:
+        """Key of the cameras of all frames that voxels are fitted to, "" for those of each frame."""
+        return ""
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of all settings that the files depend on."""
@@ -148,10 +156,22 @@ class JobMaker(OctreeMaker):
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_network(settings.network), importance_key(settings.view.importance)
         super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
+        self._last: tuple[str, JobResult] | None = None  # with its key, where the next frame may have the same voxels
+
+    def track(self, context: bpy.types.Context) -> str:
+        """Key of the cameras of all frames, with All Frames; "" where more than cameras moves."""
+        view = self._settings.view
+        if not self._settings.surface.track or list(view.cameras) == [AUTO]:
+            return ""
+        if scene_state(context.scene).frame is not None:  # each frame has voxels of its own
+            self._settings = self._settings.changed(track=False)
+            return ""
+        anywhere = np.array([[0.0] * 3, [1.0] * 3])
+        return composed(cameras_text(track_cameras(context, view.cameras, view.size, anywhere)))
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights, their estimator and importance by their contents."""
-        return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted}"
+        return f"{self._of_frame(common).changed(weights=None)!r} {self._wanted} {common.track}"
 
     def files(self, context: bpy.types.Context) -> dict[str, FileKind]:
         """Pictures of the named cameras, or of all cameras that are active at some frame."""
@@ -166,8 +186,24 @@ class JobMaker(OctreeMaker):
         return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Octree, codes, pictures and report."""
-        result = yield from run_job(context, self._of_frame(common))
+        """Octree, codes, pictures and report; with All Frames, frames of the same surface and light share voxels."""
+        settings, key, before = self._of_frame(common), "", None
+        if settings.surface.track:
+            key = surface_key(context.evaluated_depsgraph_get(), settings.changed(exposure=None))
+        if key and self._last is not None and self._last[0] == key:
+            last = self._last[1]
+            before = Before(
+                last.coded.octree,
+                last.layout,
+                last.state,
+                lit=True,
+                coded=last.coded,
+                encoder=last.report["encoder"],
+                warnings=last.notes["octree"],
+            )
+        self._last = None  # frees its memory, unless it is used
+        result = yield from run_job(context, settings, before=before)
+        self._last = (key, result) if key else None
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
         return _summary(result)

@@ -129,7 +129,8 @@ def read_surface(
 ) -> Steps[ReadSurface]:
     """Read the surface of the scene. Raises SceneError."""
     if settings.light.is_baked and not overrides.unlit:
-        settings = replace(settings, light=with_view(context, settings.light, settings.view.cameras))
+        names, track = settings.view.cameras, settings.surface.track
+        settings = replace(settings, light=with_view(context, settings.light, names, track=track))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()

@@ -7,9 +7,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 from patchnet.operators.animation.animation import AnimationResult, FramePlan, bake_frames
 from patchnet.operators.animation.frame_maker import JobMaker
+from patchnet.operators.pipeline import run
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.octree.file import load_octree
@@ -249,3 +251,36 @@ def test_light_is_only_added_where_no_frame_has_any(tmp_path: Path, weights: Pat
     result = bake(tmp_path, weights, (1, 2), **LIT)
     assert any(text.startswith("Frame 1 and 1 more: The scene has no light") for text in result.warnings)
     assert result.report["daylight"] is True and octree(tmp_path, 2).luminance.max() > 0.5
+
+
+def test_frames_of_a_moving_camera_share_the_voxels_of_all_frames(
+    tmp_path: Path, weights: Path, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With All Frames; each frame is that of other parts of the animation, to the bit. Else each has its own."""
+    bpy.data.objects["Slab"].animation_data_clear()
+    keyed(scene.camera, "location", {1: scene.camera.location[:], 3: scene.camera.location + Vector((0.3, 0.0, 0.0))})
+    lit: list[int] = []
+    light_octree = run.light_octree
+
+    def counted(context: bpy.types.Context, *rest: object) -> object:
+        lit.append(context.scene.frame_current)
+        return light_octree(context, *rest)
+
+    monkeypatch.setattr(run, "light_octree", counted)
+    wanted = {**LIT, "depth": None, "size": (48, 32)}
+    bake(tmp_path / "whole", weights, track=True, **wanted)
+    assert lit == [1]
+    bake(tmp_path / "part", weights, frames=(3,), track=True, **wanted)
+    assert lit == [1, 3]
+    whole, part = (tmp_path / name / "frame-0003" for name in ("whole", "part"))
+    names = sorted(path.relative_to(whole) for path in whole.rglob("*.png"))
+    assert len(names) > 3 and all((whole / name).read_bytes() == (part / name).read_bytes() for name in names)
+    first = tmp_path / "whole" / "frame-0001"
+    assert any((whole / name).read_bytes() != (first / name).read_bytes() for name in names)
+    bake(tmp_path / "own", weights, **wanted)
+    assert lit == [1, 3, 1, 2, 3]
+    keyed(bpy.data.objects["Slab"], "location", {1: (0, 0, 0), 3: (0, -0.8, 0)})
+    bake(tmp_path / "moving", weights, track=True, **wanted)
+    assert lit[5:] == [1, 2, 3]
+    keyed(scene.camera, "location", {3: scene.camera.location[:]})
+    assert bake(tmp_path / "whole", weights, frames=(1,), track=True, **wanted).made == [1], "another track"

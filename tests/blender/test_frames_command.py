@@ -76,7 +76,6 @@ def test_octree(scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
         (["--frames", "one"], "cannot be read"),
         (["--overwrite"], "--overwrite requires --frames"),
         (["--same-grid"], "--same-grid requires --frames"),
-        (["--frames", "1-2", "--depth", "auto", "--track"], "omit --track"),
     ],
 )
 def test_bad_frames_end_with_one_sentence(

@@ -138,6 +138,9 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
     assert any("as the active camera sees" in warning for warning in warnings)
     assert not with_view(bpy.context, LightSettings(), ("Eye", "Other")).from_camera, "others look, too"
     assert with_view(bpy.context, LightSettings(), ("Eye",)).from_camera
+    assert not with_view(bpy.context, LightSettings(), ("Eye",), track=True).from_camera, (
+        "it looks from other places, too"
+    )
 
 
 def test_glass_is_see_through_unless_it_is_all_there_is() -> None:

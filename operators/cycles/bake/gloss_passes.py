@@ -40,11 +40,14 @@ def seen_through(source: SceneMesh, setting: str) -> SceneMesh:
     return replace(source, materials=materials)
 
 
-def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequence[str]) -> LightSettings:
+def with_view(
+    context: bpy.types.Context, light: LightSettings, cameras: Sequence[str], *, track: bool = False
+) -> LightSettings:
     """Settings with a decision whether gloss is baked as seen from the active camera.
 
-    cameras: names of the job's cameras, none for the active one. Automatic uses its view if it is the only camera, so
-    that metals and mirrors are correct in it. Raises SceneError if it is needed and missing.
+    cameras: names of the job's cameras, none for the active one. track: whether they count at all frames. Automatic
+    uses the active camera's view if it is the only one, so that metals and mirrors are correct in it. Raises SceneError
+    if it is needed and missing.
     """
     if light.from_camera is not None:
         return light
@@ -54,7 +57,7 @@ def with_view(context: bpy.types.Context, light: LightSettings, cameras: Sequenc
             f"Scene '{context.scene.name}' has no active camera, which Gloss: From Camera needs: add a camera, or "
             "choose another Gloss"
         )
-    alone = camera is not None and set(cameras) <= {camera.name}
+    alone = camera is not None and set(cameras) <= {camera.name} and not track
     return replace(light, from_camera=light.gloss == GLOSS_CAMERA or (light.gloss == GLOSS_AUTO and alone))
 
 
