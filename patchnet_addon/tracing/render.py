@@ -38,7 +38,7 @@ from .tile import (
 )
 from .tile_walk import trace_block
 
-PATCH_SIDES = 1.5  # voxel sides from the entry to the start of the ray behind the patch
+_PATCH_SIDES = 1.5  # voxel sides from the entry to the end of the patch
 
 
 class TracedPixels(NamedTuple):
@@ -55,7 +55,7 @@ class TracedPixels(NamedTuple):
     ratio: np.ndarray
     entry_voxel: np.ndarray
     direction: np.ndarray
-    behind: np.ndarray
+    patch_end: np.ndarray
     fine: np.ndarray
 
 
@@ -68,7 +68,7 @@ class Hits:
     ratio: (P,) float32 pixel side / voxel side, clamped to [1/2, 1] (methods 7.8).
     entry_voxel: (P, 3) float32 entry point inside the voxel, [0, 1]^3.
     direction: (P, 3) float32, ray direction. camera_up: (3,) float64, the picture's up.
-    behind: (P,) float64, length at which the ray is behind its patch, in the octree's cube; inf for a miss.
+    patch_end: (P,) float64, length at which the ray has left its patch, in the octree's cube; inf for a miss.
     luminance: (P,) float32 of the voxel; 0 for a miss.
     """
 
@@ -82,7 +82,7 @@ class Hits:
     ratio: np.ndarray
     entry_voxel: np.ndarray
     direction: np.ndarray
-    behind: np.ndarray
+    patch_end: np.ndarray
     camera_up: np.ndarray
     luminance: np.ndarray
 
@@ -156,7 +156,7 @@ def trace_pixels(
         ratio=np.empty(pixels, np.float32),
         entry_voxel=np.empty((pixels, 3), np.float32),
         direction=np.empty((pixels, 3), np.float32),
-        behind=np.empty(pixels),
+        patch_end=np.empty(pixels),
         fine=np.empty(pixels if search.last >= FINE else 0, np.int64),
     )
     visits = np.zeros(-(-camera.height_px // TILE), np.int64)
@@ -261,7 +261,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
         traced.ratio[pixel] = 1.0
         traced.t_world[pixel] = np.inf
         traced.z_world[pixel] = np.inf
-        traced.behind[pixel] = np.inf
+        traced.patch_end[pixel] = np.inf
         for axis in range(3):
             traced.cell[pixel, axis] = -1
             traced.entry_voxel[pixel, axis] = 0.0
@@ -272,7 +272,7 @@ def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped
     traced.ratio[pixel] = pixel_voxel_ratio(camera.side_at_0 + camera.side_per_z * z, cells)
     traced.t_world[pixel] = t * camera.side_world
     traced.z_world[pixel] = z * camera.side_world
-    traced.behind[pixel] = t + PATCH_SIDES / cells
+    traced.patch_end[pixel] = t + _PATCH_SIDES / cells
     for axis in range(3):
         traced.cell[pixel, axis] = tile.numbers[CELL + axis, ray]
         traced.entry_voxel[pixel, axis] = tile.numbers[ENTRY + axis, ray]

@@ -88,7 +88,7 @@ def supersample(
     for row in range(0, camera.height_px, _ROWS_PER_STEP):
         last = min(row + _ROWS_PER_STEP, camera.height_px)
         pixels = np.arange(row * camera.width_px, last * camera.width_px)
-        parts.append(_mean_of_rays(octree, NO_HIGHLIGHTS, camera, pixels, side, finer))  # errors use clamped luminance
+        parts.append(_mean_of_rays(octree, True, camera, pixels, side, finer))  # errors use clamped luminance
         yield Progress(last, camera.height_px, f"Sampling {side}x{side}")
     return PixelMeans(*(np.concatenate(means) for means in zip(*parts, strict=True)))
 
@@ -100,7 +100,7 @@ def supersample_pixels(
 
     Colours include light above white.
     """
-    return _mean_of_rays(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, finer)
+    return _mean_of_rays(octree, False, camera, np.asarray(pixels, np.int64), side, finer)
 
 
 def behind_patches(
@@ -115,7 +115,7 @@ def behind_patches(
     there = np.flatnonzero(hits.hit[pixels])
     hit = pixels[there]
     finer = finer_than_pixel(lookahead)
-    found = _mean_of_rays(octree, NO_HIGHLIGHTS, camera, hit, 1, finer, hits.behind[hit])
+    found = _mean_of_rays(octree, True, camera, hit, 1, finer, hits.patch_end[hit])
     for all_of, some in zip(means, found, strict=True):
         all_of[there] = some
     return means
@@ -146,26 +146,26 @@ def spread_pixels(
     places: `grid_places` or `rook_places`.
     """
     side, splat = math.isqrt(len(places)), splat_of(pixel_filter, places)
-    means = _spread(octree, octree.hdr_highlights, camera, np.asarray(pixels, np.int64), side, splat, finer)
+    means = _spread(octree, False, camera, np.asarray(pixels, np.int64), side, splat, finer)
     return SpreadPixels(means[:, :-1, 1:], means[:, -1, 0].copy())
 
 
 def _mean_of_rays(
     octree: Octree,
-    above_white: HdrHighlights,
+    clamps: bool,
     camera: Camera,
     pixels: np.ndarray,
     side: int,
     finer: float | None,
     lengths: np.ndarray = _NO_STARTS,
 ) -> PixelMeans:
-    means = _spread(octree, above_white, camera, pixels, side, box_splat(grid_places(side)), finer, lengths)[:, 0]
+    means = _spread(octree, clamps, camera, pixels, side, box_splat(grid_places(side)), finer, lengths)[:, 0]
     return PixelMeans(means[:, 0].copy(), means[:, 1:4].copy(), means[:, 4].copy())
 
 
 def _spread(
     octree: Octree,
-    above_white: HdrHighlights,
+    clamps: bool,
     camera: Camera,
     pixels: np.ndarray,
     side: int,
@@ -175,13 +175,15 @@ def _spread(
 ) -> np.ndarray:
     """Means (N, K, MEANS) float32 over side x side rays of each pixel (N,) int64, for each of K rows of a splat.
 
-    Without chroma, red, green and blue are the luminance. Light above white is added to red, green and blue only.
-    lengths: (N,) float64 where a pixel's only ray begins, in the octree's cube; none: where the camera sees.
+    clamps: whether light above white is cut off; else it is added to red, green and blue only. Without chroma, these
+    are the luminance. lengths: (N,) float64 where a pixel's only ray begins, in the octree's cube; none: where the
+    camera sees.
     """
     RAYS.check(side)
     unit = camera_in_unit_cube(camera, octree.grid).finer(side if finer is None else finer)
     chroma, pieces = _NO_CHROMA if octree.chroma is None else octree.chroma, octree.pieces or NONE
-    clamps, footprint = above_white is NO_HIGHLIGHTS, 1.0 if finer is None else finer / side
+    above_white = NO_HIGHLIGHTS if clamps else octree.hdr_highlights
+    footprint = 1.0 if finer is None else finer / side
     light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, clamps, footprint)
     order, starts = blocks(pixels, unit.width_px, side)
     search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)

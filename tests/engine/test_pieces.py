@@ -23,7 +23,7 @@ from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
 from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
-from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample_pixels
+from patchnet.patchnet_addon.tracing.supersample import behind_patches, supersample, supersample_pixels
 from patchnet.tests.references.first_hits import pixel_rays
 from patchnet.tests.references.triangle_hits import nearest_triangles, unpacked_light
 
@@ -125,7 +125,7 @@ def test_rays_behind_patches_end_on_the_nearest_triangle_from_there():
     light = np.abs(normal @ (0.36, -0.48, 0.8)) / np.linalg.norm(normal, axis=1)
     row, column = np.divmod(EVERY, SIZE[0])
     origin, direction, _ = pixel_rays(octree, camera, (2 * column + 1) / SIZE[0] - 1, (2 * row + 1) / SIZE[1] - 1)
-    begin = np.where(hits.hit, hits.behind, 0.0)
+    begin = np.where(hits.hit, hits.patch_end, 0.0)
     nearest, *_ = nearest_triangles(corners, origin + begin[:, None] * direction, direction)
     expected = np.where(hits.hit & (nearest >= 0), light[nearest], 0.0)
     wrong = np.abs(behind_patches(octree, camera, hits, EVERY).luminance - expected) > 2e-3
@@ -230,6 +230,10 @@ def test_light_above_white_is_added_to_colours_alone():
     means = seen(octree, flat(above(), 0.2))
     np.testing.assert_allclose(means.luminance, 1.0, rtol=1e-4)
     np.testing.assert_allclose(means.colors, 3.0, rtol=5e-3)
+    dark = replace(octree, bright_nodes=None, bright_colors=None)  # as if texels alone were above white
+    np.testing.assert_array_equal(seen(dark, flat(above(), 0.2)).colors, means.colors)
+    clamped = drain(supersample(octree, flat(above(), 0.2), 1, finer=64.0))
+    np.testing.assert_allclose(clamped.colors, 1.0, rtol=1e-4)
 
 
 def test_leaves_of_many_pieces_stay_boxes(monkeypatch):
