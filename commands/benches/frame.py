@@ -70,8 +70,7 @@ def _frame(coded: CodedOctree, camera: Camera) -> dict[str, float]:
     clock = StageClock()
     with clock.stage("trace"):
         hits = first_hits(coded.octree, camera)
-        every = np.arange(camera.pixel_count)
-        behind = behind_patches(coded.octree, camera, hits, every, lookahead=coded.weights.lookahead)
+        behind = behind_patches(coded.octree, camera, hits, lookahead=coded.weights.lookahead)
     with clock.stage("decode"):
         prediction = predict(coded, hits)
     buffers = PixelBuffers(hits, behind=behind.luminance, prediction=prediction)

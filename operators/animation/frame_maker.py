@@ -23,7 +23,6 @@ from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_tex
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
-from ..pipeline.surface_key import surface_key
 from ..scene.cameras import AUTO, camera_name, track_cameras
 from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
@@ -156,18 +155,19 @@ class JobMaker(OctreeMaker):
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_network(settings.network), importance_key(settings.view.importance)
         super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
-        self._last: tuple[str, JobResult] | None = None  # with its key, where the next frame may have the same voxels
+        self._last: JobResult | None = None  # of a track: the next frame has its voxels, if the scene is the same
 
     def track(self, context: bpy.types.Context) -> str:
         """Key of the cameras of all frames, with All Frames; "" where more than cameras moves."""
         view = self._settings.view
-        if not self._settings.surface.track or list(view.cameras) == [AUTO]:
-            return ""
-        if scene_state(context.scene).frame is not None:  # each frame has voxels of its own
-            self._settings = self._settings.changed(track=False)
+        moves = scene_state(context.scene).frame is not None  # then each frame has voxels of its own
+        if not self._settings.surface.track or list(view.cameras) == [AUTO] or moves:
             return ""
         anywhere = np.array([[0.0] * 3, [1.0] * 3])
         return composed(cameras_text(track_cameras(context, view.cameras, view.size, anywhere)))
+
+    def _of_frame(self, common: SharedSettings) -> JobSettings:
+        return super()._of_frame(common).changed(track=bool(common.track))
 
     def settings_text(self, common: SharedSettings) -> str:
         """Text of the job's settings, with weights, their estimator and importance by their contents."""
@@ -187,23 +187,21 @@ class JobMaker(OctreeMaker):
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Octree, codes, pictures and report; with All Frames, frames of the same surface and light share voxels."""
-        settings, key, before = self._of_frame(common), "", None
-        if settings.surface.track:
-            key = surface_key(context.evaluated_depsgraph_get(), settings.changed(exposure=None))
-        if key and self._last is not None and self._last[0] == key:
-            last = self._last[1]
+        last, before = self._last, None
+        state = None if last is None else last.state
+        if last is not None and state is not None and state.identity() == scene_state(context.scene).identity():
             before = Before(
                 last.coded.octree,
                 last.layout,
-                last.state,
+                state,
                 lit=True,
                 coded=last.coded,
                 encoder=last.report["encoder"],
                 warnings=last.notes["octree"],
             )
-        self._last = None  # frees its memory, unless it is used
-        result = yield from run_job(context, settings, before=before)
-        self._last = (key, result) if key else None
+        self._last = last = None  # frees its memory, unless it is used
+        result = yield from run_job(context, self._of_frame(common), before=before)
+        self._last = result if common.track else None
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
         return _summary(result)

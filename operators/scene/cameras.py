@@ -261,6 +261,11 @@ def _view_alone(
     return view
 
 
+def frames_of(scene: bpy.types.Scene) -> range:
+    """Frames that a scene renders."""
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+
+
 def rendered_cameras(scene: bpy.types.Scene) -> list[Camera]:
     """Active camera at each frame that a scene renders, at the render's size.
 
@@ -268,7 +273,7 @@ def rendered_cameras(scene: bpy.types.Scene) -> list[Camera]:
     """
     bound = sorted((item for item in scene.timeline_markers if item.camera), key=lambda item: item.frame)
     cameras = []
-    for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
+    for number in frames_of(scene):
         camera = next((item.camera for item in reversed(bound) if item.frame <= number), scene.camera)
         if camera is not None:
             cameras.append(_view_alone(camera, scene, number, 0.0, (0, 0)))
@@ -295,7 +300,7 @@ def track_cameras(
     scene = context.scene
     cameras = []
     with kept_frame(scene):
-        for number in range(scene.frame_start, scene.frame_end + 1, scene.frame_step):
+        for number in frames_of(scene):
             go_to_frame(scene, number)
             for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
                 cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))

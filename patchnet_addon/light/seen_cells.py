@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells.morton import morton_encode
-from ..lod.fit import FINE_OFFSETS, bands_of, ray_stops
+from ..lod.stops import FINE_OFFSETS, bands_of, ray_stops
 from ..octree.grid import Grid
 from ..octree.octree import Nodes
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, MOST_STILLS, SMALL_PX

@@ -66,13 +66,9 @@ def trace_view(
         needs |= {PREDICTION, BEHIND, FINE}
     lookahead = _lookahead(needs, coded, lookahead)
     yield Progress(0, 1, "Tracing the preview")
-    fine, behind = None, None
-    if FINE in needs:
-        hits, fine = fine_hits(octree, camera, lookahead=lookahead)
-    else:
-        hits = first_hits(octree, camera)
-    if BEHIND in needs:
-        behind = behind_patches(octree, camera, hits, np.arange(camera.pixel_count), lookahead=lookahead)
+    traced = fine_hits(octree, camera, lookahead=lookahead) if FINE in needs else (first_hits(octree, camera), None)
+    hits, fine = traced
+    behind = behind_patches(octree, camera, hits, lookahead=lookahead) if BEHIND in needs else None
     colored = octree.chroma is not None
     prediction = predict(coded, hits) if PREDICTION in needs and coded is not None else None
     exact = (yield from exact_prediction(octree, hits, lookahead)) if EXACT in needs else None

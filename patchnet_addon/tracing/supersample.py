@@ -104,13 +104,19 @@ def supersample_pixels(
 
 
 def behind_patches(
-    octree: Octree, camera: Camera, hits: Hits, pixels: np.ndarray, *, lookahead: int = DEFAULT_LOOKAHEAD
+    octree: Octree,
+    camera: Camera,
+    hits: Hits,
+    pixels: np.ndarray | None = None,
+    *,
+    lookahead: int = DEFAULT_LOOKAHEAD,
 ) -> PixelMeans:
     """What rays of pixels (N,) meet behind the patches of their hits (methods 3.12); nothing where they miss.
 
-    The footprint is the pixel over `finer_than_pixel`. In an octree with pieces the rays end on the surface.
+    pixels: None for the whole picture. The footprint is the pixel over `finer_than_pixel`. In an octree with pieces the
+    rays end on the surface.
     """
-    pixels = np.asarray(pixels, np.int64)
+    pixels = np.arange(camera.pixel_count) if pixels is None else np.asarray(pixels, np.int64)
     means = PixelMeans(*(np.zeros((len(pixels), *shape), np.float32) for shape in ((), (3,), ())))
     there = np.flatnonzero(hits.hit[pixels])
     hit = pixels[there]

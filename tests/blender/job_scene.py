@@ -6,9 +6,11 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
+import pytest
 
 from patchnet.operators.pipeline.views import View, view
 from patchnet.operators.scene.cameras import tracing_camera
@@ -28,6 +30,19 @@ exec {python} -c 'import os, sys, bpy; from patchnet.commands.blender_command im
 code = execute(sys.argv[1:]); sys.stdout.flush(); os._exit(code)' "$@"
 """
 QUICK = ["--light", "two-lights", "--size", "16", "16", "--depth", "5"]  # words of a command
+
+
+def frames_of_calls(monkeypatch: pytest.MonkeyPatch, module: ModuleType, name: str) -> list[int]:
+    """Frames at which a function of a module, whose first argument is a context, is called from now on."""
+    frames: list[int] = []
+    called = getattr(module, name)
+
+    def noted(context: bpy.types.Context, *rest: object) -> object:
+        frames.append(context.scene.frame_current)
+        return called(context, *rest)
+
+    monkeypatch.setattr(module, name, noted)
+    return frames
 
 
 def check_walk(out: Path, reference: int) -> None:

@@ -18,7 +18,7 @@ from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.patchnet_addon.runtime.progress import drain
-from patchnet.tests.blender.job_scene import drop_result_images, random_weights
+from patchnet.tests.blender.job_scene import drop_result_images, frames_of_calls, random_weights
 from patchnet.tests.blender.objects import geometry_nodes
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 
@@ -259,14 +259,7 @@ def test_frames_of_a_moving_camera_share_the_voxels_of_all_frames(
     """With All Frames; each frame is that of other parts of the animation, to the bit. Else each has its own."""
     bpy.data.objects["Slab"].animation_data_clear()
     keyed(scene.camera, "location", {1: scene.camera.location[:], 3: scene.camera.location + Vector((0.3, 0.0, 0.0))})
-    lit: list[int] = []
-    light_octree = run.light_octree
-
-    def counted(context: bpy.types.Context, *rest: object) -> object:
-        lit.append(context.scene.frame_current)
-        return light_octree(context, *rest)
-
-    monkeypatch.setattr(run, "light_octree", counted)
+    lit = frames_of_calls(monkeypatch, run, "light_octree")
     wanted = {**LIT, "depth": None, "size": (48, 32)}
     bake(tmp_path / "whole", weights, track=True, **wanted)
     assert lit == [1]

@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.runtime.progress import Steps
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.tests.blender.engine_scene import build_for_engine, camera, kept, passes_in, rendered
+from patchnet.tests.blender.job_scene import frames_of_calls
 from patchnet.tests.blender.objects import geometry_nodes
 
 
@@ -56,14 +57,7 @@ def test_voxels_that_do_not_fit_are_shown_where_none_can_be_made(
 def test_a_moving_camera_reuses_the_octree_and_a_moving_lath_does_not(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made: list[int] = []
-    build_octree = frame_octree.build_lit_octree
-
-    def counted(context: bpy.types.Context, *rest: object) -> object:
-        made.append(context.scene.frame_current)
-        return build_octree(context, *rest)
-
-    monkeypatch.setattr(frame_octree, "build_lit_octree", counted)
+    made = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     scene.frame_start, scene.frame_end = 1, 3
     folder = Path(scene.render.filepath).parent
     _keys(scene.camera, [(1, 0.3), (3, 0.8)])
@@ -156,14 +150,7 @@ def test_what_does_not_move_is_voxelized_once(
             scaled.operation, scaled.inputs[1].default_value = "MULTIPLY", 0.01 if what == "time" else 0.0
             tree.links.new(time, scaled.inputs[0])
             tree.links.new(scaled.outputs[0], moved.inputs["Translation"])
-    made: list[int] = []
-    build_octree = frame_octree.build_lit_octree
-
-    def counted(context: bpy.types.Context, *rest: object) -> object:
-        made.append(context.scene.frame_current)
-        return build_octree(context, *rest)
-
-    monkeypatch.setattr(frame_octree, "build_lit_octree", counted)
+    made = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     for frame in (1, 20, 40):
         scene.frame_set(frame)
         rendered(scene)

@@ -40,8 +40,8 @@ def test_they_meet_the_same_voxels(name, share, lookahead, octree):
     """Bit for bit, as rays of the whole picture, and of one that is twice as large."""
     camera = CAMERAS[name]
     pixels = chosen(camera, share)
-    hits, every = first_hits(octree, camera), np.arange(camera.pixel_count)
-    some, all_of = (behind_patches(octree, camera, hits, these, lookahead=lookahead) for these in (pixels, every))
+    hits = first_hits(octree, camera)
+    some, all_of = (behind_patches(octree, camera, hits, these, lookahead=lookahead) for these in (pixels, None))
     for own, whole in zip(some, all_of, strict=True):
         np.testing.assert_array_equal(own, whole[pixels])
     rays = fine_rays(octree, camera, pixels, lookahead=lookahead)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.lod import fit
-from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, bands_of, fit_leaf_levels, needed_levels
+from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, needed_levels
+from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS, bands_of
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.runtime.errors import GeometryError
@@ -108,7 +109,7 @@ def test_frames_of_a_long_track_have_rays_in_other_rows_each():
         assert {row for each in rows for row in each} == set(range(100))
 
 
-def test_a_short_shot_of_a_long_track_is_fitted(mesh, camera):
+def test_a_short_shot_of_a_long_track_is_fitted(mesh):
     """Eight frames look at the other end of the floor, from near; nothing else does."""
     shot = Camera.look_at(np.array([0.8, -0.5, 0.1]), np.array([0.8, -0.9, 0.0]), size_px=(96, 64))
     away = Camera.look_at(np.array([0.1, 0.5, 0.25]), np.array([0.0, 0.9, 0.2]), size_px=(96, 64))

@@ -9,7 +9,8 @@ from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.codes.patch_rays import exact_prediction
 from patchnet.patchnet_addon.codes.predict import predict
 from patchnet.patchnet_addon.lod.depth import expected_share
-from patchnet.patchnet_addon.lod.fit import FINE_OFFSETS, fit_leaf_levels, lookahead_share, needed_levels
+from patchnet.patchnet_addon.lod.fit import fit_leaf_levels, lookahead_share, needed_levels
+from patchnet.patchnet_addon.lod.stops import FINE_OFFSETS
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, network
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
@@ -143,7 +144,7 @@ def test_pixels_look_as_far_as_the_weights_of_its_codes(octree, camera):
         buffers = drain(trace_view(octree, camera, exact, reference=False, **settings))
         wanted = drain(exact_prediction(octree, buffers.hits, lookahead))
         np.testing.assert_array_equal(buffers.exact.coverage, wanted.coverage)
-        behind = behind_patches(octree, camera, buffers.hits, np.arange(camera.pixel_count), lookahead=lookahead)
+        behind = behind_patches(octree, camera, buffers.hits, lookahead=lookahead)
         np.testing.assert_array_equal(buffers.behind, behind.luminance)
         for strategy in exact:
             assert strategy.scores(buffers)[buffers.exact.look_ahead].max() > 0

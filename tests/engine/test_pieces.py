@@ -128,9 +128,9 @@ def test_rays_behind_patches_end_on_the_nearest_triangle_from_there():
     begin = np.where(hits.hit, hits.patch_end, 0.0)
     nearest, *_ = nearest_triangles(corners, origin + begin[:, None] * direction, direction)
     expected = np.where(hits.hit & (nearest >= 0), light[nearest], 0.0)
-    wrong = np.abs(behind_patches(octree, camera, hits, EVERY).luminance - expected) > 2e-3
+    wrong = np.abs(behind_patches(octree, camera, hits).luminance - expected) > 2e-3
     assert wrong.mean() < 5e-3 and (expected > 0.0).mean() > 0.05
-    boxes = behind_patches(octree.without_pieces(), camera, hits, EVERY).luminance
+    boxes = behind_patches(octree.without_pieces(), camera, hits).luminance
     assert (np.abs(boxes - expected) > 2e-3).mean() > 5 * wrong.mean() + 0.01
 
 

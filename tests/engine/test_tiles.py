@@ -95,7 +95,7 @@ def assert_patch_rays(octree: Octree, camera: Camera, lookahead: int) -> None:
     start = np.where(met, t, 0.0) + 1.5 * 0.5 ** octree.level_of(np.maximum(node, 0))
     np.testing.assert_allclose(hits.patch_end, np.where(met, start, np.inf), rtol=1e-12)
     beyond, _ = hits_of_pixels(octree, camera, finer, start)
-    behind = behind_patches(octree, camera, hits, np.arange(camera.pixel_count), lookahead=lookahead)
+    behind = behind_patches(octree, camera, hits, lookahead=lookahead)
     expected = np.where(met, seen(octree, beyond), np.float32(0.0))
     np.testing.assert_allclose(behind.luminance, expected, rtol=3e-7, err_msg=camera.name)
     np.testing.assert_array_equal(behind.coverage, met & (beyond >= 0), err_msg=camera.name)
