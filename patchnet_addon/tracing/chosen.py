@@ -44,8 +44,9 @@ def fine_rays(
     """
     pixels = np.arange(camera.pixel_count) if pixels is None else np.asarray(pixels, np.int64)
     unit = camera_in_unit_cube(camera, octree.grid)
-    finer = unit.finer(finer_than_pixel(lookahead))
-    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth)
+    footprint = finer_than_pixel(lookahead)
+    finer = unit.finer(footprint)
+    search = Search(finer.side_at_0, finer.side_per_z, 1.0, COARSE, octree.depth, footprint / 2.0)
     order, starts = blocks(pixels, unit.width_px, 2)
     chosen = pixels[order], order, starts, 2, grid_places(2)
     seen = np.empty((len(pixels), 4), np.float32)

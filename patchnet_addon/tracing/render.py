@@ -126,7 +126,7 @@ def fine_hits(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAH
     finer voxels, 0 for a miss.
     """
     unit = camera_in_unit_cube(camera, octree.grid)
-    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE, octree.depth)
+    search = Search(unit.side_at_0, unit.side_per_z, 1 / finer_than_pixel(lookahead), FINE, octree.depth, 1.0)
     traced, _ = trace_pixels(octree, camera, search)
     return _hits(octree, camera, traced), seen_luminance(octree, traced.fine, traced.direction)
 
@@ -145,7 +145,7 @@ def trace_pixels(
     """
     unit = camera_in_unit_cube(camera, octree.grid)
     if search is None:
-        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
+        search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth, 1.0)
     pixels = camera.pixel_count
     traced = TracedPixels(
         node=np.empty(pixels, np.int64),

@@ -192,7 +192,7 @@ def _spread(
     footprint = 1.0 if finer is None else finer / side
     light = _Light(octree.light, chroma, above_white, pieces, octree.exposure, clamps, footprint)
     order, starts = blocks(pixels, unit.width_px, side)
-    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth)
+    search = Search(unit.side_at_0, unit.side_per_z, 1.0, COARSE, octree.depth, max(footprint, 1.0))
     means = np.empty((len(pixels), len(splat.total), MEANS), np.float32)
     chosen = pixels[order], order, starts, side, lengths[order] if len(lengths) else lengths
     run_parts(_means_of_blocks, len(starts) - 1, octree.exact_nodes, light, unit, search, (chosen, splat), means)

@@ -77,7 +77,8 @@ class Search(NamedTuple):
     """Search of a tile's rays.
 
     at_0, per_z: side of their pixels at axial distance z is at_0 + per_z * z. finer: scale of the footprint in the
-    phase FINE, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level.
+    phase FINE, a power of two. last: the final phase of a ray. depth: of the octree, or a deeper level. apart: distance
+    of neighbouring rays over the side of their pixels; it changes the order of visits alone.
     """
 
     at_0: float
@@ -85,6 +86,7 @@ class Search(NamedTuple):
     finer: float
     last: int
     depth: int
+    apart: float
 
 
 @device

@@ -3,9 +3,9 @@
 
 Neighbouring rays hit the same nodes, so a tile descends the octree once, nearest children first. Large nodes are
 tested against the whole tile: bounds of the rays' axial plane distances exclude children that no ray can hit. Leaves,
-and nodes not much wider than a pixel, are left to packets (`packet_walk.py`). The walk ends when all rays are done.
-Rays that are mirrored differently are walked one group after the other. The order of visits changes no distance, so
-hits equal those of single rays, bit for bit.
+and nodes not much wider than the distance of two rays, are left to packets (`packet_walk.py`). The walk ends when all
+rays are done. Rays that are mirrored differently are walked one group after the other. The order of visits changes no
+distance, so hits equal those of single rays, bit for bit.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from .tile import (
     want_pixels,
 )
 
-_WIDE = 10.0  # voxel side over pixel side from which a node is tested for the whole tile; 5 and 20 are slower
+_WIDE = 10.0  # voxel side over distance of rays from which a node is tested for the whole tile; 5 and 20 are slower
 _FAR = 1e300
 _SAFE = 1e-12  # relative; bounds round differently from the rays' own distances
 _UPPER_X, _UPPER_Y, _UPPER_Z = 0b10101010, 0b11001100, 0b11110000  # children in the upper half of each axis
@@ -162,7 +162,8 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     farthest = 0.0
     for octant in range(OCTANTS):
         farthest = max(farthest, levels.exits[0, octant])
-    if nodes.child_mask[0] == 0 or _WIDE * (search.at_0 + search.per_z * farthest) > 1.0:
+    wide = _WIDE * search.apart
+    if nodes.child_mask[0] == 0 or wide * (search.at_0 + search.per_z * farthest) > 1.0:
         return 1 + _walk_packets(nodes, search, tile, bounds.mirror, levels, level)
     visits = 1
     size = 1.0
@@ -177,7 +178,7 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
         visits += 1
         step_down(nodes, bounds.mirror, levels, level, octant)
         pixel = search.at_0 + search.per_z * levels.exits[level, octant]
-        if nodes.child_mask[levels.state[level + 1, HERE]] == 0 or 0.5 * size < _WIDE * pixel:
+        if nodes.child_mask[levels.state[level + 1, HERE]] == 0 or 0.5 * size < wide * pixel:
             visits += _walk_packets(nodes, search, tile, bounds.mirror, levels, level + 1)
             if tile.lanes[ALIVE, 0] | tile.lanes[ALIVE, 1] | tile.lanes[ALIVE, 2] | tile.lanes[ALIVE, 3] == 0:
                 break
