@@ -17,8 +17,30 @@ from ...patchnet_addon.sampling.patchnet_plus import estimators_fit
 from ...patchnet_addon.sampling.plus.weights import estimators_of
 from ...patchnet_addon.tracing.camera import CameraUnit
 from ...patchnet_addon.tracing.pixel_filter import PixelFilter
-from .packing import CODED_WORDS, OCTREE_WORDS, coded_word_count, estimator_block, film_words, layer_blocks, rank_words
-from .shaders import DECODER, ESTIMATE, FILM, FLOATS, HEAT, HITS, LAYER_BLOCKS, PICTURE, WORDS, Shader, view_block
+from .packing import (
+    CODED_WORDS,
+    OCTREE_WORDS,
+    PIECE_WORDS,
+    coded_word_count,
+    estimator_block,
+    film_words,
+    layer_blocks,
+    rank_words,
+)
+from .shaders import (
+    DECODER,
+    ESTIMATE,
+    EXACT_PICTURE,
+    FILM,
+    FLOATS,
+    HEAT,
+    HITS,
+    LAYER_BLOCKS,
+    PICTURE,
+    WORDS,
+    Shader,
+    view_block,
+)
 
 SHADERS = {"picture": PICTURE, "film": FILM, "hits": HITS, "decoder": DECODER, "estimate": ESTIMATE, "heat": HEAT}
 
@@ -55,12 +77,14 @@ class Samples(NamedTuple):
 class CardOctree:
     """Textures of an octree, and of its codes where they are asked for; dropping it frees them.
 
-    nbytes: of its textures. grid: of the octree. estimates: weights of the codes have an estimator of errors.
+    nbytes: of its textures. grid: of the octree. exact: rays of pictures end on the surface where leaves have pieces.
+    estimates: weights of the codes have an estimator of errors.
     """
 
     def __init__(self, device: Any, octree: Octree) -> None:
         """Nothing is there before `upload`, which lets go of the octree."""
         self.device, self.grid, self.nbytes = device, octree.grid, 0
+        self.exact = octree.pieces is not None
         self._brightness = 1.0 / octree.exposure
         self._bright = 0 if octree.bright_nodes is None else len(octree.bright_nodes)
         self._bound: dict[str, Any] = {}
@@ -73,6 +97,10 @@ class CardOctree:
         for name, pack in OCTREE_WORDS.items():
             yield from self._add(name, partial(pack, octree))
         yield from self._add("ranks", partial(rank_words, octree, None))
+        if octree.pieces is not None:
+            yield from self._add("first_pieces", lambda: octree.first_child.reshape(-1, 1))
+            for name, pack_pieces in PIECE_WORDS.items():
+                yield from self._add(name, partial(pack_pieces, octree.pieces))
 
     def upload_codes(self, coded: CodedOctree) -> Steps[None]:
         """Pack and upload what the decoder needs beside that; codes of weights that `packing.fits_card` has."""
@@ -97,7 +125,8 @@ class CardOctree:
         """Compile shaders that are not there, of SHADERS; raises PatchNetError."""
         for number, name in enumerate(name for name in names if name not in self._programs):
             yield Progress(number, len(names), "Compiling shaders")
-            self._programs[name] = SHADERS[name], self.device.program(SHADERS[name])
+            shader = EXACT_PICTURE if name == "picture" and self.exact else SHADERS[name]
+            self._programs[name] = shader, self.device.program(shader)
 
     def hit_images(self, camera: CameraUnit) -> HitImages:
         """Images for the hits of a view of that size."""
@@ -132,12 +161,18 @@ class CardOctree:
         self._run("estimate", view_block(camera, first_row=first), bound, (camera.width_px, rows))
 
     def draw(
-        self, camera: CameraUnit, images: tuple[Any, Any, Any], world: tuple[Any, int], samples: Samples, number: int
+        self,
+        camera: CameraUnit,
+        images: tuple[Any, Any, Any],
+        world: tuple[Any, int],
+        samples: Samples,
+        number: int,
+        footprint: float = 1.0,
     ) -> None:
         """Write the mean of a sample, by its number, and of those before it in each pixel.
 
         images: of the sample, of the mean before, and of that which is written. world: texture of
-        `packing.world_words` and the side of its faces.
+        `packing.world_words` and the side of its faces. footprint: of a ray on textures over that on voxels.
         """
         seen, before, mean = images
         size = camera.width_px, camera.height_px
@@ -149,6 +184,7 @@ class CardOctree:
             world_side=world[1],
             sample=(number, (float(x), float(y))),
             film=(samples.across, float(samples.shares[number])),
+            footprint=footprint,
         )
         self._run("picture", view, {"out_sample": seen, "world": world[0]}, size)
         self._run("film", view, {"seen": seen, "before": before, "weights": samples.weights, "out_mean": mean}, size)

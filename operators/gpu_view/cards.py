@@ -154,6 +154,8 @@ class _Card:
         device, (viewport, gib) = BlenderDevice(), self.chosen
         if reason := _against(viewport):
             raise CardError(reason)
+        if card_bytes(octree) > gib * _GIB:  # voxels alone
+            octree = octree.without_pieces()
         wanted = card_bytes(octree)
         if wanted > gib * _GIB:
             raise CardError(f"the octree needs {bytes_text(wanted)} of graphics memory, {gib:g} GiB are allowed")

@@ -2,7 +2,8 @@
 """Octree, codes and weights as words of textures; NumPy alone.
 
 A texture holds the bits of uint32 words as floats, since Blender uploads no integers. Bytes: 8 a node, 2 for its hue,
-half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded voxel; with codes 4 for its normal.
+half a one for what finds codes and sides, 24 for sides, 52 a corner, 12 a coded voxel; with codes 4 for its normal;
+with pieces 4 a node, 12 a piece, 72 a triangle of them and 4 a texel.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.image.cube_map import CubeMap
 from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.octree.pieces import NO_PIECES, Pieces
 from ...patchnet_addon.sampling.plus.forms import CENTRE, FORMS, WINDOW, Kind, Plane
 from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
 from ...patchnet_addon.sampling.plus.weights import Estimators
 from ...patchnet_addon.surface.chroma import GRAY_SHARE
 from ...patchnet_addon.tracing.pixel_filter import PixelFilter, splat_of
 
-BOXED, SIDED, BRIGHT = 1 << 24, 1 << 25, 1 << 26  # flags of a node
+BOXED, SIDED, BRIGHT, PIECED = (1 << bit for bit in (24, 25, 26, 27))  # flags of a node
 WIDTH_BITS = 14
 WIDTH = 1 << WIDTH_BITS  # of all textures
 HIDDEN, MAX_WIDTH = 80, 78  # outputs of a layer on the card, filled up; most inputs of one but the first
@@ -63,6 +65,8 @@ def node_words(octree: Octree) -> np.ndarray:
     for nodes, flag in ((octree.side_nodes, SIDED), (octree.bright_nodes, BRIGHT)):
         if nodes is not None:
             words[nodes, 1] |= np.uint32(flag)
+    if octree.pieces is not None:
+        words[(octree.child_mask == 0) & (octree.first_child != NO_PIECES), 1] |= np.uint32(PIECED)
     return words
 
 
@@ -169,10 +173,44 @@ def estimator_block(estimators: Estimators) -> np.ndarray:
     return np.concatenate([inputs.ravel(), first[1], second[0].T.ravel(), second[1], ends.ravel()])
 
 
+def corner_words(pieces: Pieces) -> np.ndarray:
+    """Words (3 t, 4) uint32: corners of triangles as floats; beside the first their UVs' detail, then the material."""
+    words = np.zeros((len(pieces.corners), 3, 4), np.float32)
+    words[..., :3] = pieces.corners.reshape(-1, 3, 3)
+    words[:, :2, 3] = pieces.uvs[:, 6:]
+    return words.view(np.uint32).reshape(-1, 4)
+
+
+def chain_words(pieces: Pieces) -> np.ndarray:
+    """Words (3 K, 4) uint32 of mip chains: first level, their number, wrap mode and detail; rows of the transform."""
+    chains = pieces.textures.chains
+    words = np.zeros((len(chains), 3, 4), np.float32)
+    whole = words.view(np.int32)
+    for column, name in enumerate(("first", "level_count", "wrap")):
+        whole[:, 0, column] = chains[name]
+    words[:, 0, 3] = chains["detail"]
+    for number, name in enumerate(("one", "two", "three", "four", "five", "six")):
+        words[:, 1 + number // 3, number % 3] = chains[name]
+    return words.view(np.uint32).reshape(-1, 4)
+
+
+def material_words(pieces: Pieces) -> np.ndarray:
+    """Words (2 M, 4) uint32 of materials: both chains, whether it reflects, threshold or -1; colour and opacity."""
+    materials = pieces.textures.materials
+    words = np.zeros((len(materials), 2, 4), np.float32)
+    whole = words.view(np.int32)
+    for column, name in enumerate(("chain", "color_chain", "reflects")):
+        whole[:, 0, column] = materials[name]
+    words[:, 0, 3] = np.nan_to_num(materials["threshold"], nan=-1.0)
+    for column, name in enumerate(("red", "green", "blue", "opacity")):
+        words[:, 1, column] = materials[name]
+    return words.view(np.uint32).reshape(-1, 4)
+
+
 def padded(words: np.ndarray) -> np.ndarray:
     """Words (rows, WIDTH, C) of a texture that holds words (n, C)."""
     count, channels = words.shape
-    rows = -(-count // WIDTH)
+    rows = max(-(-count // WIDTH), 1)
     if count == rows * WIDTH:
         return words.reshape(rows, WIDTH, channels)
     full = np.zeros((rows * WIDTH, channels), np.uint32)
@@ -180,13 +218,24 @@ def padded(words: np.ndarray) -> np.ndarray:
     return full.reshape(rows, WIDTH, channels)
 
 
-# Textures by name, and what packs them: those that tracing and colours need, and those that the decoder needs, too.
+# Textures by name, and what packs them: those that tracing and colours need, those of pieces beside the nodes' first
+# ones, and those that the decoder needs, too.
 # Of corner codes a word is two halves, of mean normals x, y and z as signed bytes.
 OCTREE_WORDS: dict[str, Callable[[Octree], np.ndarray]] = {
     "nodes": node_words,
     "hues": hue_words,
     "sides": side_words,
     "bright": bright_words,
+}
+PIECE_WORDS: dict[str, Callable[[Pieces], np.ndarray]] = {
+    "pieces": lambda pieces: pieces.triangle.reshape(-1, 1),
+    "lights": lambda pieces: pieces.light,
+    "corners": corner_words,
+    "uvs": lambda pieces: np.ascontiguousarray(pieces.uvs[:, :6]).view(np.uint32).reshape(-1, 2),
+    "texels": lambda pieces: pieces.textures.texels.reshape(-1, 1),
+    "mips": lambda pieces: np.pad(pieces.textures.levels, ((0, 0), (0, 1))).astype(np.uint32),
+    "chains": chain_words,
+    "materials": material_words,
 }
 CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
     "codes": lambda coded: np.ascontiguousarray(coded.codes[:, :8]).view(np.uint32),
@@ -200,7 +249,13 @@ CODED_WORDS: dict[str, Callable[[CodedOctree], np.ndarray]] = {
 def card_bytes(octree: Octree) -> int:
     """Bytes that an octree takes on the card, about."""
     sides = 0 if octree.side_nodes is None else 24 * len(octree.side_nodes)
-    return 11 * octree.node_count + sides
+    pieces = 0
+    if octree.pieces is not None:
+        found = octree.pieces
+        pieces = (
+            4 * octree.node_count + 12 * len(found.triangle) + 72 * len(found.corners) + found.textures.texels.nbytes
+        )
+    return 11 * octree.node_count + sides + pieces
 
 
 def code_bytes(coded: CodedOctree) -> int:

@@ -7,6 +7,10 @@ void main() {
   Ray ray = make_ray(pixel);
   Hit hit = trace(ray, start_of(ray), 1.0);
   vec4 seen = vec4(0.0);
+#ifdef EXACT
+  if (hit.piece != NONE) seen = vec4(piece_light(ray, hit), 1.0);
+  else
+#endif
   if (hit.node != NONE) {
     vec3 light = color_along(hit.node, hit.words, ray.direction) + above_white(hit.node, hit.words, ray.direction);
     seen = vec4(light * view.sight.w, 1.0);

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,9 @@ from ...patchnet_addon.network.kinds import MIXTURE
 from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST
 from ...patchnet_addon.sampling.plus.forms import FAR, FLOOR, SLOPE
 from ...patchnet_addon.sampling.plus.weights import HIDDEN as UNITS
+from ...patchnet_addon.surface.textures import BLACK, EXTEND, LEAST_BASE, MIRROR, REPEAT
 from ...patchnet_addon.tracing.camera import CameraUnit
-from .packing import HIDDEN, INPUTS, MAX_WIDTH, WIDTH, WIDTH_BITS
+from .packing import HIDDEN, INPUTS, MAX_WIDTH, PIECE_WORDS, WIDTH, WIDTH_BITS
 
 _FOLDER = Path(__file__).parent
 _SPLIT = 4096.0  # origins are multiples of 1 / this, and a rest
@@ -28,7 +29,8 @@ struct View {
   vec4 lens; vec4 sight; vec4 jitter; ivec4 size; ivec4 counts; ivec4 bounds;
 };
 """  # lens: shift, side of a pixel at 0, per axial distance. sight: nearest, farthest, whether perspective,
-# factor on colours, of heatmaps on the pixel's side behind the patch.
+# factor on colours, of heatmaps on the pixel's side behind the patch. right.w: a ray's footprint on textures over the
+# pixel's side.
 # jitter: place in the pixel; number of the sample; end of a heatmap's ramp, or share of the sample in the mean. size:
 # width, height, first row, kind of a heatmap, or pixels across that a sample counts in. counts: nodes above white,
 # inputs of the decoder, side of the world's faces, words of coded nodes.
@@ -100,6 +102,19 @@ PICTURE = Shader(
     (*_OCTREE, "hues", "bright", "world"),
     {"out_sample": FLOATS},
 )
+EXACT_PICTURE = replace(
+    PICTURE,
+    files=("tracing.glsl", "pieces.glsl", *PICTURE.files[1:]),
+    textures=(*PICTURE.textures, "first_pieces", *PIECE_WORDS),
+    defines={
+        "EXACT": "1",
+        "LEAST_BASE": f"{LEAST_BASE:.9f}",
+        "REPEAT": f"{REPEAT}u",
+        "EXTEND": f"{EXTEND}u",
+        "MIRROR": f"{MIRROR}u",
+        "BLACK": f"{BLACK}u",
+    },
+)
 FILM = Shader(("film_main.glsl",), ("seen", "before", "weights"), {"out_mean": FLOATS})
 
 DECODER = Shader(
@@ -148,6 +163,7 @@ def view_block(
     first_row: int = 0,
     heat: tuple[int, float] = (0, 1.0),
     film: tuple[int, float] | None = None,
+    footprint: float = 1.0,
 ) -> np.ndarray:
     """Uniform block (VIEW_NUMBERS,) float32 of a view, some of whose floats are the bits of integers.
 
@@ -155,7 +171,7 @@ def view_block(
     decoder: its width, and `packing.coded_word_count`. world_side: of the world's faces, 0 where nothing is behind.
     sample: its number, and the place in the pixels that rays go through, [0, 1]^2. first_row: of the band that is
     decoded. heat: kind of a heatmap, and the value at its ramp's end. film: pixels across that a sample counts in, and
-    its share in the mean of all so far.
+    its share in the mean of all so far. footprint: of a ray on textures, over the pixel's side.
     """
     (width, coded_words), (number, jitter), last = decoder, sample, heat if film is None else film
     place, right, up, forward = camera.pose
@@ -166,6 +182,7 @@ def view_block(
     whole = np.round(place * _SPLIT) / _SPLIT
     block = np.zeros((VIEW_NUMBERS // 4, 4), np.float32)
     block[:6, :3] = whole, place - whole, right, up, forward, up / np.linalg.norm(up)
+    block[2, 3] = footprint
     block[6] = camera.shift_x, camera.shift_y, camera.side_at_0, camera.side_per_z
     block[7] = camera.nearest - ahead, min(camera.farthest - ahead, 1e30), camera.perspective, brightness
     block[8] = *jitter, number, last[1]

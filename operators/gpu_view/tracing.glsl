@@ -3,13 +3,15 @@
 //
 // In the octree's cube, mirrored so that a ray runs upwards on all axes. float32 holds a place to 2^-24, which is no
 // voxel of depth 18; so a ray's origin is a multiple of 2^-12 and a rest, and planes minus the first are exact.
-// A node's words: first child, or of a leaf its box; then 8 bits of children, 16 of luminance, flags.
+// A node's words: first child, or of a leaf its box; then 8 bits of children, 16 of luminance, flags. With EXACT, rays end
+// on the pieces of leaves that have them (pieces.glsl).
 
 #define MAX_LEVELS 24
 #define NONE 0xFFFFFFFFu
 #define BOXED 0x01000000u
 #define SIDED 0x02000000u
 #define BRIGHT 0x04000000u
+#define PIECED 0x08000000u
 
 ivec2 texel(uint at) { return ivec2(int(at & (WIDTH - 1u)), int(at >> WIDTH_BITS)); }
 
@@ -32,6 +34,9 @@ struct Hit {
   int level;
   ivec3 cell;  // mirrored
   vec3 low;    // planes that are entered by, mirrored: the cell's, or its box's
+  uint piece;  // NONE for a voxel; the side that is seen, and weights of the triangle's last two corners
+  bool back;
+  vec2 weights;
 };
 
 float largest3(vec3 v) { return max(max(v.x, v.y), v.z); }
@@ -79,6 +84,10 @@ vec3 box_planes(Ray ray, uint box, vec3 cell, float size, bool upper) {
   return (16.0 * cell + steps) * (size * 0.0625);
 }
 
+#ifdef EXACT
+bool meet_pieces(Ray ray, uint leaf, vec3 cell, float size, float start, float enter, float leave, inout Hit hit);
+#endif
+
 // finer: factor on the pixel's side.
 Hit trace(Ray ray, float start, float finer) {
   uint stack[MAX_LEVELS];
@@ -89,6 +98,7 @@ Hit trace(Ray ray, float start, float finer) {
   hit.level = 0;
   hit.cell = ivec3(0);
   hit.low = vec3(0.0);
+  hit.piece = NONE;
   float at_0 = view.lens.z * finer, per_length = view.lens.w * finer * ray.speed;
   float farthest = view.sight.y / ray.speed;
   float enter = max(start, largest3(to_planes(ray, vec3(0.0))));
@@ -118,11 +128,19 @@ Hit trace(Ray ray, float start, float finer) {
         uvec2 words = node_words(child);
         if ((words.y & 255u) == 0u || size < 2.0 * (at_0 + per_length * enter)) {
           bool met = true;
+          float end = leave;
           if ((words.y & BOXED) != 0u) {
             low = box_planes(ray, words.x, vec3(cell), size, false);
             enter = max(start, largest3(to_planes(ray, low)));
-            met = enter < smallest3(to_planes(ray, box_planes(ray, words.x, vec3(cell), size, true)));
+            end = smallest3(to_planes(ray, box_planes(ray, words.x, vec3(cell), size, true)));
+            met = enter < end;
           }
+#ifdef EXACT
+          if (met && (words.y & PIECED) != 0u) {
+            met = meet_pieces(ray, child, vec3(cell), size, start, enter, end, hit);
+            if (met) enter = hit.t;
+          }
+#endif
           if (met) {
             if (enter > farthest) return hit;
             hit.node = child;

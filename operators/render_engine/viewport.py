@@ -145,8 +145,8 @@ class Viewport:
     ) -> bool:
         """Draw by the graphics card while the view moves, and at rest too if all pixels get equally many samples.
 
-        Returns whether nothing else draws: with priority or painted importance, and where rays end on the surface, CPU
-        kernels continue at rest. Rays of the card end on boxes.
+        Returns whether nothing else draws: with priority or painted importance, and where the card has no room for
+        the pieces on which rays end, CPU kernels continue at rest.
         """
         card = cards.card_of(context, result.octree)
         if card is None:
@@ -154,8 +154,8 @@ class Viewport:
             return False
         values, picture = context.scene.patchnet, self._on_card or CardPicture()
         self._on_card = picture
-        boxes = result.octree.pieces is None
-        alike = boxes and values.render_samples > 0 and self.mask.ready(context, idle=picture.done)
+        full = card.exact or result.octree.pieces is None
+        alike = full and values.render_samples > 0 and self.mask.ready(context, idle=picture.done)
         alike = alike and self.mask.strokes is None
         side = samples_side(values.render_samples) if alike else 1
         behind = self.world.behind(depsgraph, result.octree)
@@ -168,7 +168,7 @@ class Viewport:
         if not (alike or moved or shows_heat):
             return False
         picture.draw(engine, context.scene)
-        status, done = picture.status if boxes else f"{picture.status}, surface in boxes", picture.done
+        status, done = picture.status if full else f"{picture.status}, surface in boxes", picture.done
         if shows_heat:
             status, heat_done = self._work_at_heat(context, card, result, camera)
             done = done and heat_done

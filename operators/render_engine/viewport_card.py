@@ -97,8 +97,9 @@ class CardPicture:
         if self._taken < 0 or self._samples is None:
             card.draw(unit, (seen, mean, other), self._world, self._first, 0)
         else:
-            finer = unit.finer(max(side, EVEN_FOOTPRINT))
-            card.draw(finer, (seen, mean, other), self._world, self._samples, self._taken)
+            finest = max(side, EVEN_FOOTPRINT)
+            images, footprint = (seen, mean, other), finest / side
+            card.draw(unit.finer(finest), images, self._world, self._samples, self._taken, footprint)
         self._images = seen, mean, other
         self._taken += 1
         self.done = self._samples is None or self._taken == len(self._samples.places)

@@ -10,8 +10,7 @@ import numpy as np
 from ..runtime.kernels import lean_device
 from .hit_textures import TOP
 from .texels import MipChain, mip_level, on_axis, wrapped
-from .texture_lookup import LEAST_BASE
-from .textures import BLACK, MIRROR, REPEAT
+from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
 @lean_device

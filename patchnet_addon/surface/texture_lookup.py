@@ -18,9 +18,7 @@ from .chroma import BLUE, GREEN, RED
 from .footprint import ROWS, footprint_means, piece_on_texture
 from .mesh import Fragments, TriangleBatch
 from .texels import MipChain, bilinear, cut, mip_level, on_texture, wrapped
-from .textures import LEVEL_BIAS, TextureTable
-
-LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
+from .textures import LEAST_BASE, LEVEL_BIAS, TextureTable
 
 
 def surface_of_fragments(

@@ -24,6 +24,7 @@ WRAP_MODES = {"REPEAT": REPEAT, "EXTEND": EXTEND, "MIRROR": MIRROR, "CLIP": CLIP
 # A bilinear lookup in a box-filtered level has the variance of a box sqrt(3) times as wide as its texels.
 LEVEL_BIAS = 0.5 * math.log2(3.0)
 CUT_SAMPLES = 4  # along a texel cut by a threshold
+LEAST_BASE = np.float32(0.02)  # of a base colour that light is divided by, and multiplied with again
 _IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 

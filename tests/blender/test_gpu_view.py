@@ -28,17 +28,22 @@ from patchnet.patchnet_addon.lod.fit import fit_leaf_levels
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.grid import Grid
+from patchnet.patchnet_addon.octree.leaf_levels import LeafLevels
 from patchnet.patchnet_addon.octree.octree import Octree
+from patchnet.patchnet_addon.octree.voxelize import LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.adaptive import AdaptivePicture
 from patchnet.patchnet_addon.sampling.patchnet import coverage_and_luminance_score
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
 from patchnet.patchnet_addon.sampling.trace import trace_view
-from patchnet.patchnet_addon.surface.mesh import TriangleMesh
-from patchnet.patchnet_addon.surface.shading import two_lights_shade
+from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleBatch, TriangleMesh
+from patchnet.patchnet_addon.surface.shading import albedo_shade, two_lights_shade
+from patchnet.patchnet_addon.surface.texture_lookup import BaseColors
+from patchnet.patchnet_addon.surface.textures import TextureTable
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera, camera_in_unit_cube
 from patchnet.patchnet_addon.tracing.pixel_filter import BLACKMAN_HARRIS, GAUSSIAN, PixelFilter, rook_places
 from patchnet.patchnet_addon.tracing.render import first_hits, seen_above_white, seen_color
+from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.tests.blender.gpu_context import with_gpu
 from patchnet.tests.engine.octree_samples import random_octree, with_sides
 from patchnet.tests.engine.yard_scene import yard_octree
@@ -135,6 +140,85 @@ def test_a_fitted_octree_of_depth_16() -> None:
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 16), shade, layout=fitted.layout))
     assert octree.depth == 16
     check(drain(encode_octree(octree, load_weights())), [camera])
+
+
+def patterned() -> TriangleMesh:
+    """Triangles in all directions, with colours, cut-outs and UV coordinates beyond the images in all wrap modes."""
+    random = np.random.default_rng(3)
+
+    def image(*shape: int, wrap: str) -> Texture:
+        return Texture("noise", random.random(shape, np.float32), wrap)
+
+    modes = ("REPEAT", "EXTEND", "MIRROR", "CLIP")
+    materials = [Material(mode, (1.0,) * 3, base_texture=image(32, 16, 3, wrap=mode)) for mode in modes]
+    cut_outs = [image(2, 3, 1, wrap=mode) for mode in modes]
+    materials += [Material(cut.wrap, alpha_texture=cut, alpha_threshold=0.5) for cut in cut_outs]
+    materials += [Material("green", (0.2, 0.7, 0.1))]
+    places = random.uniform(0.2, 0.8, (60, 1, 3)) + random.normal(0.0, 0.12, (60, 3, 3))
+    uvs = random.uniform(-0.75, 1.75, (60, 3, 2)).astype(np.float32)
+    number = np.arange(60, dtype=np.int32) % len(materials)
+    part = TriangleBatch(np.clip(places, 0.01, 0.99), uvs, number, 0)
+    return TriangleMesh((part,), tuple(materials))
+
+
+def with_pieces(mesh: TriangleMesh, depth: int) -> Octree:
+    """Octree whose leaves have pieces; of more than six levels it has leaves on all of them."""
+    table, reflects = TextureTable.from_materials(mesh.materials, color=True), np.ones(len(mesh.materials), bool)
+    layout = None if depth == 6 else LeafLevels(np.random.default_rng(1).integers(4, depth + 1, 64).astype(np.uint8))
+    return drain(
+        build_octree(
+            mesh,
+            Grid((0.0, 0.0, 0.0), 1.0, depth),
+            albedo_shade(mesh, color=True),
+            exposure=0.5,
+            layout=layout,
+            detail=LeafDetail(boxes=True, base=BaseColors(table, reflects)),
+        )
+    )
+
+
+@pytest.mark.parametrize("depth", [6, 12])
+def test_rays_of_pictures_end_on_pieces_as_those_of_the_kernels(depth: int) -> None:
+    """Base colours and cut-outs included; leaves of depth 12 are a 500th of a triangle."""
+    octree = with_pieces(patterned(), depth)
+    for camera in (camera.with_size(128, 96) for camera in cameras()):
+        for footprint in (4.0, 16.0):
+            found = exact_on_card(octree, camera, footprint)
+            pixels = np.arange(camera.pixel_count)
+            means = supersample_pixels(octree, camera, pixels, 1, finer=footprint)
+            expected = np.column_stack([means.colors / octree.exposure, means.coverage])
+            off = np.abs(found - expected).max(axis=1)
+            assert (off > 1e-3).mean() <= 2e-4 and expected[:, 3].mean() > 0.05, camera.name
+            boxes = exact_on_card(octree.without_pieces(), camera, footprint)
+            assert (np.abs(boxes - expected).max(axis=1) > 0.01).mean() > 0.03, camera.name
+
+
+def test_partial_opacity_is_the_share_of_rays_on_the_card() -> None:
+    mesh = patterned()
+    glass = tuple(Material("glass", alpha=0.3) for _ in mesh.materials)
+    octree, solid = with_pieces(TriangleMesh(mesh.parts, glass), 6), with_pieces(patterned(), 6)
+    camera = replace(cameras()[3], half_x=0.1, half_y=0.1)
+    share = exact_on_card(octree, camera, 16.0)[:, 3].mean()
+    means = supersample_pixels(octree, camera, np.arange(camera.pixel_count), 1, finer=16.0)
+    assert share == pytest.approx(means.coverage.mean(), abs=0.01)
+    assert share < exact_on_card(solid, camera, 16.0)[:, 3].mean() - 0.2
+
+
+def exact_on_card(octree: Octree, camera: Camera, finer: float) -> np.ndarray:
+    """Picture (P, 4) of one ray a pixel, as wide on voxels as a pixel over `finer`."""
+
+    def work() -> np.ndarray:
+        device = BlenderDevice()
+        card = CardOctree(device, octree)
+        drain(card.upload(octree))
+        drain(card.compile("picture", "film"))
+        unit = camera_in_unit_cube(camera, octree.grid).finer(finer)
+        images = tuple(device.image(unit.width_px, unit.height_px, FLOATS) for _ in range(3))
+        samples, behind = Samples.of(device, PixelFilter(), np.full((1, 2), 0.5)), device.texture(world_words(None)[0])
+        card.draw(unit, images, (behind, 0), samples, 0, finer)
+        return device.read(images[2], FLOATS).reshape(-1, 4)
+
+    return with_gpu(work)
 
 
 def colors_on_card(octree: Octree, camera: Camera, world: CubeMap | np.ndarray | None) -> np.ndarray:

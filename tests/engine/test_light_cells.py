@@ -29,8 +29,7 @@ from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_are
 from patchnet.patchnet_addon.runtime.kernels import kernel
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import Material, Texture, TriangleMesh
-from patchnet.patchnet_addon.surface.texture_lookup import LEAST_BASE
-from patchnet.patchnet_addon.surface.textures import TextureTable
+from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.tests.references.surfels import Spot, all_neighbours, key_of, light_cells_reference
 
 from .light_samples import FLAT_GRID, NO_EYES, plain_surface, random_surface, sheets_on, square, sums_of, surfels_of

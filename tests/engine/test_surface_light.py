@@ -39,8 +39,7 @@ from patchnet.patchnet_addon.surface.mesh import (
     TriangleMesh,
     random_rotation,
 )
-from patchnet.patchnet_addon.surface.texture_lookup import LEAST_BASE
-from patchnet.patchnet_addon.surface.textures import TextureTable
+from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
 from .light_samples import (

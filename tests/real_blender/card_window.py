@@ -237,17 +237,20 @@ def ended_exactly(viewport) -> bool:
     return preview is not None and preview.done and preview.picture.octree.pieces is not None
 
 
-def exact():
-    """Rays of renders end on the surface: the CPU goes on at rest."""
-    for shape in ("exact", "boxes"):
-        choose(shape=shape)
-        for step in ("voxelize", "bake_light"):
-            getattr(bpy.ops.patchnet, step)()
-        clicks.area("VIEW_3D").tag_redraw()
-        if shape == "exact":
-            yield from clicks.wait_for(lambda: any(ended_exactly(v) for v in viewports), "CPU", 120.0)
-            seen["exact by the CPU"] = True
-    yield from clicks.wait_for(rested, "boxes by the card", 120.0)
+def no_room():
+    """The card has room for voxels alone: the CPU goes on at rest, with rays that end on the surface."""
+    octree, values = result().octree, bpy.context.preferences.addons[PACKAGE].preferences
+    card_bytes, allowed = module("gpu_view.packing").card_bytes, values.card_gib
+    assert card_bytes(octree) > 1.01 * card_bytes(octree.without_pieces())
+    values.card_gib = 1.001 * card_bytes(octree.without_pieces()) / (1 << 30)
+    clicks.area("VIEW_3D").tag_redraw()
+    cards = module("gpu_view.cards")._cards
+    yield from clicks.wait_for(lambda: (card := cards[octree].octree) and not card.exact, "boxes on the card", 60.0)
+    yield from clicks.wait_for(lambda: any(ended_exactly(v) for v in viewports), "CPU", 120.0)
+    seen["exact by the CPU"] = True
+    values.card_gib = allowed
+    clicks.area("VIEW_3D").tag_redraw()
+    yield from clicks.wait_for(rested, "the surface by the card", 120.0)
 
 
 def workspaces():
@@ -297,13 +300,13 @@ def session():
     scene.render.engine = "PATCHNET"
     prefer("CARD")
     choose(
-        resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0, shape="boxes"
+        resolution="DEPTH", depth=8, scope="VISIBLE", light="two-lights", color=True, render_samples=16.0, shape="exact"
     )
     watched(viewports)
     for step in ("voxelize", "bake_light"):
         getattr(bpy.ops.patchnet, step)()
     seen["card"] = module("gpu_view.cards").BlenderDevice().name
-    parts = picture, moves, split, heat, turning, by_priority, exact, workspaces, freed, reloaded
+    parts = picture, moves, split, heat, turning, by_priority, no_room, workspaces, freed, reloaded
     for part in parts if TURNED_S < 60 else (turning, reloaded):
         yield from part()
         visit.save(part.__name__)

@@ -63,7 +63,7 @@ def test_priority_is_refined_by_the_cpu_at_rest(seen: dict) -> None:
     assert seen["refined by the CPU"] > 1
 
 
-def test_rays_end_on_the_surface_at_rest(seen: dict) -> None:
+def test_rays_end_on_the_surface_at_rest_where_the_card_has_no_room(seen: dict) -> None:
     assert seen["exact by the CPU"]
 
 

@@ -61,7 +61,7 @@ def _spans(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _reason(job: BakeJob, chosen: ChosenSurfels, mine: np.ndarray, lit: SurfaceLight) -> str:
     """Reason why surfels (n,) are black."""
-    from ....patchnet_addon.surface.texture_lookup import LEAST_BASE
+    from ....patchnet_addon.surface.textures import LEAST_BASE
 
     surfels, source = chosen.surfels[mine], job.source
     names = source.objects_of(surfels["triangle"])
