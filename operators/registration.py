@@ -20,6 +20,7 @@ _NAMES = (
     "properties.preferences",
     "properties.stages",
     "session.scene_session",
+    "scene.track",
     "session.staleness",
     "scene_access.overrides",
     "scene_access.temporary",

@@ -140,7 +140,7 @@ def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
     if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
         return None
     moved = result.made_by.get("cameras") != cameras_key(context, settings)
-    if settings.surface.is_fitted and (moved or settings.surface.track):
+    if settings.surface.is_fitted and moved:
         return None
     lit = not moved and result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
     lit = lit and "light" not in result.stale and not result.unfinished

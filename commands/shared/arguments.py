@@ -31,8 +31,9 @@ def add_number(
 
 def is_given(args: argparse.Namespace, flag: str) -> bool:
     """Return whether an option is among the words of the command, also as its --no- form or abbreviated."""
-    words = [word.partition("=")[0] for word in getattr(args, "words", ()) if word.startswith("--")]
-    return any(form.startswith(word) for word in words for form in (flag, f"--no{flag[1:]}"))
+    words = {word.partition("=")[0] for word in getattr(args, "words", ()) if word.startswith("--")}
+    others = {f"--{name.replace('_', '-')}" for name in vars(args)} - {flag}  # --light is not short for --light-cells
+    return any(form.startswith(word) for word in words - others for form in (flag, f"--no{flag[1:]}"))
 
 
 def add_device(parser: argparse._ActionsContainer, text: str) -> None:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from ...operators.settings.job_settings import JobSettings
 
 
+_TRACK = re.compile(r"(-?\d+)-(-?\d+)")
+
+
 def add_settings(parser: argparse._ActionsContainer, *names: str) -> None:
     """Add arguments for settings, by their names in the table."""
     from ...operators.schema.setting import Kind
@@ -47,7 +50,11 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--depth", default="auto", help="octree depth; auto: fine where the cameras look, coarse elsewhere (auto)"
     )
-    add_settings(parser, "track", "shape", "memory")
+    parser.add_argument(
+        "--track", nargs="?", const="", metavar="FIRST-LAST",
+        help="with --depth auto: the cameras at all frames of the scene as saved, or at those from FIRST to LAST",
+    )  # fmt: skip
+    add_settings(parser, "shape", "memory")
     add_number(
         parser, "--voxel-size", bounds.VOXEL_SIZE, "side of the finest voxels in world units, instead of a depth"
     )
@@ -100,6 +107,7 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
         raise SettingError("--spp and --refined-samples exclude each other: omit one of them")
     return JobSettings.of(
         **given_settings(args),
+        **track_of(args.track),
         scope=SELECTED if getattr(args, "scope", "visible") == "selected" else VISIBLE,
         depth=depth_of(args.depth),
         voxel_size_world=args.voxel_size,
@@ -154,6 +162,16 @@ def depth_of(text: str) -> int | None:
     if not re.fullmatch(r"[+-]?\d+", text):
         raise SettingError(f"Depth {text!r} is neither a whole number nor 'auto'")
     return int(bounds.DEPTH.read(text))
+
+
+def track_of(text: str | None) -> dict[str, Any]:
+    """Settings of a track: None for none, "" for the scene's frames, else FIRST-LAST; raises SettingError."""
+    if not text:
+        return {"track": text is not None}
+    frames = _TRACK.fullmatch(text)
+    if frames is None:
+        raise SettingError(f"Track {text!r} is not FIRST-LAST, such as 1-250: write so, or --track after the file")
+    return {"track": True, "track_frames": (int(frames[1]), int(frames[2]))}
 
 
 def _cycles_settings(args: argparse.Namespace) -> CyclesSettings | None:

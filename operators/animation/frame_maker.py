@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
@@ -23,9 +22,10 @@ from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_tex
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
-from ..scene.cameras import AUTO, camera_name, track_cameras
+from ..scene.cameras import AUTO, camera_name
 from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
+from ..scene.track import track_cameras
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
@@ -159,12 +159,11 @@ class JobMaker(OctreeMaker):
 
     def track(self, context: bpy.types.Context) -> str:
         """Key of the cameras of all frames, with All Frames; "" where more than cameras moves."""
-        view = self._settings.view
+        view, surface = self._settings.view, self._settings.surface
         moves = scene_state(context.scene).frame is not None  # then each frame has voxels of its own
-        if not self._settings.surface.track or list(view.cameras) == [AUTO] or moves:
+        if not surface.track or list(view.cameras) == [AUTO] or moves:
             return ""
-        anywhere = np.array([[0.0] * 3, [1.0] * 3])
-        return composed(cameras_text(track_cameras(context, view.cameras, view.size, anywhere)))
+        return composed(cameras_text(track_cameras(context.scene, view.cameras, view.size, surface.track_frames)))
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return super()._of_frame(common).changed(track=bool(common.track))

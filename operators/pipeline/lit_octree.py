@@ -28,10 +28,11 @@ from ...patchnet_addon.surface.mesh import RotatedSource, random_rotation
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.bake.gloss_passes import baked_with_gloss, seen_through, with_view
 from ..cycles.daylight import has_light
-from ..scene.cameras import AUTO, choose_cameras, looking_cameras, track_cameras
+from ..scene.cameras import AUTO, choose_cameras, looking_cameras
 from ..scene.precision import light_warnings, thin_warnings
 from ..scene.read import read_scene
 from ..scene.scene_mesh import SceneMesh
+from ..scene.track import track_cameras
 from ..schema.table import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
@@ -288,13 +289,13 @@ def _names(surface: ReadSurface) -> tuple[str, dict[str, Any]]:
 
 
 def fit_cameras(context: bpy.types.Context, settings: JobSettings, source: SceneMesh) -> Steps[list[Camera]]:
-    """Cameras that leaves are fitted to: none for a given depth, those at all frames where settings track them.
+    """Cameras that leaves are fitted to: none for a given depth, those at all frames of a track.
 
     Raises SceneError.
     """
-    view, bounds_world = settings.view, settings.surface.bounds_world(source)
+    view = settings.view
     if settings.surface.track and list(view.cameras) != [AUTO]:  # automatic cameras are fixed
-        return track_cameras(context, view.cameras, view.size, bounds_world)
+        return track_cameras(context.scene, view.cameras, view.size, settings.surface.track_frames)
     if not settings.surface.is_fitted:
         return []
     return (yield from _looking(context, settings, source, None))
@@ -313,7 +314,10 @@ def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
     light = settings.light
     if not (settings.surface.is_fitted or (light.is_baked and light.cells == SEEN_CELLS)):
         return ""
-    wanted = settings.view.cameras, settings.view.size, np.array([[0.0] * 3, [1.0] * 3])
+    names, size, surface = settings.view.cameras, settings.view.size, settings.surface
+    if surface.track and list(names) != [AUTO]:
+        return cameras_text(track_cameras(context.scene, names, size, surface.track_frames))
+    wanted = names, size, np.array([[0.0] * 3, [1.0] * 3])
     with nullcontext() if settings.surface.is_fitted else suppress(SceneError):
         return cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted))
     return ""

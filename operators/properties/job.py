@@ -75,8 +75,8 @@ def cycles_settings(context: bpy.types.Context, operator: bpy.types.Operator) ->
 
 # Settings whose values mean what they mean beside others; all else is taken as it stands.
 _TOGETHER = frozenset(
-    {"scope", "resolution", "depth", "voxel_size", "track", "memory", "cameras", "importance", "importance_image",
-     "importance_group"}
+    {"scope", "resolution", "depth", "voxel_size", "track", "track_frames", "memory", "cameras", "importance",
+     "importance_image", "importance_group"}
 )  # fmt: skip
 
 
@@ -88,6 +88,7 @@ def _job_settings(value: Callable[[str], Any], resolution: str, automatic_scope:
         depth=value("depth") if resolution == DEPTH else None,
         voxel_size_world=value("voxel_size") if resolution == VOXEL_SIZE else None,
         track=resolution == AUTO and value("track"),
+        track_frames=tuple(value("track_frames")) if resolution == AUTO and value("track") else (0, 0),
         memory_bytes=_bytes(value("memory")),
         cameras=tuple(name.strip() for name in value("cameras").split(",") if name.strip()),
         importance=Importance.chosen(value("importance"), value("importance_image"), value("importance_group")),

@@ -198,6 +198,21 @@ def _checkbox(name: str, label: str, first: float) -> Any:
     return BoolProperty(name=label, description="Set the number by hand, instead of automatically", get=read, set=write)
 
 
+def _own_track() -> Any:
+    """Property that is on where a track has frames of its own; turned on, it sets those of the scene."""
+
+    def read(values: bpy.types.PropertyGroup) -> bool:
+        return any(values.track_frames)
+
+    def write(values: bpy.types.PropertyGroup, on: bool) -> None:
+        if on != read(values):
+            scene = values.id_data
+            values.track_frames = (scene.frame_start, scene.frame_end) if on else (0, 0)
+
+    text = "Keep the frames that voxels are fitted to when the scene's frames change, instead of following them"
+    return BoolProperty(name=TABLE["track_frames"].label, description=text, get=read, set=write)
+
+
 def _short_list() -> Any:
     """Property for the strategy among those for users."""
     titles = [(name, STRATEGIES[name].title, STRATEGIES[name].description) for name in FOR_USERS]
@@ -226,7 +241,7 @@ class DerivedProperties:
     """Sides of pictures, checkboxes, and the short list of strategies."""
 
     __annotations__ = {name: _side(f"Picture Size {name[-1].upper()}", index) for name, index in _SIDES.items()}
-    __annotations__ |= _checkboxes() | {"short_strategy": _short_list()}
+    __annotations__ |= _checkboxes() | {"use_track_frames": _own_track(), "short_strategy": _short_list()}
 
 
 class PatchNetSettings(DerivedProperties, AnimationProperties, DisplayProperties, bpy.types.PropertyGroup):

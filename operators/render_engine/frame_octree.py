@@ -21,9 +21,9 @@ from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.stages import encode, load_network
-from ..scene.cameras import frames_of, rendered_cameras
 from ..scene.fingerprint import has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
+from ..scene.track import track_cameras, track_frames, track_key
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
@@ -170,8 +170,11 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
 
 def _is_as_set(frame: _Frame, result: SceneResult) -> bool:
     """Return whether the scene has the settings that it had; in a window they count from Preview Selection on."""
-    now, stages = frame.scene.patchnet, (OCTREE, LIGHT) if bpy.app.background else ()
-    return all(result.made_with.get(stage) in (None, recorded(now, stage)) for stage in stages)
+    if not bpy.app.background:
+        return True
+    now = frame.scene.patchnet
+    same = all(result.made_with.get(stage) in (None, recorded(now, stage)) for stage in (OCTREE, LIGHT))
+    return same and result.made_by.get("track") in (None, track_key(frame.scene, frame.settings.surface))
 
 
 def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
@@ -193,6 +196,7 @@ def _on_disk(frame: _Frame) -> SceneResult | None:
     if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
     same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
+    same = same and found.made_by.get("track") == track_key(frame.scene, frame.settings.surface)
     return found if same and _serves_cameras(frame, found) else None
 
 
@@ -247,15 +251,24 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     coded = None if weights is None else (yield from encode(made.octree, weights, settings.compute))[0]
     for warning in made.warnings:
         frame.warn(warning)
-    return SceneResult(made.octree, settings.surface.scope, made.layout, settings.light.kind, coded, state=made.state)
+    return SceneResult(
+        made.octree,
+        settings.surface.scope,
+        made.layout,
+        settings.light.kind,
+        coded,
+        made_by={"track": track_key(scene, settings.surface)},
+        state=made.state,
+    )
 
 
 def _fitted_to(frame: _Frame) -> list[Camera]:
     """Cameras that an automatic depth is fitted to: of all frames with All Frames, in the same order at each."""
-    scene = frame.scene
-    if not (frame.settings.surface.is_fitted and frame.settings.surface.track and in_main_thread()):
+    scene, surface = frame.scene, frame.settings.surface
+    if not (surface.is_fitted and surface.track and in_main_thread()):
         return [frame.camera]
-    return rendered_cameras(scene) + ([] if scene.frame_current in frames_of(scene) else [frame.camera])
+    beyond = scene.frame_current not in track_frames(scene, surface.track_frames)
+    return track_cameras(scene, (), (0, 0), surface.track_frames) + ([frame.camera] if beyond else [])
 
 
 @contextmanager

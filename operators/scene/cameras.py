@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import bpy
@@ -18,7 +19,7 @@ from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
-from ..scene_access.frames import go_to_frame, kept_frame
+from ..scene_access.frames import kept_values
 from ..scene_access.temporary import sync_view_layers, temporary
 
 ALL = "all"
@@ -243,41 +244,27 @@ def _view(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, size: tuple[
     evaluated, scene = camera.evaluated_get(depsgraph), depsgraph.scene
     if evaluated.is_evaluated or depsgraph.mode == "RENDER":
         return tracing_camera(evaluated, scene, size)
-    return _view_alone(camera, scene, scene.frame_current, scene.frame_subframe, size)
+    with cameras_alone(scene, size) as view:
+        return view(camera, scene.frame_current, scene.frame_subframe)
 
 
-def _view_alone(
-    camera: bpy.types.Object, scene: bpy.types.Scene, frame: int, subframe: float, size: tuple[int, int]
-) -> Camera:
-    """View of a camera at any frame, which evaluates nothing else of its scene."""
-    with temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
-        # frame_set would call the handlers of add-ons.
-        stage.frame_current, stage.frame_subframe = frame, subframe
-        stage.camera = camera  # Blender evaluates the scene's camera also when it is hidden
+@contextmanager
+def cameras_alone(
+    scene: bpy.types.Scene, size: tuple[int, int]
+) -> Iterator[Callable[[bpy.types.Object, int, float], Camera]]:
+    """Within the block, views of cameras by frame and subframe, which evaluate nothing else of their scene."""
+    with kept_values(), temporary(bpy.data.scenes.new("PatchNet Camera")) as stage:
         layer = stage.view_layers[0]
-        layer.update()
-        view = tracing_camera(camera.evaluated_get(layer.depsgraph), scene, size)
+
+        def view(camera: bpy.types.Object, frame: int, subframe: float) -> Camera:
+            # frame_set would call the handlers of add-ons.
+            stage.frame_current, stage.frame_subframe = frame, subframe
+            stage.camera = camera  # Blender evaluates the scene's camera also when it is hidden
+            layer.update()
+            return tracing_camera(camera.evaluated_get(layer.depsgraph), scene, size)
+
+        yield view
     sync_view_layers()
-    return view
-
-
-def frames_of(scene: bpy.types.Scene) -> range:
-    """Frames that a scene renders."""
-    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-
-
-def rendered_cameras(scene: bpy.types.Scene) -> list[Camera]:
-    """Active camera at each frame that a scene renders, at the render's size.
-
-    Evaluates the cameras alone, so that a render can call it in the main thread.
-    """
-    bound = sorted((item for item in scene.timeline_markers if item.camera), key=lambda item: item.frame)
-    cameras = []
-    for number in frames_of(scene):
-        camera = next((item.camera for item in reversed(bound) if item.frame <= number), scene.camera)
-        if camera is not None:
-            cameras.append(_view_alone(camera, scene, number, 0.0, (0, 0)))
-    return _without_repeats(cameras)
 
 
 def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[str, ...]:
@@ -288,31 +275,3 @@ def focus_warnings(scene: bpy.types.Scene, cameras: Sequence[Camera]) -> tuple[s
         return ()
     have = f"Camera {named_list(names)} has" if len(names) == 1 else f"Cameras {named_list(names)} have"
     return (f"{have} depth of field, but previews show all in focus: render with Cycles for the blur",)
-
-
-def track_cameras(
-    context: bpy.types.Context, names: Sequence[str], size: tuple[int, int], bounds_world: np.ndarray
-) -> list[Camera]:
-    """Cameras of `choose_cameras` at every frame of the scene, by its first and last frame and its frame step.
-
-    The scene returns to its frame. Raises SceneError as `choose_cameras` does.
-    """
-    scene = context.scene
-    cameras = []
-    with kept_frame(scene):
-        for number in frames_of(scene):
-            go_to_frame(scene, number)
-            for camera in choose_cameras(context.evaluated_depsgraph_get(), names, size, bounds_world):
-                cameras.append(replace(camera, name=f"{camera.name}, frame {number}"))
-    return _without_repeats(cameras)
-
-
-def _without_repeats(cameras: list[Camera]) -> list[Camera]:
-    """Drop repeated views of cameras that stand still or return."""
-    views: dict[tuple[object, ...], Camera] = {}
-    for camera in cameras:
-        axes = (camera.position_world, camera.right, camera.up, camera.forward)
-        values = (*np.concatenate(axes).round(9).tolist(), camera.half_x, camera.half_y, camera.shift_x, camera.shift_y)
-        values = (*values, camera.clip_start, camera.clip_end)
-        views.setdefault((*values, camera.width_px, camera.height_px, camera.kind), camera)
-    return list(views.values())

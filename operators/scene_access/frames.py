@@ -30,10 +30,7 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
     def restore() -> None:
         with suppress(ReferenceError), quiet():  # another file may have been opened meanwhile
             go_to_frame(scene, frame, subframe)
-            for _, owner, path, index, value in before:
-                with suppress(*_UNREADABLE):
-                    if _get(owner, path, index) != value:
-                        _set(owner, path, index, value)
+            _restore(before)
 
     def put_back() -> None:
         nonlocal gone_to
@@ -45,6 +42,25 @@ def kept_frame(scene: bpy.types.Scene) -> Iterator[None]:
             yield
     finally:
         restore()
+
+
+@contextmanager
+def kept_values() -> Iterator[None]:
+    """Restore animated values after the block, which evaluates other frames in another scene."""
+    before = list(_animated_values())
+    try:
+        yield
+    finally:
+        with quiet():
+            _restore(before)
+
+
+def _restore(values: list[tuple[bpy.types.ID, bpy.types.ID, str, int, Any]]) -> None:
+    """Set what `_animated_values` was, where it is another value now."""
+    for _, owner, path, index, value in values:
+        with suppress(ReferenceError, *_UNREADABLE):
+            if _get(owner, path, index) != value:
+                _set(owner, path, index, value)
 
 
 @contextmanager

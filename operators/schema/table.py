@@ -72,7 +72,13 @@ _SURFACE = (
         "track", "All Frames",
         "Fit the voxels to the cameras at all frames of the scene instead of the current one",
         OCTREE, Kind.SWITCH, False, counts=lambda values: values.resolution == AUTO,
-        argument="--track", help="with --depth auto: the cameras at all frames of the scene",
+    ),
+    Setting(
+        "track_frames", "Track",
+        "First and last frame that voxels are fitted to with All Frames, whatever is rendered; twice 0: those of the "
+        "scene",
+        OCTREE, Kind.PAIR, (0, 0), bounds.FRAME, counts=lambda values: values.resolution == AUTO and values.track,
+        automatic="Scene's",
     ),
     Setting(
         "shape", "Surface in Voxels", "Where rays that reach the finest voxels end", OCTREE, Kind.CHOICE, EXACT_SHAPE,

@@ -13,6 +13,7 @@ from ...patchnet_addon.export.fine_light import noise_text
 from ...patchnet_addon.octree.exposure import exposure_text
 from ...patchnet_addon.runtime.errors import SettingError
 from ...patchnet_addon.runtime.quantities import counted, error_text
+from ..scene.track import track_key
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import recorded
 from ..state.watch import changes_meanwhile
@@ -88,6 +89,8 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: Job
     """Replace the result of `scene`. `steps`: done now with `settings`, of "octree", "light", "codes", "view"."""
     if settings is not None:
         result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
+        if "octree" in steps:
+            result.made_by["track"] = track_key(scene, settings.surface)
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
         for change in changes_meanwhile():

@@ -15,6 +15,7 @@ from ...patchnet_addon.image.colormaps import COLORMAPS
 from ...patchnet_addon.network.devices import CUDA, read_device
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
+from ...patchnet_addon.runtime.frames import frame_range
 from ...patchnet_addon.sampling.predicted import UNREFINED
 from ...patchnet_addon.sampling.registry import strategy
 from ...patchnet_addon.sampling.strategy import REFERENCE
@@ -36,7 +37,8 @@ class SurfaceSettings:
 
     scope: SELECTED objects or all VISIBLE renderable ones.
     depth: of the octree. voxel_size_world: leaf side instead of a depth. Without both, leaves are as deep as cameras
-    need (methods 4.1b). track: the cameras count at all frames of the scene, not only at the current one. bounds: lower
+    need (methods 4.1b). track: the cameras count at all frames of a track, not only at the current one. track_frames:
+    first and last of them, (0, 0) for those of the scene. bounds: lower
     and upper corner of the octree's cube in world units; None takes the surface's own. shape: where rays that reach
     the finest voxels end: "exact" on the surface, "boxes" around it, "whole" voxels (methods 4.1d, 7.2k).
     """
@@ -45,6 +47,7 @@ class SurfaceSettings:
     depth: int | None = None
     voxel_size_world: float | None = None
     track: bool = False
+    track_frames: tuple[int, int] = (0, 0)
     bounds: Bounds | None = None
     shape: str = TABLE["shape"].default
 
@@ -54,6 +57,8 @@ class SurfaceSettings:
             raise SettingError("Depth and voxel size are both given: choose one of them")
         if self.track and not self.is_fitted:
             raise SettingError("Only voxels of automatic depth can follow a track: choose that depth, or no track")
+        if any(self.track_frames):
+            frame_range(*self.track_frames)
         _check_numbers(self)
 
     @property

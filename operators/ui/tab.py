@@ -118,7 +118,7 @@ def draw_setting(layout: bpy.types.UILayout, values: bpy.types.PropertyGroup, na
         draw_automatic(column, values, "size_y", "Y", empty)
     elif name == "strategy":
         layout.prop(values, "short_strategy")
-    elif name in TABLE and TABLE[name].kind is Kind.AUTOMATIC:
+    elif name in TABLE and (TABLE[name].kind is Kind.AUTOMATIC or name == "track_frames"):
         draw_automatic(layout, values, name, TABLE[name].label, TABLE[name].automatic)
     elif name == "cameras":
         layout.prop(values, name, placeholder=_WHEN_EMPTY[name], icon="CAMERA_DATA")

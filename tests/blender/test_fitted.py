@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet.operators.pipeline.run import run_job
-from patchnet.operators.scene.cameras import track_cameras
+from patchnet.operators.scene.track import track_cameras
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -67,8 +67,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
     assert scene.frame_current == 4
     assert_unchanged(before)
     octree = result.coded.octree
-    bounds = octree.grid.to_world(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
-    cameras = track_cameras(bpy.context, (), SIZE, bounds)
+    cameras = track_cameras(scene, (), SIZE)
     assert [camera.name for camera in cameras] == ["Eye, frame 3", "Eye, frame 4", "Eye, frame 5"]
     for camera in cameras:
         hits = first_hits(octree, camera)
@@ -79,7 +78,7 @@ def test_a_track_serves_all_frames_and_leaves_the_scene_at_its_own(scene: bpy.ty
 
 def test_a_camera_that_stands_still_is_one_view(scene: bpy.types.Scene) -> None:
     scene.frame_start, scene.frame_end = 1, 20
-    assert len(track_cameras(bpy.context, (), SIZE, np.zeros((2, 3)))) == 1
+    assert len(track_cameras(scene, (), SIZE)) == 1
 
 
 def test_a_small_memory_limit_is_said(scene: bpy.types.Scene, weights: Path) -> None:

@@ -36,7 +36,7 @@ def test_renders_that_differ_in_a_setting_share_no_voxels(field: str) -> None:
 
 def test_every_setting_of_the_octree_is_tried() -> None:
     known = {row.job_field for row in rows(OCTREE, LIGHT, CODES) if row.effect is not Effect.NEVER}
-    assert known == {*OTHER, "track"}, "a new setting gets another value here"
+    assert known == {*OTHER, "track", "track_frames"}, "a new setting gets another value here"
 
 
 def test_devices_change_no_key() -> None:
