@@ -22,6 +22,7 @@ from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings
 from .job_work import Rates, light_paths, time_line, work_of
+from .lit_octree import fit_cameras
 from .stages import encoder_text, fitted_levels, load_network
 
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
@@ -68,7 +69,8 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     source = read_scene(depsgraph, settings.surface.scope)
     depsgraph, bounds_world = context.evaluated_depsgraph_get(), settings.surface.bounds_world(source)
     cameras = yield from looking_cameras(depsgraph, views.cameras, views.size, bounds_world, source)
-    steps = run_in_worker(lambda: _estimate(source, cameras, settings), Progress(0, 1, "Estimating"))
+    fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
+    steps = run_in_worker(lambda: _estimate(source, cameras, fit, settings), Progress(0, 1, "Estimating"))
     of_light = source.color_warnings
     if light.is_baked:
         of_light = gloss_warnings(source, with_view(context, light, views.cameras, track=settings.surface.track))
@@ -80,14 +82,17 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     return found
 
 
-def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSettings) -> Steps[Estimate]:
+def _estimate(
+    source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera], settings: JobSettings
+) -> Steps[Estimate]:
+    """Estimate of pictures through cameras; fit: those that leaves and light are fitted to."""
     from ...patchnet_addon.lod import depth as given
     from ...patchnet_addon.lod.depth import available_memory, peak_bytes, stored_bytes
 
     surface, light = settings.surface, settings.light
     lookahead = load_network(settings.network).lookahead
     if surface.is_fitted:
-        grid, fitted = yield from labelled(fitted_levels(source, cameras, settings, rough=True), "Estimating")
+        grid, fitted = yield from labelled(fitted_levels(source, fit, settings, rough=True), "Estimating")
         leaves, share = fitted.leaves, fitted.lookahead_share
     else:
         grid = surface.given_grid(source)
@@ -99,7 +104,7 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)
-    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, cameras=cameras)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, cameras=fit)
     seconds = rates.seconds(work)
     return Estimate(
         depth=grid.depth,
@@ -111,17 +116,19 @@ def _estimate(source: SceneMesh, cameras: Sequence[Camera], settings: JobSetting
         peak_bytes=peak_bytes(leaves, settings.contents),
         free_bytes=settings.compute.memory_bytes or available_memory(),
         lookahead_share=share,
-        paths=light_paths(settings, cameras, leaves=leaves) if light.is_baked else 0.0,
-        made_for=_made_for(source, cameras),
+        paths=light_paths(settings, fit, leaves=leaves) if light.is_baked else 0.0,
+        made_for=_made_for(source, cameras, fit),
         seconds=seconds,
         time_line=time_line(seconds, rates),
     )
 
 
-def _made_for(source: SceneMesh, cameras: Sequence[Camera]) -> tuple[str, str]:
+def _made_for(source: SceneMesh, cameras: Sequence[Camera], fit: Sequence[Camera]) -> tuple[str, str]:
     names = {name for part in source.parts for name in part.objects}
     objects = f"'{names.pop()}'" if len(names) == 1 else f"{len(names):,} objects"
     views = f"camera '{cameras[0].name}'" if len(cameras) == 1 else f"{len(cameras)} cameras"
+    if fit is not cameras:
+        views = f"{counted(len(fit), 'view')} of a track"
     size = f"{cameras[0].width_px} x {cameras[0].height_px}"
     return f"{objects}, {counted(source.triangle_count, 'triangle')}", f"{views[:1].upper()}{views[1:]} at {size}"
 

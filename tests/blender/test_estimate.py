@@ -43,6 +43,25 @@ def test_estimate_says_what_does_not_fit(scene: bpy.types.Scene) -> None:
     assert session_of(scene).estimate.fitted and not session_of(scene).estimate.too_large
 
 
+def test_estimate_of_a_track(scene: bpy.types.Scene) -> None:
+    """Of all its frames, not of the present one."""
+    scene.frame_start, scene.frame_end = 1, 30
+    scene.camera.data.lens = 200.0
+    for frame, x in ((1, 0.5), (30, -1.5)):
+        scene.camera.location.x = x
+        scene.camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    wanted = {"resolution": "AUTO", "size": (96, 64), "light": "two-lights"}
+    assert bpy.ops.patchnet.estimate(**wanted) == {"FINISHED"}
+    alone = session_of(scene).estimate
+    assert bpy.ops.patchnet.estimate(track=True, **wanted) == {"FINISHED"}
+    found = session_of(scene).estimate
+    assert "30 views of a track at 96 x 64" in drawn(PATCHNET_PT_main)
+    assert bpy.ops.patchnet.run_all(track=True, **wanted) == {"FINISHED"}
+    made = results.voxels_of(scene).octree.leaf_count
+    assert 0.5 * made < found.leaves < 1.3 * made and alone.leaves < 0.9 * found.leaves
+
+
 def test_estimate_becomes_stale_and_says_why(scene: bpy.types.Scene) -> None:
     bpy.ops.patchnet.estimate(size=(24, 16))
     assert not any("Estimate again" in line for line in drawn(PATCHNET_PT_main))
