@@ -20,6 +20,7 @@ from typing import NoReturn
 # Short helps, in the order of the help.
 NAMES = {
     "run": "refine the views of a scene where a coarse picture is wrong",
+    "fly-through": "light a scene once and render all frames of a moving camera",
     "demo": "build the demo courtyard and show what PatchNet does with it",
     "octree": "voxelize and light a scene",
     "info": "print what an octree, codes or weights file holds",

@@ -14,7 +14,7 @@ from typing import Any
 
 ID = "patchnet"
 PROGRAM = f"blender --command {ID}"
-NAMES = ("run", "demo", "info", "octree", "export", "verify-light")
+NAMES = ("run", "fly-through", "demo", "info", "octree", "export", "verify-light")
 
 _handles: list[Any] = []
 

@@ -95,6 +95,10 @@ NOTES = {
         "nothing in the scene, which keeps its frame; a folder per frame and `report.json` in the output folder",
         "bpy.ops.patchnet.bake_animation(frame_start=1, frame_end=2, depth=6, max_samples=2, out='//out')",
     ),
+    "fly_through": Note(
+        "nothing in the scene but All Frames; the pictures of the scene's frames that were not there",
+        "bpy.ops.patchnet.fly_through(frame_start=1, frame_end=2)",
+    ),
     "show_voxels": Note(
         "the object `PatchNet Voxels` with its mesh, geometry nodes and material; the next call fills the same object",
         "bpy.ops.patchnet.voxelize(depth=6); bpy.ops.patchnet.show_voxels(level=5, display='POINTS')",

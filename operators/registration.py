@@ -38,6 +38,7 @@ _NAMES = (
     "load_octree",
     "estimate",
     "bake_animation",
+    "fly_through",
     "show_voxels",
     "export_octree",
     "clear_results",

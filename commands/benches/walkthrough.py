@@ -10,8 +10,8 @@ from their medians, as the report states.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from statistics import fmean
 from typing import Any
@@ -19,7 +19,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...operators import registration
 from ...operators.cycles.daylight import daylight, has_light
 from ...operators.pipeline.lit_octree import build_lit_octree
 from ...operators.scene.cameras import choose_cameras
@@ -35,6 +34,7 @@ from ...training.benchmarks.timing import comparison
 from ...training.evaluation.catalogue import SCENES
 from ...training.evaluation.explorations import catmull_rom
 from ...training.evaluation.poses import FreeSpace
+from ..shared.engine import registered
 from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
@@ -56,7 +56,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     settings = JobSettings.of(depth=depth_of(args.depth), max_samples=args.max_samples, color=True, size=size)
     with quiet_stdout(), ProgressBars() as bars:
         open_scene_of(args.scene)
-        with _registered():
+        with registered():
             cameras = walk_cameras(fly_through_keys(size), args.frames, size)
             lit = has_light(bpy.context.evaluated_depsgraph_get())
             with nullcontext() if lit else daylight(bpy.context.scene):
@@ -67,19 +67,6 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
 def open_scene_of(name: str) -> None:
     """Open a scene of the catalogue, a built-in scene, or a file."""
     open_or_build(str(SCENES[name].path()) if name in SCENES else name)
-
-
-@contextmanager
-def _registered() -> Iterator[None]:
-    """Register the render engine within the block."""
-    known = hasattr(bpy.types.Scene, "patchnet")
-    if not known:
-        registration.register()
-    try:
-        yield
-    finally:
-        if not known:
-            registration.unregister()
 
 
 def fly_through_keys(size: tuple[int, int]) -> list[Camera]:

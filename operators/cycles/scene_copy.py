@@ -24,7 +24,7 @@ from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
 from ..scene_access.overrides import changed
 from ..scene_access.temporary import new_render_results_go, scene_copy, temporary
-from ..scene_access.window_job import CANCEL, RENDER, as_job, window_is_alive
+from ..scene_access.window_job import CANCEL, RENDER, as_job, render_result_hidden, window_is_alive
 
 # Exactly the given number of paths, without clamping; bounces and light stay the user's.
 UNBIASED: dict[str, Any] = {
@@ -162,12 +162,13 @@ def rendered(scene: bpy.types.Scene, path: Path, at: Callable[[float], Progress]
         return render(scene, path)
     path.unlink(missing_ok=True)
     status, begun = _Status(), time.perf_counter()
-    bpy.app.handlers.render_stats.append(status.hear)
-    try:
-        ended = yield from as_job(RENDER, scene, lambda: _invoked(scene), lambda: at(status.done))
-    finally:
-        if status.hear in bpy.app.handlers.render_stats:  # opening another file removes it
-            bpy.app.handlers.render_stats.remove(status.hear)
+    with render_result_hidden(bpy.context.window_manager):
+        bpy.app.handlers.render_stats.append(status.hear)
+        try:
+            ended = yield from as_job(RENDER, scene, lambda: _invoked(scene), lambda: at(status.done))
+        finally:
+            if status.hear in bpy.app.handlers.render_stats:  # opening another file removes it
+                bpy.app.handlers.render_stats.remove(status.hear)
     if CANCEL in ended:
         raise StoppedError("The render was stopped")
     status.check_finished()

@@ -10,7 +10,7 @@ from contextlib import suppress
 
 from ...patchnet_addon.runtime.bounds import MOST_STILLS, SMALL_PX
 from ...patchnet_addon.runtime.cache_folder import user_cache_folder
-from ...patchnet_addon.runtime.eta import JobEta, duration_text
+from ...patchnet_addon.runtime.eta import JobEta, range_text
 from ...patchnet_addon.runtime.progress import Result, Steps, changed
 from ...patchnet_addon.runtime.replace import temporary_path
 from ...patchnet_addon.runtime.stage_clock import StageClock
@@ -23,15 +23,16 @@ from .stages import GridChoice
 FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
+_SPREAD, _SPREAD_ELSEWHERE = 1.4, 2.0
 _LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
 # Of a bake: surfels of a pixel in small and in large stills, in a track, and of a leaf where light is fine everywhere.
 _IN_SMALL, _IN_LARGE, _IN_TRACK, _IN_LEAF, _USUAL_SAMPLES = 4.0, 1.5, 0.12, 0.5, 8.0
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
 _VIEW_RAYS = 60  # cost of first rays, finer rays and the network, in rays of a refined pixel
-# Seconds per unit on two cores of a server, for the first job on a machine.
+# Seconds per unit on two cores of a server, for the first job on a machine; "frames": of the render engine, by rays.
 _ELSEWHERE = {
     "read": 2e-6, "depth": 1e-5, "first look": 2e-6, "light": 4e-6, "voxelize": 1.5e-6, "codes": 2e-6, "views": 2e-8,
-    "cycles": 2e-6,
+    "cycles": 2e-6, "frames": 4.6e-7,
 }  # fmt: skip
 
 
@@ -84,6 +85,11 @@ class Rates:
             self._sums = {str(name): (float(seconds), float(units)) for name, (seconds, units) in known.items()}
         self.measured = bool(self._sums)  # at least one job was measured here
 
+    @property
+    def spread(self) -> float:
+        """Factor by which expected seconds may be shorter or longer."""
+        return _SPREAD if self.measured else _SPREAD_ELSEWHERE
+
     def know(self, work: dict[str, float]) -> bool:
         """Return whether all stages that have work were measured here."""
         return all(name in self._sums for name, units in work.items() if units > 0.0)
@@ -111,7 +117,8 @@ class Rates:
 
 def time_line(seconds: dict[str, float], rates: Rates) -> str:
     """Sentence on the time of a whole job."""
-    text = f"Takes about {duration_text(sum(seconds.values()))}"
+    total = sum(seconds.values())
+    text = f"Takes {range_text(total / rates.spread, total * rates.spread)}"
     return text if rates.measured else f"{text} (measured elsewhere)"
 
 

@@ -174,7 +174,7 @@ def _is_as_set(frame: _Frame, result: SceneResult) -> bool:
         return True
     now = frame.scene.patchnet
     same = all(result.made_with.get(stage) in (None, recorded(now, stage)) for stage in (OCTREE, LIGHT))
-    return same and result.made_by.get("track") in (None, track_key(frame.scene, frame.settings.surface))
+    return same and result.made_by.get("track") in (None, track_key(frame.scene, frame.settings.surface.fitted_track))
 
 
 def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
@@ -196,7 +196,7 @@ def _on_disk(frame: _Frame) -> SceneResult | None:
     if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
     same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
-    same = same and found.made_by.get("track") == track_key(frame.scene, frame.settings.surface)
+    same = same and found.made_by.get("track") == track_key(frame.scene, frame.settings.surface.fitted_track)
     return found if same and _serves_cameras(frame, found) else None
 
 
@@ -257,7 +257,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
         made.layout,
         settings.light.kind,
         coded,
-        made_by={"track": track_key(scene, settings.surface)},
+        made_by={"track": track_key(scene, settings.surface.fitted_track)},
         state=made.state,
     )
 

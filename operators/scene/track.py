@@ -16,7 +16,6 @@ from bpy.app.handlers import persistent
 
 from ...patchnet_addon.runtime.frames import frame_range
 from ...patchnet_addon.tracing.camera import Camera
-from ..settings.groups import SurfaceSettings
 from ..state.digest import composed
 from .cameras import camera_names, camera_size_px, cameras_alone, numbered_camera, scene_cameras
 
@@ -48,11 +47,11 @@ def track_cameras(
     return list(views.values())
 
 
-def track_key(scene: bpy.types.Scene, surface: SurfaceSettings) -> str:
+def track_key(scene: bpy.types.Scene, wanted: Sequence[int] | None) -> str:
     """Key of the frames of a track and the views through its active camera, without their size; "" for no track."""
-    if not (surface.is_fitted and surface.track):
+    if wanted is None:
         return ""
-    frames = track_frames(scene, surface.track_frames)
+    frames = track_frames(scene, wanted)
     return composed(repr(frames), *(_place(camera) for _, camera in _views(scene, (), (1, 1), frames)))
 
 

@@ -146,6 +146,28 @@ def editors_keep_images(manager: bpy.types.WindowManager) -> Iterator[Callable[[
         give_back()
 
 
+@contextmanager
+def render_result_hidden(manager: bpy.types.WindowManager) -> Iterator[None]:
+    """Let no Image Editor show the Render Result within the block, which a handler of render statistics needs.
+
+    Cycles calls such a handler, which waits for Python, while it holds what the editor waits for to draw the render in
+    progress; the editor draws within Python, and Blender hangs.
+    """
+    areas = [area for window in manager.windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+    spaces = [area.spaces.active for area in areas]
+    shown = [
+        (space, space.image) for space in spaces if space.image is not None and space.image.type == "RENDER_RESULT"
+    ]
+    for space, _ in shown:
+        space.image = None
+    try:
+        yield
+    finally:
+        for space, image in shown:
+            with suppress(ReferenceError):
+                space.image = image if space.image is None else space.image
+
+
 class PATCHNET_OT_await_bake(bpy.types.Operator):
     """Wait until the bake has ended"""
 

@@ -90,7 +90,7 @@ def keep(scene: bpy.types.Scene, result: SceneResult, *steps: str, settings: Job
     if settings is not None:
         result.made_by = result.made_by | {step: settings.key(step) for step in steps if step != "view"}
         if "octree" in steps:
-            result.made_by["track"] = track_key(scene, settings.surface)
+            result.made_by["track"] = track_key(scene, settings.surface.fitted_track)
     result.made_with = result.made_with | {step: recorded(scene.patchnet, step) for step in steps}
     if {"octree", "light"} & set(steps):
         for change in changes_meanwhile():

@@ -66,6 +66,11 @@ class SurfaceSettings:
         """Return whether leaves are fitted to the cameras, since neither depth nor voxel size is given."""
         return self.depth is None and self.voxel_size_world is None
 
+    @property
+    def fitted_track(self) -> tuple[int, int] | None:
+        """First and last frame of the track that leaves are fitted to; None without one."""
+        return self.track_frames if self.is_fitted and self.track else None
+
     def bounds_world(self, source: MeshSource) -> np.ndarray:
         """(2, 3): bounds of the octree's cube."""
         return source.bounds_world if self.bounds is None else np.array(self.bounds, np.float64)

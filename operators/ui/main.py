@@ -46,6 +46,7 @@ class PATCHNET_PT_main(tab.Tab, bpy.types.Panel):
             tab.draw_progress(row)
         else:
             row.operator("patchnet.run_all", icon="PLAY")
+            layout.operator("patchnet.fly_through", icon="RENDER_ANIMATION")
         result = results.result_of(context.scene)
         running = JobOperator.running == "Preview Selection"
         if result is not None and (text := results.unfinished_text(result, running=running)):

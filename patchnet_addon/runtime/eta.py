@@ -212,6 +212,15 @@ def left_text(seconds: float | None) -> str:
     return "" if seconds is None or seconds < 1.0 else f"about {duration_text(seconds)} left"
 
 
+def range_text(low: float, high: float) -> str:
+    """Duration between two in words: "2 to 4 min", "50 s to 2 min"; "about 40 s" where both read alike."""
+    first, last = duration_text(low), duration_text(high)
+    if first == last:
+        return f"about {last}"
+    same = first.rpartition(" ")[2] == last.rpartition(" ")[2]
+    return f"{first.rpartition(' ')[0] if same else first} to {last}"
+
+
 def duration_text(seconds: float) -> str:
     """Duration in words: "40 s", "12 min", "2.5 h"."""
     if seconds < 100.0:

@@ -92,7 +92,7 @@ class RayPattern(NamedTuple):
     footprints: int
 
 
-EVEN_FOOTPRINT = 16  # coarser ones thicken edges, finer ones cost more than they improve (docs/worth-it.md)
+EVEN_FOOTPRINT = 32  # coarser ones thicken edges (docs/worth-it.md)
 # Of pixels that are refined, and of pictures with equally many in every pixel.
 GRID, EVEN = RayPattern(grid_places, 1), RayPattern(rook_places, EVEN_FOOTPRINT)
 

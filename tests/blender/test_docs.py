@@ -37,7 +37,7 @@ def test_lines_of_the_page_run(name: str, tmp_path: Path, monkeypatch: pytest.Mo
         monkeypatch.setenv("PATCHNET_CACHE", str(tmp_path / "cache"))
     build()
     settings = bpy.context.scene.patchnet
-    settings.size = (16, 16)
+    settings.size, bpy.context.scene.render.filepath = (16, 16), "//frames/"
     if name != "refine_with_cycles":
         settings.light = "two-lights"
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -56,6 +56,7 @@ def test_commands_page_is_what_the_script_makes() -> None:
 def settings_of_panels() -> dict[str, set[str]]:
     """Names of the settings that each panel of the tab draws, whatever other settings are chosen; by its title."""
     values, window = bpy.context.scene.patchnet, bpy.context.window_manager.patchnet_overlay
+    values.track = True
     tabs = [panel for panel in ui.CLASSES if panel is not presets_menu.PATCHNET_PT_presets]
     found: dict[str, set[str]] = {}
     for chosen in ("resolution", "importance"):

@@ -181,7 +181,34 @@ def render() -> clicks.Session:
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     mean = float(pixels.reshape(-1, 4)[:, :3].mean())
-    seen["render"] = {"ended": ended, "mean": mean, "same voxels": result().octree is octree}
+    seen["render"] = {"ended": list(ended), "mean": mean, "same voxels": result().octree is octree}
+
+
+def fly_through() -> clicks.Session:
+    """Bake Fly-Through: one bake beside the window, then Blender's own render of the frames."""
+    scene, folder = clicks.window().scene, OUT / "film"
+    scene.frame_start, scene.frame_end, scene.render.filepath = 1, 3, f"{folder}/"
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "CYCLES", 64, 48
+    for frame, x in ((1, 0.0), (3, 0.4)):
+        scene.camera.delta_location.x = x
+        scene.camera.keyframe_insert("delta_location", frame=frame)
+    choose(resolution="AUTO", max_samples=2, noise_threshold=0.5)
+    before = ends_of_renders()
+    press("fly_through")
+    last = folder / "0003.png"
+    yield from clicks.wait_for(last.is_file, "the last frame", 240.0)
+    yield from clicks.wait_for(lambda: scene.render.engine == "CYCLES", "the engine is back")
+    yield 1.0
+    files = sorted(path.name for path in folder.iterdir())
+    seen["film"] = {"files": files, "ended": before[-1:], "engine": scene.render.engine, "modal": modal()}
+    seen["film"] |= {
+        "track": scene.patchnet.track,
+        "estimate": module("session.scene_session").session_of(scene).estimate.lines,
+    }
+    times = [path.stat().st_mtime_ns for path in sorted(folder.iterdir())]
+    press("fly_through")
+    yield 2.0
+    seen["film"]["again"] = times == [path.stat().st_mtime_ns for path in sorted(folder.iterdir())]
 
 
 PARTS = (
@@ -194,6 +221,7 @@ PARTS = (
     reports,
     after_the_job,
     render,
+    fly_through,
 )
 
 

@@ -80,5 +80,12 @@ def test_the_job_itself_makes_nothing_stale(jobs: dict) -> None:
     assert jobs["ended"]["stale"] == {}
 
 
+def test_a_fly_through_is_baked_and_rendered_beside_the_window(jobs: dict) -> None:
+    film = jobs["film"]
+    assert film["files"] == ["0001.png", "0002.png", "0003.png"] and film["ended"] == ["complete"]
+    assert film["engine"] == "CYCLES" and film["track"] and film["modal"] == [] and film["again"]
+    assert any(line.startswith("Bake ") for line in film["estimate"])
+
+
 def test_render_takes_the_voxels_that_are_there(jobs: dict) -> None:
     assert jobs["render"]["ended"] == ["complete"] and jobs["render"]["same voxels"] and jobs["render"]["mean"] > 0.01
