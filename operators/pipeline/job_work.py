@@ -23,7 +23,7 @@ from .stages import GridChoice
 FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
-_SPREAD, _SPREAD_ELSEWHERE = 1.4, 2.0
+SPREAD, SPREAD_ELSEWHERE = 1.4, 2.0  # factors by which expected seconds may be shorter or longer
 _LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
 # Of a bake: surfels of a pixel in small and in large stills, in a track, and of a leaf where light is fine everywhere.
 _IN_SMALL, _IN_LARGE, _IN_TRACK, _IN_LEAF, _USUAL_SAMPLES = 4.0, 1.5, 0.12, 0.5, 8.0
@@ -85,11 +85,6 @@ class Rates:
             self._sums = {str(name): (float(seconds), float(units)) for name, (seconds, units) in known.items()}
         self.measured = bool(self._sums)  # at least one job was measured here
 
-    @property
-    def spread(self) -> float:
-        """Factor by which expected seconds may be shorter or longer."""
-        return _SPREAD if self.measured else _SPREAD_ELSEWHERE
-
     def know(self, work: dict[str, float]) -> bool:
         """Return whether all stages that have work were measured here."""
         return all(name in self._sums for name, units in work.items() if units > 0.0)
@@ -117,8 +112,8 @@ class Rates:
 
 def time_line(seconds: dict[str, float], rates: Rates) -> str:
     """Sentence on the time of a whole job."""
-    total = sum(seconds.values())
-    text = f"Takes {range_text(total / rates.spread, total * rates.spread)}"
+    total, spread = sum(seconds.values()), SPREAD if rates.measured else SPREAD_ELSEWHERE
+    text = f"Takes {range_text(total / spread, total * spread)}"
     return text if rates.measured else f"{text} (measured elsewhere)"
 
 

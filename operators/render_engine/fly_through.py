@@ -19,13 +19,12 @@ from ...patchnet_addon.runtime.eta import range_text
 from ...patchnet_addon.runtime.outputs import check_writable
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import bytes_text, counted
-from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import pixel_renders
 from ..pipeline.estimate import Estimate, estimate_job
-from ..pipeline.job_work import Rates
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree
+from ..pipeline.job_work import SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
+from ..pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
 from ..properties.job import scene_settings
 from ..scene.cameras import camera_size_px, choose_cameras
 from ..scene.track import track_cameras, track_key
@@ -134,16 +133,15 @@ def check_room(scene: bpy.types.Scene, frames: int) -> Path:
 
 @dataclass(frozen=True)
 class FlyThrough:
-    """Expected seconds: of what is done once, of a frame, and of a frame by Cycles by its samples; each with a range.
+    """Expected seconds: of what is done once, of a frame, and of a frame by Cycles by its samples.
 
-    spread: factor by which times may be shorter or longer.
+    measured: by earlier jobs on this machine, which narrows their ranges.
     """
 
     frames: int
     once: float
     frame: float
     cycles: dict[int, float]
-    spread: float
     measured: bool
 
     def lines(self) -> list[str]:
@@ -161,7 +159,8 @@ class FlyThrough:
         )
 
     def _range(self, seconds: float) -> str:
-        return range_text(seconds / self.spread, seconds * self.spread)
+        spread = SPREAD if self.measured else SPREAD_ELSEWHERE
+        return range_text(seconds / spread, seconds * spread)
 
 
 def estimate_fly_through(
@@ -179,7 +178,6 @@ def estimate_fly_through(
         sum(found.seconds.get(name, 0.0) for name in _BAKE),
         rates.seconds(rays)["frames"],
         {samples: reading + samples * sample for samples in RIVALS},
-        rates.spread,
         known,
     )
     found.lines += seen.lines()
@@ -206,12 +204,17 @@ def _cycles_seconds(context: bpy.types.Context, camera: Camera) -> Steps[tuple[f
 
 def _baked(context: bpy.types.Context, settings: JobSettings) -> Steps[SceneResult]:
     """New voxels with the light of all frames, which the scene keeps."""
-    scene, surface, clock = context.scene, settings.surface, StageClock()
-    overrides = OctreeOverrides()
-    if surface.track:
-        overrides = OctreeOverrides(cameras=lambda: track_cameras(scene, (), (0, 0), surface.track_frames))
-    made = yield from build_lit_octree(context, settings, clock, overrides)
-    result = SceneResult(made.octree, surface.scope, made.layout, settings.light.kind, state=made.state)
+    scene, wanted, plan = context.scene, settings.surface, JobPlan(settings)
+    clock, overrides = plan.clock, OctreeOverrides()
+    if wanted.track:
+        overrides = OctreeOverrides(cameras=lambda: track_cameras(scene, (), (0, 0), wanted.track_frames))
+    surface = yield from read_surface(context, settings, clock, overrides)
+    choice = yield from choose_leaves(context, surface, clock)
+    plan.make(surface.source, choice, choice.cameras, *_BAKE)
+    made = yield from plan.timed(light_octree(context, surface, choice, clock))
+    plan.resumed = made.reused > 0.0
+    plan.learn()
+    result = SceneResult(made.octree, wanted.scope, made.layout, settings.light.kind, state=made.state)
     result.seconds, result.notes = dict(clock.seconds), {"octree": made.warnings}
     results.keep(scene, result, OCTREE, LIGHT, settings=settings)
     return result

@@ -40,7 +40,7 @@ def test_one_bake_and_the_missing_frames(
     walk: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames are those of an animation by the engine, and the scene keeps its engine and frame."""
-    made = frames_of_calls(monkeypatch, fly_through, "build_lit_octree")
+    made = frames_of_calls(monkeypatch, fly_through, "light_octree")
     assert bpy.ops.patchnet.fly_through() == {"FINISHED"}
     names = ["picture-0001.exr", "picture-0002.exr", "picture-0003.exr"]
     assert films(tmp_path / "film") == names and len(made) == 1
@@ -82,13 +82,13 @@ def test_what_to_expect_is_said_before(walk: bpy.types.Scene) -> None:
 
 
 def test_words() -> None:
-    expected = FlyThrough(250, once=90.0, frame=1.0, cycles={8: 5.0, 32: 16.0}, spread=1.4, measured=True)
+    expected = FlyThrough(250, once=90.0, frame=1.0, cycles={8: 5.0, 32: 16.0}, measured=True)
     assert expected.lines() == [
         "Bake 64 s to 2 min, 250 frames 3 to 6 min",
         "Cycles, denoised: 15 to 29 min with 8 samples, 48 to 93 min with 32 samples",
         "PatchNet is ahead from 6 frames on of Cycles with 32",
     ]
-    never = FlyThrough(2, once=9.0, frame=9.0, cycles={8: 5.0}, spread=2.0, measured=False)
+    never = FlyThrough(2, once=9.0, frame=9.0, cycles={8: 5.0}, measured=False)
     assert "never ahead" in never.lines()[2] and "measured elsewhere" in never.lines()[3]
 
 
