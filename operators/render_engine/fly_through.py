@@ -23,7 +23,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import pixel_renders
 from ..pipeline.estimate import Estimate, estimate_job
-from ..pipeline.job_work import SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
+from ..pipeline.job_work import LEAST_S, SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
 from ..pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
 from ..properties.job import scene_settings
 from ..scene.cameras import camera_size_px, choose_cameras
@@ -172,7 +172,7 @@ def estimate_fly_through(
     (camera,) = choose_cameras(context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))
     rays = {"frames": float(_rays(scene, camera.pixel_count))}
     reading, sample = yield from _cycles_seconds(context, camera)
-    known = rates.know({name: 1.0 for name in _BAKE if found.seconds.get(name, 0.0) > 0.0})
+    known = rates.know({name: 1.0 for name in _BAKE if found.seconds.get(name, 0.0) >= LEAST_S})
     seen = FlyThrough(
         frames,
         sum(found.seconds.get(name, 0.0) for name in _BAKE),
