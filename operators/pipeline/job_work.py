@@ -51,13 +51,21 @@ def work_of(
     surface = triangles + 100_000.0
     return {
         "read": surface,
-        "depth": 3.0 * surface + 0.1 * leaves + pixels if settings.surface.is_fitted else surface,
+        "depth": 3.0 * surface + 0.1 * leaves + _traced(cameras or (), pixels)
+        if settings.surface.is_fitted
+        else surface,
         "light": light_paths(settings, cameras, leaves=leaves) if light.is_baked else 0.0,
         "voxelize": leaves + surface,
         "codes": float(leaves),
         "views": pixels * (_VIEW_RAYS + rays + (_REFERENCE_RAYS if view.has_reference else 0.0)),
         "cycles": cycles,
     }
+
+
+def _traced(cameras: Sequence[Camera], pixels: int) -> float:
+    """Pixels whose rays choose leaves: of a long track's frames some rows each (`lod/stops.py`)."""
+    share = 1.0 / min(max(len(cameras) // 25, 1), 10)
+    return max(float(pixels), share * sum(camera.pixel_count for camera in cameras))
 
 
 def light_paths(settings: JobSettings, cameras: Sequence[Camera], *, leaves: int) -> float:
