@@ -23,7 +23,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import pixel_renders
 from ..pipeline.estimate import Estimate, estimate_job
-from ..pipeline.job_work import LEAST_S, SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
+from ..pipeline.job_work import SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
 from ..pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
 from ..properties.job import scene_settings
 from ..scene.cameras import camera_size_px, choose_cameras
@@ -135,7 +135,7 @@ def check_room(scene: bpy.types.Scene, frames: int) -> Path:
 class FlyThrough:
     """Expected seconds: of what is done once, of a frame, and of a frame by Cycles by its samples.
 
-    measured: by earlier jobs on this machine, which narrows their ranges.
+    measured: frames of earlier fly-throughs on this machine. What is done once depends most on the scene.
     """
 
     frames: int
@@ -147,16 +147,15 @@ class FlyThrough:
     def lines(self) -> list[str]:
         """Figures in words, for the panel."""
         film = counted(self.frames, "frame")
-        lines = [f"Bake {self._range(self.once)}, {film} {self._range(self.frames * self.frame)}"]
+        bake = range_text(self.once / SPREAD_ELSEWHERE, self.once * SPREAD_ELSEWHERE)
+        lines = [f"Bake {bake}, {film} {self._range(self.frames * self.frame)}"]
         rivals = [f"{self._range(self.frames * one)} with {samples} samples" for samples, one in self.cycles.items()]
         lines.append(f"Cycles, denoised: {', '.join(rivals)}")
         samples, slowest = max(self.cycles.items())
         gained = slowest - self.frame
         ahead = f"ahead from {counted(max(1, ceil(self.once / gained)), 'frame')} on" if gained > 0.0 else "never ahead"
         lines.append(f"PatchNet is {ahead} of Cycles with {samples}")
-        return (
-            lines if self.measured else [*lines, "Times were measured elsewhere: the first job here gives better ones"]
-        )
+        return lines if self.measured else [*lines, "Times of frames were measured elsewhere"]
 
     def _range(self, seconds: float) -> str:
         spread = SPREAD if self.measured else SPREAD_ELSEWHERE
@@ -172,13 +171,12 @@ def estimate_fly_through(
     (camera,) = choose_cameras(context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))
     rays = {"frames": float(_rays(scene, camera.pixel_count))}
     reading, sample = yield from _cycles_seconds(context, camera)
-    known = rates.know({name: 1.0 for name in _BAKE if found.seconds.get(name, 0.0) >= LEAST_S})
     seen = FlyThrough(
         frames,
         sum(found.seconds.get(name, 0.0) for name in _BAKE),
         rates.seconds(rays)["frames"],
         {samples: reading + samples * sample for samples in RIVALS},
-        known,
+        rates.know(rays),
     )
     found.lines += seen.lines()
     return found, seen

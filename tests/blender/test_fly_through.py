@@ -76,7 +76,6 @@ def test_one_bake_and_the_missing_frames(
 def test_what_to_expect_is_said_before(walk: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.fly_through() == {"FINISHED"}
     lines = session_of(walk).estimate.lines
-    assert [line.split()[0] for line in lines[-4:-1]] == ["Bake", "Cycles,", "PatchNet"] or "elsewhere" in lines[-1]
     assert any(line.startswith("Bake ") and ", 3 frames " in line for line in lines)
     assert all(line in drawn(PATCHNET_PT_main) for line in lines)
 
@@ -84,7 +83,7 @@ def test_what_to_expect_is_said_before(walk: bpy.types.Scene) -> None:
 def test_words() -> None:
     expected = FlyThrough(250, once=90.0, frame=1.0, cycles={8: 5.0, 32: 16.0}, measured=True)
     assert expected.lines() == [
-        "Bake 64 s to 2 min, 250 frames 3 to 6 min",
+        "Bake 45 s to 3 min, 250 frames 3 to 6 min",
         "Cycles, denoised: 15 to 29 min with 8 samples, 48 to 93 min with 32 samples",
         "PatchNet is ahead from 6 frames on of Cycles with 32",
     ]
