@@ -40,12 +40,9 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
         baked = yield from bake_fly_through(context, frames, told)
         if baked.result is None:
             return f"All frames are in {baked.folder}"
-        said, film, uid = (
-            tell_notes(self, baked.result.all_notes),
-            counted(len(baked.frames), "frame"),
-            context.scene.session_uid,
-        )
+        said, film = tell_notes(self, baked.result.all_notes), counted(len(baked.frames), "frame")
         if window_is_alive():
+            uid = context.scene.session_uid
             bpy.app.timers.register(lambda: _render_beside(uid, frames), first_interval=_POLL_S)
             return f"Blender renders {film} into {baked.folder}{said}"
         yield Progress(0, 1, f"Rendering {film}")

@@ -37,11 +37,16 @@ from ..session.scene_session import session_of
 from ..session.staleness import look_again
 from ..settings.groups import samples_side
 from ..settings.job_settings import ESTIMATED, JobSettings, recorded
+from ..state.scene_state import scene_state
 from .engine import ENGINE
 
 RIVALS = 8, 32  # samples of denoised Cycles renders whose errors are next to those of frames (docs/worth-it.md)
 _PROBE_PX = 1 << 17
 _BYTES_A_PIXEL = 2  # of a compressed picture, about
+_MOVES = (
+    "Objects, lights or materials change from frame to frame, so no bake is of all frames: press Bake Animation, or "
+    "render an animation with the engine PatchNet without a window"
+)
 _BAKE = "read", "depth", "light", "voxelize"
 
 
@@ -66,6 +71,8 @@ def bake_fly_through(
     folder = check_room(scene, len(missing))
     if not missing:
         return BakedFlyThrough((), folder)
+    if scene_state(scene).frame is not None:
+        raise SceneError(_MOVES)
     scene.patchnet.track = True
     settings = fly_through_settings(scene)
     there = _kept(scene, settings)

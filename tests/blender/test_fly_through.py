@@ -99,6 +99,16 @@ def test_room_for_the_frames_is_looked_for_before_the_bake(walk: bpy.types.Scene
     assert results.result_of(walk) is None
 
 
+def test_what_moves_is_refused(walk: bpy.types.Scene) -> None:
+    lath = walk.objects["Lath 2"]
+    for frame, height in ((1, 0.0), (3, 0.1)):
+        lath.location.z = height
+        lath.keyframe_insert("location", frame=frame)
+    with pytest.raises(RuntimeError, match="change from frame to frame"):
+        bpy.ops.patchnet.fly_through()
+    assert results.result_of(walk) is None
+
+
 def test_command(walk: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = saved(tmp_path / "walk.blend"), tmp_path / "out"
     assert commands.main(["fly-through", str(path), "--out", str(out)]) == 0
