@@ -174,7 +174,9 @@ def _is_as_set(frame: _Frame, result: SceneResult) -> bool:
         return True
     now = frame.scene.patchnet
     same = all(result.made_with.get(stage) in (None, recorded(now, stage)) for stage in (OCTREE, LIGHT))
-    return same and result.made_by.get("track") in (None, track_key(frame.scene, frame.settings.surface.fitted_track))
+    if not (same and now.track):
+        return same
+    return result.made_by.get("track") in (None, track_key(frame.scene, frame.settings.surface.fitted_track))
 
 
 def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:

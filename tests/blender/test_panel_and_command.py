@@ -97,6 +97,7 @@ def test_every_setting_of_a_scene_is_in_the_panel() -> None:
     build()
     names = {item.identifier for item in bpy.context.scene.patchnet.bl_rna.properties} - {"rna_type", "name"}
     of_renders = set(drawn(PATCHNET_PT_render_refinement))
+    bpy.context.scene.patchnet.track = True
     assert names - drawn_settings() - of_renders == {"size"}, "whose two sides are shown"
 
 
