@@ -60,8 +60,11 @@ def preview():
     first = picture = None
     yield from masks(viewport)
     show("SOLID")
-    yield 2.5  # kept that long for another engine
-    seen["references left"] = sys.getrefcount(viewports[-1])
+    for _ in range(20):  # kept for another engine for a moment, longer where the machine is busy
+        yield 1.0
+        seen["references left"] = sys.getrefcount(viewports[-1])
+        if seen["references left"] == 3:
+            break
 
 
 def sky(viewport):
