@@ -183,28 +183,27 @@ def corner_words(pieces: Pieces) -> np.ndarray:
 
 def chain_words(pieces: Pieces) -> np.ndarray:
     """Words (3 K, 4) uint32 of mip chains: first level, their number, wrap mode and detail; rows of the transform."""
-    chains = pieces.textures.chains
-    words = np.zeros((len(chains), 3, 4), np.float32)
-    whole = words.view(np.int32)
-    for column, name in enumerate(("first", "level_count", "wrap")):
-        whole[:, 0, column] = chains[name]
-    words[:, 0, 3] = chains["detail"]
-    for number, name in enumerate(("one", "two", "three", "four", "five", "six")):
-        words[:, 1 + number // 3, number % 3] = chains[name]
-    return words.view(np.uint32).reshape(-1, 4)
+    rows = ("first", "level_count", "wrap", "detail"), ("one", "two", "three"), ("four", "five", "six")
+    return _record_words(pieces.textures.chains, *rows)
 
 
 def material_words(pieces: Pieces) -> np.ndarray:
     """Words (2 M, 4) uint32 of materials: both chains, whether it reflects, threshold or -1; colour and opacity."""
-    materials = pieces.textures.materials
-    words = np.zeros((len(materials), 2, 4), np.float32)
-    whole = words.view(np.int32)
-    for column, name in enumerate(("chain", "color_chain", "reflects")):
-        whole[:, 0, column] = materials[name]
-    words[:, 0, 3] = np.nan_to_num(materials["threshold"], nan=-1.0)
-    for column, name in enumerate(("red", "green", "blue", "opacity")):
-        words[:, 1, column] = materials[name]
-    return words.view(np.uint32).reshape(-1, 4)
+    materials = pieces.textures.materials.copy()
+    materials["threshold"] = np.nan_to_num(materials["threshold"], nan=-1.0)
+    return _record_words(
+        materials, ("chain", "color_chain", "reflects", "threshold"), ("red", "green", "blue", "opacity")
+    )
+
+
+def _record_words(records: np.ndarray, *rows: tuple[str, ...]) -> np.ndarray:
+    """Words (n r, 4) uint32 of records (n,): for each of them r rows of up to four fields, whole numbers or floats."""
+    floats = np.zeros((len(records), len(rows), 4), np.float32)
+    for row, names in enumerate(rows):
+        for column, name in enumerate(names):
+            part = floats if records[name].dtype.kind == "f" else floats.view(np.int32)
+            part[:, row, column] = records[name]
+    return floats.view(np.uint32).reshape(-1, 4)
 
 
 def padded(words: np.ndarray) -> np.ndarray:

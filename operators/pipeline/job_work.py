@@ -24,7 +24,7 @@ FILE_NAME = "rates.json"
 AGAIN = frozenset({"first look", "views", "cycles"})  # stages that a job enters several times
 _KEPT = 0.7  # weight of earlier jobs after each further one
 SPREAD, SPREAD_ELSEWHERE = 1.4, 2.0  # factors by which expected seconds may be shorter or longer
-LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
+_LEAST_S = 1.0  # of work: stages with less take the time of starting Cycles or reading files
 # Of a bake: surfels of a pixel in small and in large stills, in a track, and of a leaf where light is fine everywhere.
 _IN_SMALL, _IN_LARGE, _IN_TRACK, _IN_LEAF, _USUAL_SAMPLES = 4.0, 1.5, 0.12, 0.5, 8.0
 _REFERENCE_RAYS = 2 * 32**2  # and the other strategies, about
@@ -63,9 +63,11 @@ def work_of(
 
 
 def _traced(cameras: Sequence[Camera], pixels: int) -> float:
-    """Pixels whose rays choose leaves: of a long track's frames some rows each (`lod/stops.py`)."""
-    share = 1.0 / min(max(len(cameras) // 25, 1), 10)
-    return max(float(pixels), share * sum(camera.pixel_count for camera in cameras))
+    """Pixels whose rays choose leaves: of a long track's frames some rows each."""
+    from ...patchnet_addon.lod.stops import bands_of  # imports numba
+
+    apart = bands_of(0, len(cameras), 0).step
+    return max(float(pixels), sum(camera.pixel_count for camera in cameras) / apart)
 
 
 def light_paths(settings: JobSettings, cameras: Sequence[Camera], *, leaves: int) -> float:
@@ -108,7 +110,7 @@ class Rates:
     def learn(self, work: dict[str, float], seconds: dict[str, float]) -> None:
         """Learn from the seconds of finished stages with enough work; large and recent jobs weigh more."""
         for name, units in work.items():
-            if units * _ELSEWHERE[name] >= LEAST_S and seconds.get(name, 0.0) > 0.0:
+            if units * _ELSEWHERE[name] >= _LEAST_S and seconds.get(name, 0.0) > 0.0:
                 before = self._sums.get(name, (0.0, 0.0))
                 self._sums[name] = _KEPT * before[0] + seconds[name], _KEPT * before[1] + units
         temporary = temporary_path(self._path)

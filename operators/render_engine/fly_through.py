@@ -27,7 +27,7 @@ from ..pipeline.job_work import SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
 from ..pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
 from ..properties.job import scene_settings
 from ..scene.cameras import camera_size_px, choose_cameras
-from ..scene.track import track_cameras, track_key
+from ..scene.track import kept_track, track_cameras, track_key
 from ..scene_access.overrides import changed
 from ..schema.table import COMBINED, GLOSS_CAMERA, LIGHT, OCTREE
 from ..session import results
@@ -102,6 +102,7 @@ def render_fly_through(scene: bpy.types.Scene, frames: range, missing: int) -> N
 def frames_by_engine(scene: bpy.types.Scene, frames: range) -> Iterator[None]:
     """Let the scene render these frames with the engine, without those that are there, within the block."""
     with (
+        kept_track(scene),
         changed(scene.render, engine=ENGINE, use_overwrite=False),
         changed(scene, frame_start=frames[0], frame_end=frames[-1], frame_step=frames.step),
     ):

@@ -8,6 +8,7 @@ all chunks have the same voxels.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import bpy
@@ -19,7 +20,7 @@ from ...patchnet_addon.tracing.camera import Camera
 from ..state.digest import composed
 from .cameras import camera_names, camera_size_px, cameras_alone, numbered_camera, scene_cameras
 
-_opened: dict[int, range] = {}  # frames of the scenes of a file, as it was saved, by their session_uid
+_whole: dict[int, range] = {}  # frames of scenes that a part of them does not change, by their session_uid
 
 
 def track_frames(scene: bpy.types.Scene, wanted: Sequence[int] = (0, 0)) -> range:
@@ -28,8 +29,26 @@ def track_frames(scene: bpy.types.Scene, wanted: Sequence[int] = (0, 0)) -> rang
     Without a window these are the frames of the file as it was saved, whatever a command line or a script sets later.
     Raises SettingError where the last frame comes before the first.
     """
-    frames = _opened.get(scene.session_uid, range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    frames = _whole.get(scene.session_uid, _rendered(scene))
     return frame_range(int(wanted[0]), int(wanted[1]), frames.step) if any(wanted) else frames
+
+
+@contextmanager
+def kept_track(scene: bpy.types.Scene) -> Iterator[None]:
+    """Keep the track within the block, in which the scene renders other frames."""
+    before = _whole.get(scene.session_uid)
+    _whole[scene.session_uid] = track_frames(scene)
+    try:
+        yield
+    finally:
+        if before is None:
+            _whole.pop(scene.session_uid, None)
+        else:
+            _whole[scene.session_uid] = before
+
+
+def _rendered(scene: bpy.types.Scene) -> range:
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
 
 
 def track_cameras(
@@ -86,10 +105,10 @@ def _place(camera: Camera) -> tuple[object, ...]:
 
 @persistent
 def _on_load(*_: object) -> None:
-    _opened.clear()
+    _whole.clear()
     if bpy.app.background and bpy.data.filepath:
         for scene in bpy.data.scenes:
-            _opened[scene.session_uid] = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+            _whole[scene.session_uid] = _rendered(scene)
 
 
 HANDLERS = (("load_post", _on_load),)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patchnet import commands
-from patchnet.operators.render_engine import fly_through
+from patchnet.operators.render_engine import fly_through, frame_octree
 from patchnet.operators.render_engine.fly_through import FlyThrough
 from patchnet.operators.session import results
 from patchnet.operators.session.scene_session import session_of
@@ -41,7 +41,9 @@ def test_one_bake_and_the_missing_frames(
 ) -> None:
     """Frames are those of an animation by the engine, and the scene keeps its engine and frame."""
     made = frames_of_calls(monkeypatch, fly_through, "light_octree")
+    by_engine = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     assert bpy.ops.patchnet.fly_through() == {"FINISHED"}
+    assert not by_engine, "frames show what was baked"
     names = ["picture-0001.exr", "picture-0002.exr", "picture-0003.exr"]
     assert films(tmp_path / "film") == names and len(made) == 1
     assert (walk.render.engine, walk.render.use_overwrite, walk.frame_current) == ("CYCLES", True, 2)
@@ -67,6 +69,7 @@ def test_one_bake_and_the_missing_frames(
     (tmp_path / "film" / names[0]).unlink()
     assert bpy.ops.patchnet.fly_through(frame_start=1, frame_end=2) == {"FINISHED"}
     assert len(made) == 1 and films(tmp_path / "film") == names and walk.frame_end == 3, "part of the same track"
+    assert len(by_engine) == 1, "that of the animation alone"
     walk.frame_end = 2
     (tmp_path / "film" / names[0]).unlink()
     assert bpy.ops.patchnet.fly_through() == {"FINISHED"}

@@ -70,7 +70,7 @@ def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
 def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
     cache: Path, weights: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("patchnet.operators.pipeline.job_work.LEAST_S", 0.0)  # the job is small
+    monkeypatch.setattr("patchnet.operators.pipeline.job_work._LEAST_S", 0.0)  # the job is small
     build()
     settings = JobSettings.of(max_samples=2, weights=weights, **SMALL)
     reports: list[Progress] = []
