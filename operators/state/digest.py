@@ -51,7 +51,7 @@ ATTRIBUTE_KINDS: dict[str, tuple[str, int, type]] = {
     "FLOAT4": ("vector", 4, np.float32),
 }  # fmt: skip
 _ATTRIBUTES = ATTRIBUTE_KINDS | {
-    "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int32), "FLOAT4X4": ("value", 16, np.float32),
+    "INT32_2D": ("value", 2, np.int32), "INT16_2D": ("value", 2, np.int16), "FLOAT4X4": ("value", 16, np.float32),
 }  # fmt: skip
 _OF_POINTS = {"co": 4, "weight": 1, "tilt": 1, "radius": 1}
 _OF_BEZIER_POINTS = {"co": 3, "handle_left": 3, "handle_right": 3, "tilt": 1, "radius": 1}
@@ -67,15 +67,17 @@ class Digest:
 
     def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=16)
+        self._texts: list[str] = []  # not hashed yet
         self._met: set[int] = set()  # by address: evaluated copies share their original's name
 
     def hexdigest(self) -> str:
         """32 hex digits."""
+        self._flush()
         return self._hash.hexdigest()
 
     def text(self, *values: Any) -> None:
         """Plain values, by their repr."""
-        self._hash.update(f"{values!r};".encode("utf-8", "surrogatepass"))
+        self._texts.append(repr(values))
 
     def array(self, name: str, values: np.ndarray | None) -> None:
         """Hash an array with its type and shape."""
@@ -83,7 +85,12 @@ class Digest:
             self.text(name, None)
             return
         self.text(name, values.dtype.str, values.shape)
+        self._flush()
         self._hash.update(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+
+    def _flush(self) -> None:
+        self._hash.update(";".join((*self._texts, "")).encode("utf-8", "surrogatepass"))
+        self._texts.clear()
 
     def block(self, block: bpy.types.ID | None) -> None:
         """Hash a data-block: its name, and its contents if it is new here."""
@@ -247,7 +254,7 @@ class Digest:
         self.array(f"{attribute.name} {attribute.domain}", values_of(attribute.data, key, width, dtype))
 
     def faces(self, data: Any) -> None:
-        """Hash the vertex indices of a mesh's faces, or the first points of strands of hair."""
+        """Hash the vertex indices of a mesh's faces and where each begins, or the first points of strands of hair."""
         if isinstance(data, bpy.types.Curves):
             self.array("strands", values_of(data.curve_offset_data, "value", 1, np.int32))
         if not isinstance(data, bpy.types.Mesh):
@@ -256,7 +263,9 @@ class Digest:
         self.array(
             "loops", values_of(*((corners.data, "value") if corners else (data.loops, "vertex_index")), 1, np.int32)
         )
-        self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
+        self.text(len(data.polygons))
+        if len(data.loops) != 3 * len(data.polygons):  # else all are triangles: this is slow
+            self.array("polygons", values_of(data.polygons, "loop_start", 1, np.int32))
 
 
 def composed(*parts: object) -> str:

@@ -10,15 +10,17 @@ neither on their order, nor on cameras that see other leaves.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..cells.hashing import fill_slots, mixed, row_of_key, slots_for
-from ..octree.voxelize import ClippedSurface, triangle_areas_and_normals
-from ..runtime.kernels import device, kernel
+from ..octree.blocks import CellSet
+from ..octree.voxelize import ClippedSurface, on_all_cores
+from ..runtime.kernels import device, kernel, lean_device
 from ..runtime.progress import Progress, Steps
-from ..surface.mesh import ShadingFn
+from ..surface.mesh import ShadingFn, TriangleBatch
 from ..tracing.camera import PERSPECTIVE, Camera
 from .seen_cells import ABOVE_LEAVES, LEVEL_BITS, SeenCells
 from .sheets import Sheets
@@ -27,6 +29,8 @@ COARSE = 4  # levels of light cells above the leaves, where no camera looks
 MOST_SHEETS = 4  # sides of sheets of a cell and face; others have their mean light
 FRONT, BACK = 0, 1
 _MIN_OPACITY = 1.0 / 255.0
+# Units of area in the face of a light cell. Whole numbers of them, up to 8192 layers, add up to the same in any order.
+_FACE_UNITS = 2.0**40
 _LAST = np.uint64(2**64 - 1)
 LABEL = "Choosing surfels"
 
@@ -55,7 +59,7 @@ class _Draw(NamedTuple):
 
 class _View(NamedTuple):
     """What cameras see: `SeenCells` with slots, and the coarsest level of a voxel that a ray ends in; eyes (E, 4):
-    position and 1, or direction to the eye and 0.
+    position and 1, or direction to the eye and 0; units (L,) of area of a light cell of each level.
     """
 
     cells: np.ndarray
@@ -64,6 +68,7 @@ class _View(NamedTuple):
     slots: np.ndarray
     coarsest: int
     eyes: np.ndarray
+    units: np.ndarray
 
 
 class _Surface(NamedTuple):
@@ -91,39 +96,69 @@ def choose_surfels(
 ) -> Steps[np.ndarray]:
     """Surfels (N,) SURFEL of a surface, in the order of their light cells.
 
-    opacity: of the lit surface. seen: by cameras with `eyes` (E, 4); without eyes every side that gets light is seen.
+    opacity: of the lit surface; it is called in threads. seen: by cameras with `eyes` (E, 4); without eyes every side
+    that gets light is seen.
     """
     slots = slots_for(len(seen.cells))
     fill_slots(slots, seen.cells, np.arange(len(seen.cells)))
     coarsest = int((seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).min(initial=(1 << LEVEL_BITS) - 1))
-    view = _View(*seen, slots, coarsest, eyes)
-    room = 1 << 16
-    draw = _Draw(np.zeros(room, SURFEL), np.zeros(room, np.uint64), slots_for(room), np.zeros(1, np.int64))
-    count = clipped.source.triangle_count
-    before, normals = -1, np.empty((0, 3))
-    for batch, fragments in clipped.parts():
-        here = slice(batch.first_triangle, batch.first_triangle + len(batch))
-        if batch.first_triangle != before:
-            before, normals = batch.first_triangle, triangle_areas_and_normals(batch.corners_world)[1]
-        own = Sheets(*(column[here] for column in sheets))
-        surface = _Surface(batch.first_triangle, batch.corners_world, normals, *own)
-        shown = opacity(batch, fragments)[1]
+    cell_side = clipped.grid.side_world / 2.0 ** np.arange(clipped.grid.depth + 1)
+    view = _View(*seen, slots, coarsest, eyes, _FACE_UNITS / cell_side**2)
+    count, cores = clipped.source.triangle_count, [_draw_with_room(1 << 16) for _ in max(clipped.passes, key=len)]
+    for number, ranges in enumerate(clipped.passes):
+        shares = [
+            _Share(clipped, index, blocks.cells(), opacity, sheets, view, draw)
+            for index, (blocks, draw) in enumerate(zip(ranges, cores, strict=False), number * len(ranges))
+        ]
+        for done in on_all_cores(shares, clipped.source):
+            yield Progress(number * count + done, len(clipped.passes) * count, LABEL)
+        cores[: len(shares)] = [share.draw for share in shares]
+    draw = cores[0]
+    for other in cores[1:]:
         first = 0
-        while first < len(fragments):
-            first = _choose(first, fragments.arrays, shown, fragments.level, surface, view, draw)
-            if first < len(fragments):
+        while first < other.used[0]:
+            first = _join(first, other, draw)
+            if first < other.used[0]:
                 draw = _larger(draw)
-        yield Progress(here.stop, count, LABEL)
-    return _capped(draw.rows[: int(draw.used[0])])
+    rows = draw.rows[: int(draw.used[0])]
+    rows["share"] /= view.units[(rows["cell"] & np.uint64((1 << LEVEL_BITS) - 1)).astype(np.int64)]
+    return _capped(rows)
+
+
+@dataclass(eq=False)
+class _Share:
+    """Lottery of one core over the cells of its blocks; number, cells: as of `ClippedSurface.fragments`."""
+
+    clipped: ClippedSurface
+    number: int
+    cells: dict[int, CellSet]
+    opacity: ShadingFn
+    sheets: Sheets
+    view: _View
+    draw: _Draw
+
+    def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
+        """Enter a batch of triangles with areas (T,) and unit normals (T, 3)."""
+        own = Sheets(*(column[batch.first_triangle : batch.first_triangle + len(batch)] for column in self.sheets))
+        surface = _Surface(batch.first_triangle, batch.corners_world, normals, *own)
+        for fragments in self.clipped.fragments(self.number, batch, areas_world, self.cells):
+            shown = self.opacity(batch, fragments)[1]
+            first = 0
+            while first < len(fragments):
+                first = _choose(first, fragments.arrays, shown, fragments.level, surface, self.view, self.draw)
+                if first < len(fragments):
+                    self.draw = _larger(self.draw)
+
+
+def _draw_with_room(room: int) -> _Draw:
+    return _Draw(np.zeros(room, SURFEL), np.zeros(room, np.uint64), slots_for(room), np.zeros(1, np.int64))
 
 
 def _larger(draw: _Draw) -> _Draw:
-    room = 2 * len(draw.rows)
-    rows, keys, slots = np.zeros(room, SURFEL), np.zeros(room, np.uint64), slots_for(room)
-    used = int(draw.used[0])
-    rows[:used], keys[:used] = draw.rows[:used], draw.keys[:used]
-    fill_slots(slots, keys, np.arange(used))
-    return _Draw(rows, keys, slots, draw.used)
+    larger, used = _draw_with_room(2 * len(draw.rows)), int(draw.used[0])
+    larger.rows[:used], larger.keys[:used] = draw.rows[:used], draw.keys[:used]
+    fill_slots(larger.slots, larger.keys, np.arange(used))
+    return larger._replace(used=draw.used)
 
 
 @kernel
@@ -144,12 +179,13 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
                 continue
             shows = pixels if pixels > 0.0 and _is_shown(fragments, f, surface, view.eyes, side) else 0.0
             if up < coarse and shows > 0.0:
-                _enter(fragments, f, weight, (level, up, shows), side, surface, draw)
-            _enter(fragments, f, weight, (level, coarse, shows if up == coarse else 0.0), side, surface, draw)
+                _enter(fragments, f, weight, (level, up, shows, view.units[level - up]), side, surface, draw)
+            shows = shows if up == coarse else 0.0
+            _enter(fragments, f, weight, (level, coarse, shows, view.units[level - coarse]), side, surface, draw)
     return len(fragments.keys)
 
 
-@device
+@lean_device
 def _light_level(view, key, level):  # type: ignore[no-untyped-def]
     """Levels between a leaf and its light cell, and pixels that show it, 0 if no camera does.
 
@@ -165,7 +201,7 @@ def _light_level(view, key, level):  # type: ignore[no-untyped-def]
     return coarse, 0.0
 
 
-@device
+@lean_device
 def _is_shown(fragments, f, surface, eyes, side):  # type: ignore[no-untyped-def]
     """Return whether an eye is on that side of a fragment's plane."""
     t = fragments.triangle[f]
@@ -188,13 +224,13 @@ def side_of_sheet(sheet, side):  # type: ignore[no-untyped-def]
     return np.int64(2 * sheet + side)
 
 
-@device
+@lean_device
 def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no-untyped-def]
     """Enter a side of a fragment into the lottery of its light cell.
 
-    where: level of the leaf, levels up to the light cell, and pixels that show it.
+    where: level of the leaf, levels up to the light cell, pixels that show it, and units of a world unit of area there.
     """
-    level, up, pixels = where
+    level, up, pixels, units = where
     t, key = fragments.triangle[f], fragments.keys[f]
     face = np.int64(surface.face[t]) ^ side
     cell = ((key >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
@@ -204,16 +240,8 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
     fragment = mixed(mixed(mixed(key, level), number), side)
     # The first of exponential arrivals, of a rate that is the weight: each wins with a chance in proportion to it.
     rank = np.float32(-np.log((np.float64(fragment >> np.uint64(11)) + 0.5) / 2.0**53) / weight)
-    row = row_of_key(draw.slots, draw.keys, place)
-    if row < 0:
-        slot = -1 - row
-        row = draw.used[0]
-        draw.used[0] += 1
-        draw.slots[slot] = row + 1
-        draw.keys[row] = place
-        draw.rows[row].rank, draw.rows[row].id = np.float32(np.inf), _LAST  # also ranks may be infinite
-    drawn = draw.rows[row]
-    drawn.share += weight
+    drawn = draw.rows[_row_of(place, draw)]
+    drawn.share += np.ceil(weight * units)
     drawn.pixels = max(drawn.pixels, np.float32(pixels))
     identity = mixed(place, fragment)
     if rank < drawn.rank or (rank == drawn.rank and identity < drawn.id):
@@ -222,6 +250,34 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
         drawn.area = np.float32(fragments.area_world[f])
         drawn.one, drawn.two = fragments.barycentric[f, 0], fragments.barycentric[f, 1]
         drawn.sheet, drawn.face, drawn.side = sheet, np.uint8(face), np.uint8(side)
+
+
+@lean_device
+def _row_of(place, draw):  # type: ignore[no-untyped-def]
+    """Row of the light cell of a key."""
+    row = row_of_key(draw.slots, draw.keys, place)
+    if row < 0:
+        slot = -1 - row
+        row = draw.used[0]
+        draw.used[0] += 1
+        draw.slots[slot] = row + 1
+        draw.keys[row] = place
+        draw.rows[row].rank, draw.rows[row].id = np.float32(np.inf), _LAST  # also ranks may be infinite
+    return row
+
+
+@kernel
+def _join(first, other, draw):  # type: ignore[no-untyped-def]
+    """Join another lottery to `draw`, from its row `first` on; returns the first row without room, or their number."""
+    for row in range(first, other.used[0]):
+        if draw.used[0] == len(draw.rows):
+            return row
+        drawn, rival = draw.rows[_row_of(other.keys[row], draw)], other.rows[row]
+        share, pixels = drawn.share + rival.share, max(drawn.pixels, rival.pixels)
+        if rival.rank < drawn.rank or (rival.rank == drawn.rank and rival.id < drawn.id):
+            draw.rows[_row_of(other.keys[row], draw)] = rival
+        drawn.share, drawn.pixels = share, pixels
+    return other.used[0]
 
 
 def _capped(rows: np.ndarray) -> np.ndarray:

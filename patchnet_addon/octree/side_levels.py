@@ -8,12 +8,14 @@ visible parts of both.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from ..runtime.kernels import device, kernel
-from ..runtime.threads import run_parts
+from ..runtime.threads import thread_count
 from .leaf_boxes import STEPS, covered_steps
 from .levels import stored_chroma
 from .octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT
@@ -29,7 +31,7 @@ _DIFFERS, _MOST_BYTES, _FREE = 0.004, 2.9, 1 << 16
 _RARE = 3  # bits by which the difference of a back that is rarely visible counts less
 _COLUMN_LEVEL = 8  # level whose columns of voxels have one lowest surface
 _TURNED = 0.01  # of the area that faces both ways: above rounding
-_PIECE = 1 << 18  # nodes whose children's faces are held at a time
+_PIECE = 1 << 16  # nodes whose children's faces a thread holds at a time
 
 
 class LeafSides(NamedTuple):
@@ -72,6 +74,10 @@ class _Faces(NamedTuple):
     share: np.ndarray
     cover: np.ndarray
     chroma: np.ndarray
+
+
+# Of s nodes: differences (s,) uint16 of visible faces from the mean, and the columns of `SidesOfNodes`.
+_Differing = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class SidesOfNodes(NamedTuple):
@@ -125,31 +131,43 @@ def sides_of_levels(levels: Sequence[LevelNodes], exposure: float) -> SidesOfNod
     """
     first = np.cumsum([0, *(len(level.mask) for level in levels)])
     lowest = _lowest([level.mask for level in levels])
-    found: list[list[tuple[np.ndarray, ...]]] = [[] for _ in levels]
     depth = len(levels) - 1
-    kept = _faces(levels[depth], slice(0, 0), None, exposure)
-    for level in range(depth - 1, -1, -1):
-        nodes, child, pieces = levels[level], 0, []
-        for start in range(0, len(nodes.mask), _PIECE):
-            here = slice(start, min(start + _PIECE, len(nodes.mask)))
-            children = slice(child, child + int(POPCOUNT[nodes.mask[here]].sum()))
-            child = children.stop
-            if level + 1 == depth:
-                below = _faces(levels[depth], children, None, exposure)
-                found[depth].append(_differing(levels[depth], children, below, lowest[depth], int(first[depth])))
-            else:
-                below = _Faces(*(values[children] for values in kept))
-            pieces.append(_faces(nodes, here, below, exposure))
-            found[level].append(_differing(nodes, here, pieces[-1], lowest[level], int(first[level])))
-        kept = _Faces(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
-    columns = zip(*(piece for of_level in found for piece in of_level), strict=True)
+    place = [np.flatnonzero(level.mask == 0)[level.sides.leaf] for level in levels]
+    kept = _faces(levels[depth], place[depth], slice(0, 0), None, exposure)
+    found: list[list[_Differing]] = [[] for _ in levels]
+
+    def piece(level: int, here: slice, children: slice) -> tuple[_Faces, list[_Differing]]:
+        nodes, mine = levels[level], []
+        if level + 1 == depth:
+            below = _faces(levels[depth], place[depth], children, None, exposure)
+            mine.append(_differing(levels[depth], children, below, lowest[depth], int(first[depth])))
+        else:
+            below = _Faces(*(values[children] for values in kept))
+        faces = _faces(nodes, place[level], here, below, exposure)
+        return faces, [_differing(nodes, here, faces, lowest[level], int(first[level])), *mine]
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        for level in range(depth - 1, -1, -1):
+            mask = levels[level].mask
+            starts = np.arange(0, len(mask), _PIECE)
+            ends = np.append(starts[1:], len(mask))
+            child = np.cumsum([0, *np.add.reduceat(POPCOUNT[mask], starts, dtype=np.int64)]).tolist()
+            made = list(pool.map(piece, repeat(level), map(slice, starts, ends), map(slice, child, child[1:])))
+            kept = _Faces(*(np.concatenate(column) for column in zip(*(faces for faces, _ in made), strict=True)))
+            for _, differing in made:
+                for of_level, rows in zip(found[level:], differing, strict=False):
+                    of_level.append(rows)
+    columns = zip(*(rows for of_level in found for rows in of_level), strict=True)
     joined = [np.concatenate(column) for column in columns]
     node_bytes = sum(column[:1].nbytes for column in joined[1:]) or 1
     return _most_different(*joined, most=max(_FREE, int(_MOST_BYTES / node_bytes * first[-1])))
 
 
-def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float) -> _Faces:
-    """Faces of nodes of a level, whose children have those of `below`; None if all are leaves."""
+def _faces(level: LevelNodes, place: np.ndarray, here: slice, below: _Faces | None, exposure: float) -> _Faces:
+    """Faces of nodes of a level, whose children have those of `below`; None if all are leaves.
+
+    place: (k,) of the leaves with sides among the level's nodes.
+    """
     count, hues = here.stop - here.start, level.chroma.shape[1]
     faces = _Faces(
         np.empty((count, FACES), np.uint16),
@@ -160,7 +178,6 @@ def _faces(level: LevelNodes, here: slice, below: _Faces | None, exposure: float
     nodes = level.mask[here], level.area_world[here], level.normal[here], level.luminance[here], level.chroma[here]
     _write_faces(nodes, 1.0 / level.face_world, faces if below is None else below, faces)
     sides = level.sides
-    place = np.flatnonzero(level.mask == 0)[sides.leaf] if below is not None else sides.leaf
     first, last = np.searchsorted(place, (here.start, here.stop))
     row, own = place[first:last] - here.start, slice(first, last)
     share = sides.share[own]
@@ -188,14 +205,14 @@ def _lowest(masks: Sequence[np.ndarray]) -> list[np.ndarray]:
     return found
 
 
-def _differing(level: LevelNodes, here: slice, faces: _Faces, lowest: np.ndarray, first: int) -> tuple[np.ndarray, ...]:
+def _differing(level: LevelNodes, here: slice, faces: _Faces, lowest: np.ndarray, first: int) -> _Differing:
     """Differences (s,) uint16 of visible faces from the mean, of nodes where they are large enough; and the sides of
     these.
 
     lowest: (n,) bool, of the level's nodes; first: its first node.
     """
     difference = np.empty(len(faces.share), np.uint16)
-    run_parts(_write_difference, len(difference), faces, level.luminance[here], lowest[here], difference)
+    _write_difference(faces, level.luminance[here], lowest[here], difference)
     row = np.flatnonzero(difference > _DIFFERS * LUMINANCE_SCALE)
     light = np.rint(np.sqrt(faces.light[row] / np.float32(LUMINANCE_SCALE)) * _BYTE).astype(np.uint8)
     share, is_back = faces.share[row].astype(np.float32), faces.share[row] & 1
@@ -269,12 +286,12 @@ def _find_different(faces, row, sums, per_face, found):  # type: ignore[no-untyp
 
 
 @kernel
-def _write_difference(first, last, faces, luminance, lowest, difference):  # type: ignore[no-untyped-def]
+def _write_difference(faces, luminance, lowest, difference):  # type: ignore[no-untyped-def]
     """Write the largest difference of visible faces of nodes from their luminance (n,).
 
     A back counts less where it is black, or that of a lowest node, as of a ground.
     """
-    for node in range(first, last):
+    for node in range(len(difference)):
         least = _SEEN * faces.share[node].max()
         difference[node] = 0
         for face in range(FACES):

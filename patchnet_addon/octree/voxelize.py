@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -142,15 +142,12 @@ class ClippedSurface:
         """Textures of the surface's materials."""
         return TextureTable.from_materials(self.source.materials, color=self._color)
 
-    def parts(self) -> Iterator[tuple[TriangleBatch, Fragments]]:
-        """All fragments, batch by batch, in a fixed order."""
-        for number, ranges in enumerate(self.passes):
-            cells = [blocks.cells() for blocks in ranges]
-            for batch in self.source.batches():
-                areas, _ = triangle_areas_and_normals(batch.corners_world)
-                for share, wanted in enumerate(cells, number * len(ranges)):
-                    for fragments in self.fragments(share, batch, areas, wanted):
-                        yield batch, fragments
+
+class CoreShare(Protocol):
+    """What a core does with the batches of a surface."""
+
+    def add(self, batch: TriangleBatch, areas_world: np.ndarray, normals: np.ndarray) -> None:
+        """Take a batch of triangles with areas (T,) and unit normals (T, 3)."""
 
 
 def voxelize(
@@ -186,7 +183,7 @@ def voxelize(
                 _Share(clipped, index, blocks.layout.block_level, cells, leaves, pieces, shade, watch, detail)
             )
         done, total = number * source.triangle_count, len(passes) * source.triangle_count
-        for report in _on_all_cores(shares, source):
+        for report in on_all_cores(shares, source):
             yield Progress(done + report, total, "Voxelizing")
         with ThreadPoolExecutor(len(shares)) as pool:
             kept += pool.map(lambda share: keep(share.take(), share.block_level), shares)
@@ -232,7 +229,7 @@ class _Share:
         return taken
 
 
-def _on_all_cores(shares: Sequence[_Share], source: MeshSource) -> Iterator[int]:
+def on_all_cores(shares: Sequence[CoreShare], source: MeshSource) -> Iterator[int]:
     """Pass all triangles to all shares, each in its own thread; yields the number of triangles passed.
 
     Kernels run without the interpreter lock. A queue of batches keeps a slow share from blocking the others.

@@ -28,6 +28,7 @@ from patchnet.patchnet_addon.octree.grid import Grid
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface
 from patchnet.patchnet_addon.runtime.progress import Progress, drain
 from patchnet.patchnet_addon.tracing.camera import ORTHOGRAPHIC, Camera
+from patchnet.tests.references.clip import parts_of
 
 PIXELS = 16  # of the picture's side
 REGIONS = 8  # of the side that are compared
@@ -81,7 +82,7 @@ class Baked:
     def fragments(self) -> LitFragments:
         """Light of all fragments, as the octree takes it."""
         parts = []
-        for batch, fragments in self.clipped.parts():
+        for batch, fragments in parts_of(self.clipped):
             corners = batch.corners_world[fragments.triangle]
             weights = fragments.barycentric[..., None].astype(np.float64)
             place = corners[:, 0] + (weights * (corners[:, 1:] - corners[:, :1])).sum(axis=1)

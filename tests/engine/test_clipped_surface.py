@@ -16,6 +16,7 @@ from patchnet.patchnet_addon.octree.octree import Octree
 from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, LeafDetail
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.tests.references.clip import parts_of
 
 from .light_samples import random_layout, random_surface
 from .mesh_samples import even
@@ -39,7 +40,7 @@ def pieces(clipped: ClippedSurface) -> list[tuple]:
             float(fragments.area_world[f]),
             *fragments.barycentric[f].tolist(),
         )
-        for batch, fragments in clipped.parts()
+        for batch, fragments in parts_of(clipped)
         for f in range(len(fragments))
     )
 

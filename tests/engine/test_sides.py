@@ -232,7 +232,7 @@ def test_faces_show_the_children_in_front():
     nodes = np.ones(len(masks), np.float32), np.zeros((len(masks), 3), np.int8), np.zeros(len(masks), np.uint16)
     sides = LeafSides(np.empty(0, np.int64), none, none.astype(np.uint16), np.empty((0, 6, 0), np.uint8))
     level = LevelNodes(masks, *nodes, np.empty((len(masks), 0), np.uint8), 1.0, sides)
-    found = _faces(level, slice(0, len(masks)), below, 1.0)
+    found = _faces(level, np.empty(0, np.int64), slice(0, len(masks)), below, 1.0)
     light, cover = below.light / LUMINANCE_SCALE, below.cover / LUMINANCE_SCALE
     first = 0
     for node, mask in enumerate(masks.tolist()):

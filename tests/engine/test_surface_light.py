@@ -40,6 +40,7 @@ from patchnet.patchnet_addon.surface.mesh import (
     random_rotation,
 )
 from patchnet.patchnet_addon.surface.textures import LEAST_BASE, TextureTable
+from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.surfels import Cell, Place, face_reference, key_of, lookup_reference
 
 from .light_samples import (
@@ -70,7 +71,7 @@ def table_of(cells: dict[Place, Cell]) -> LightCells:
 
 def pieces(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments, int, int, int]]:
     """Fragments one by one: batch, its fragments, number, key and triangle of one among all."""
-    for batch, fragments in clipped.parts():
+    for batch, fragments in parts_of(clipped):
         for f in range(len(fragments)):
             yield batch, fragments, f, int(fragments.keys[f]), batch.first_triangle + int(fragments.triangle[f])
 
@@ -127,7 +128,7 @@ def test_the_back_of_a_leaf_is_not_the_front_of_another() -> None:
     cells = CellGrid(surfels, surface, FLAT_GRID, filtered=False).light(sums_of(np.stack([lit, lit], axis=1)))
     sides = MaterialSides(np.zeros(1, bool), np.zeros(1, bool))
     shade = cells_shade(cells, table, sheets, sides, color=False)
-    for batch, fragments in clipped.parts():
+    for batch, fragments in parts_of(clipped):
         lights = shade(batch, fragments)[3][..., 0]
         np.testing.assert_array_equal(lights[:, FRONT], 1.0)
         np.testing.assert_array_equal(lights[:, BACK], 0.0)
@@ -145,7 +146,7 @@ def test_as_a_look_up_in_a_dictionary(color: bool) -> None:
     table = TextureTable.from_materials(source.materials, color=color)
     shade = cells_shade(light, table, sheets, MaterialSides(REFLECTS, THROUGH), color=color)
     seen = set()
-    for batch, fragments in clipped.parts():
+    for batch, fragments in parts_of(clipped):
         luminance, opacity, mean, lights = shade(batch, fragments)
         normals = triangle_areas_and_normals(batch.corners_world)[1]
         assert lights.shape == (len(fragments), 2, channels) and mean.shape == (len(fragments), channels - 1)
@@ -188,7 +189,7 @@ def test_light_of_surfels_reaches_all_fragments(seed: int, layout: LeafLevels | 
     surface = surface_of_surfels(surfels, source, table, np.ones(1, bool), color=False)
     cells = CellGrid(surfels, surface, GRID, filtered=True).light(sums_of(np.full((len(surfels), 2), 3.0)))
     shade = cells_shade(cells, table, sheets, MaterialSides(np.ones(1, bool), np.zeros(1, bool)), color=False)
-    for batch, fragments in clipped.parts():
+    for batch, fragments in parts_of(clipped):
         luminance, _, _, lights = shade(batch, fragments)
         facing = sheets.facing[batch.first_triangle + fragments.triangle]
         there = fragments.area_world > 0.0
@@ -245,7 +246,7 @@ def test_a_rotated_surface_has_the_light_of_the_upright_one(seed: int) -> None:
     rotated = RotatedSource(source, rotation)
     upright = upright_shade(shade, rotation, GRID)
     count = 0
-    for batch, fragments in ClippedSurface(rotated, Grid.around(rotated.bounds_world, 5)).parts():
+    for batch, fragments in parts_of(ClippedSurface(rotated, Grid.around(rotated.bounds_world, 5))):
         luminance, _, _, lights = upright(batch, fragments)
         corners = next(source.batches()).corners_world[fragments.triangle]
         weights = np.concatenate(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reference of `clip`: clip every cell of a triangle's bounding box on its own."""
+"""Reference of `clip`: clip every cell of a triangle's bounding box on its own; fragments in a fixed order."""
 
 from __future__ import annotations
 
@@ -8,6 +8,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from patchnet.patchnet_addon.cells.morton import morton_encode
+from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_areas_and_normals
+from patchnet.patchnet_addon.surface.mesh import Fragments, TriangleBatch
+
+
+def parts_of(clipped: ClippedSurface) -> Iterator[tuple[TriangleBatch, Fragments]]:
+    """All fragments, batch by batch."""
+    for number, ranges in enumerate(clipped.passes):
+        cells = [blocks.cells() for blocks in ranges]
+        for batch in clipped.source.batches():
+            areas, _ = triangle_areas_and_normals(batch.corners_world)
+            for share, wanted in enumerate(cells, number * len(ranges)):
+                for fragments in clipped.fragments(share, batch, areas, wanted):
+                    yield batch, fragments
 
 
 def clip_reference(corners_voxel: np.ndarray, resolution: int) -> dict[int, tuple[float, np.ndarray]]:

@@ -26,6 +26,7 @@ from patchnet.patchnet_addon.octree.voxelize import ClippedSurface, triangle_are
 from patchnet.patchnet_addon.runtime.bounds import MOST_STILLS
 from patchnet.patchnet_addon.surface.mesh import ShadingFn
 from patchnet.patchnet_addon.tracing.camera import Camera, camera_in_unit_cube
+from patchnet.tests.references.clip import parts_of
 from patchnet.tests.references.first_hits import first_hits_reference, pixel_rays
 
 Place = tuple[int, int, int]  # cell, face, sheet
@@ -107,7 +108,7 @@ def surfels_reference(
     """Winners by cell, face and sheet, of all fragments one by one."""
     views = {int(cell): (int(level), float(pixels)) for cell, level, pixels in zip(*seen, strict=True)}
     entries: dict[Place, list[Drawn]] = defaultdict(list)
-    for batch, fragments in clipped.parts():
+    for batch, fragments in parts_of(clipped):
         normals = triangle_areas_and_normals(batch.corners_world)[1]
         shown, level = opacity(batch, fragments)[1], fragments.level
         for f in range(len(fragments)):
