@@ -23,7 +23,7 @@ from ..network.weights import CHANNELS
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, POPCOUNT, Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, INT32_COUNT, NODE_ADVICE, check_count
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import array_device, device, kernel
 
 EMPTY = -1
 MIDDLE = 13  # the block that is the voxel itself
@@ -63,7 +63,7 @@ def check_nodes(count: int) -> None:
     check_count(count, INT32_COUNT, "nodes", NODE_ADVICE)
 
 
-@lean_device
+@device
 def child_at(nodes, node, octant):
     """Child of `node` in `octant`, -1 if there is none."""
     mask = np.int64(nodes.child_mask[node])
@@ -72,7 +72,7 @@ def child_at(nodes, node, octant):
     return np.int64(nodes.first_child[node]) + np.int64(POPCOUNT[mask & ((1 << octant) - 1)])
 
 
-@lean_device
+@device
 def covering_node(nodes, root, level, x, y, z):
     """Node below `root` at cell (x, y, z) of a level, the coarser leaf that covers it, or -1; the cell may lie
     outside."""
@@ -90,7 +90,7 @@ def covering_node(nodes, root, level, x, y, z):
     return node
 
 
-@lean_device
+@device
 def fill_block(nodes, node, lookahead, cells):
     """Write the nodes of a voxel's fine cells into `cells` (8^lookahead,) and return the number of occupied ones.
 
@@ -114,7 +114,7 @@ def fill_block(nodes, node, lookahead, cells):
     return count
 
 
-@lean_device
+@device
 def _write_parts(masks, first_children, node, side, half, corner, cells):  # type: ignore[no-untyped-def]
     """Write the children of a node into its eight parts, `half` cells wide, from a corner on; returns their number.
 
@@ -130,7 +130,7 @@ def _write_parts(masks, first_children, node, side, half, corner, cells):  # typ
     return np.int64(_PARTS[mask])
 
 
-@lean_device
+@device
 def nodes_around(nodes, root, level, cell, around):
     """Write the nodes of the 27 voxels around `cell` (x, y, z) of a level below `root`, as in `Brick.around`."""
     x, y, z = np.int64(cell[0]) - 1, np.int64(cell[1]) - 1, np.int64(cell[2]) - 1
@@ -138,20 +138,20 @@ def nodes_around(nodes, root, level, cell, around):
         around[block] = covering_node(nodes, root, level, x + block % 3, y + block // 3 % 3, z + block // 9)
 
 
-@device
+@array_device
 def empty_brick(lookahead):
     """Allocate a brick."""
     return Brick(np.empty((27, 1 << 3 * lookahead), np.int32), np.empty(27, np.int32), np.empty(27, np.int32))
 
 
-@lean_device
+@device
 def fill_brick(nodes, root, level, cell, lookahead, brick):
     """Write the brick of the voxel at `cell` (x, y, z) of a level below `root` into `brick`, a `Brick`."""
     nodes_around(nodes, root, level, cell, brick.around)
     fill_blocks(nodes, lookahead, brick)
 
 
-@lean_device
+@device
 def fill_blocks(nodes, lookahead, brick):
     """Write the cells of a brick whose `around` is set, and the number of occupied ones per block."""
     cells, counts, around = brick.nodes, brick.counts, brick.around

@@ -15,7 +15,7 @@ import numpy as np
 from ..network.kinds import CORNERS
 from ..octree.octree import LUMINANCE_SCALE, Octree
 from ..octree.side_kernels import row_of, side_root
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from .brick import RANKS, covering_node
 
@@ -46,7 +46,7 @@ def _write_all(first, last, nodes, light, level, corners, result):  # type: igno
             result[corner, octant] = word_of(nodes, light, node)
 
 
-@lean_device
+@device
 def word_of(nodes, light, node):  # type: ignore[no-untyped-def]
     """Word of the cell that a node fills, -1 for none."""
     if node < 0:
@@ -60,7 +60,7 @@ def word_of(nodes, light, node):  # type: ignore[no-untyped-def]
     return np.uint32(np.int32(mask if mask else 255) | base << np.int32(BASE) | slopes)
 
 
-@lean_device
+@device
 def _of_sides(light, node, row):  # type: ignore[no-untyped-def]
     """Sum of roots and slopes of a cell's own sides, where a surface faces them."""
     mean = np.sqrt(np.float32(light.luminance[node]) / np.float32(LUMINANCE_SCALE))
@@ -72,7 +72,7 @@ def _of_sides(light, node, row):  # type: ignore[no-untyped-def]
     return total, slopes
 
 
-@lean_device
+@device
 def _of_children(luminance, mask, first):  # type: ignore[no-untyped-def]
     """Sum of roots and slopes of the faces of a cell by its children, the first of them at `first`; a leaf is its own.
 
@@ -91,14 +91,14 @@ def _of_children(luminance, mask, first):  # type: ignore[no-untyped-def]
     return left + right + front + back + low + high, slopes
 
 
-@lean_device
+@device
 def _child_light(luminance, mask, first, octant):  # type: ignore[no-untyped-def]
     """Luminance of a cell's child, -1 for none."""
     child = first + RANKS[mask, octant]
     return np.float32(luminance[max(child, 0)]) * _STEP if child >= 0 else np.float32(-1)
 
 
-@lean_device
+@device
 def _slope_of(low, high):  # type: ignore[no-untyped-def]
     """Steps of the slope between the roots of two opposite faces."""
     half = min(max(np.float32(0.5) * (high - low), np.float32(-0.5)), np.float32(0.5))
@@ -106,7 +106,7 @@ def _slope_of(low, high):  # type: ignore[no-untyped-def]
     return np.int32(SLOPE_STEPS) + (-steps if half < 0 else steps)
 
 
-@lean_device
+@device
 def _root_of(a, b, c, d, behind_a, behind_b, behind_c, behind_d):  # type: ignore[no-untyped-def]
     """Root of the luminance of a face of a cell: of the children at it, or behind missing ones, below 0."""
     none, one = np.float32(0), np.float32(1)

@@ -23,7 +23,7 @@ from ..network.weights import Weights
 from ..octree.leaf_boxes import filled_share
 from ..octree.octree import LUMINANCE_SCALE, NORMAL_SCALE, Octree
 from ..runtime.bounds import NODE_ADVICE, UINT32_COUNT, check_count
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import array_device, device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, add_product, load, spread, store
@@ -110,7 +110,7 @@ def _encode_chunks(first, last, cells, levels, corners, layers, codes):  # type:
                 codes[start + corner, column] = sums[corner, column]
 
 
-@device
+@array_device
 def _list_blocks(cells, levels, corners, with_luminance, lists, numbers):  # type: ignore[no-untyped-def]
     """List the blocks around corners, and write the number of each one's list into `numbers` (8, C), by octant."""
     level, lookahead = levels
@@ -173,7 +173,7 @@ def _take_positive(lists, place, sums):  # type: ignore[no-untyped-def]
     return place
 
 
-@lean_device
+@device
 def _add_products(lists, numbers, panels, bias, sums):  # type: ignore[no-untyped-def]
     """Add to sums (C, W) a bias (W,) and the products of lists with a matrix in panels (P, B, 64); numbers: (C,)."""
     depth, width = panels.shape[1], sums.shape[1]

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, larger, less, load, select, smaller, splat, store
 from .outer_cells import SMALL
 from .ray_frame import CELLS, SIDE
@@ -63,7 +63,7 @@ class FootprintTile(NamedTuple):
     shares: np.ndarray
 
 
-@device
+@array_device
 def empty_footprint_tile():
     """Allocate a tile; call `clear_tile` before use."""
     frame = empty_values(FRAME_ROWS)
@@ -71,7 +71,7 @@ def empty_footprint_tile():
     return FootprintTile(frame, empty_values(CELLS), empty_values(3 * CELLS))
 
 
-@lean_device
+@device
 def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Mark all cells of a tile as empty; covered, shown: see `measure_tile`."""
     tile.fine[:] = ABSENT
@@ -79,7 +79,7 @@ def clear_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     shown[CHILDREN * TILE : CELLS * TILE] = 0
 
 
-@lean_device
+@device
 def fine_place(place):  # type: ignore[no-untyped-def]
     """Index in `fine` of a pixel's first grandchild; the next one follows after LANES.
 
@@ -89,7 +89,7 @@ def fine_place(place):  # type: ignore[no-untyped-def]
     return (place - lane) * CELLS, lane
 
 
-@lean_device
+@device
 def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: ignore[no-untyped-def]
     """Write the projection of a pixel into column `place` of a tile's `frame`, and its view in the ray frame into
     `view`.
@@ -128,7 +128,7 @@ def set_frame(frame, axes, entry, direction, up, ratio, view, place):  # type: i
     frame[_HALF * TILE + place] = np.float32(0.5) * ratio
 
 
-@lean_device
+@device
 def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
     """Write the share of each pixel that the 8 children cover, and their luminances.
 
@@ -141,7 +141,7 @@ def measure_tile(tile, covered, shown):  # type: ignore[no-untyped-def]
             _store_child(seen, sums, covered, shown, child * TILE + pixel)
 
 
-@lean_device
+@device
 def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
     """Vectors of the projection of pixels from `pixel` on: right, up, start of the voxel, and half sides."""
     at = _UP * TILE + pixel
@@ -151,7 +151,7 @@ def _seen_by(frame, pixel):  # type: ignore[no-untyped-def]
     return right, up, start, load(frame, _HALF * TILE + pixel)
 
 
-@lean_device
+@device
 def _sums_of_child(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
     """Sums, over the columns of a child's own children, of the covered area, and its light.
 
@@ -172,13 +172,13 @@ def _sums_of_child(tile, seen, child, pixel):  # type: ignore[no-untyped-def]
     return covered, shown
 
 
-@lean_device
+@device
 def _columns_of(column, pixel):  # type: ignore[no-untyped-def]
     """Axis of a column, and places of a pixel in the rows of its two grandchildren."""
     return _PLACES[3 * column], _PLACES[3 * column + 1] + pixel * CELLS, _PLACES[3 * column + 2] + pixel * CELLS
 
 
-@lean_device
+@device
 def _middle(column, behind):  # type: ignore[no-untyped-def]
     """Middle of the face of a column's first grandchild, in lanes of `behind` of the second's, as three vectors."""
     x = select(behind, splat(_MIDDLES[6 * column + 3]), splat(_MIDDLES[6 * column]))
@@ -186,7 +186,7 @@ def _middle(column, behind):  # type: ignore[no-untyped-def]
     return x, y, select(behind, splat(_MIDDLES[6 * column + 5]), splat(_MIDDLES[6 * column + 2]))
 
 
-@lean_device
+@device
 def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
     """Area of pixels, in squared sides of the voxel, covered by a face across an axis."""
     (right_x, right_y, right_z), (up_x, up_y, up_z), (start_right, start_up), half = seen
@@ -200,7 +200,7 @@ def _overlap(frame, seen, middle, axis, pixel):  # type: ignore[no-untyped-def]
     return larger(across, none) * larger(up, none)
 
 
-@lean_device
+@device
 def _store_child(seen, sums, covered, shown, at):  # type: ignore[no-untyped-def]
     """Store the share of each pixel that a child covers, and its luminance, from an index on."""
     half, none = seen[3], splat(np.float32(0))

@@ -13,7 +13,7 @@ from ..octree.leaf_boxes import STEPS, covered_steps
 from ..octree.octree import LUMINANCE_SCALE, Nodes
 from ..octree.side_kernels import luminance_along
 from ..octree.sides import NodeLight
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, lowest_one
 from .brick import OCTANTS
 from .coded_octree import CodedOctree
@@ -38,14 +38,14 @@ class FineList(NamedTuple):
     shares: np.ndarray
 
 
-@device
+@array_device
 def empty_fine_list():
     """Allocate a list of a voxel's grandchildren."""
     numbers, lights = np.zeros(CELLS, np.int64), np.zeros(CELLS, np.float32)
     return FineList(numbers, lights, np.zeros(3 * CELLS, np.float32))
 
 
-@lean_device
+@device
 def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped-def]
     """List the grandchildren of a node of `Nodes`, with luminances along a direction; returns their number."""
     numbers, lights = listed.number, listed.light
@@ -72,7 +72,7 @@ def list_fine(nodes, light, node, direction, listed):  # type: ignore[no-untyped
     return count
 
 
-@lean_device
+@device
 def _list_box(boxes, row, shares, index):  # type: ignore[no-untyped-def]
     """Write the shares of the faces of the cell at an index of the list that its box covers."""
     covered, scale = covered_steps(boxes, row), np.float32(1 / STEPS**2)
@@ -80,7 +80,7 @@ def _list_box(boxes, row, shares, index):  # type: ignore[no-untyped-def]
         shares[axis * CELLS + index] = np.float32(covered[axis]) * scale
 
 
-@lean_device
+@device
 def place_fine(listed, count, order, tile, place):  # type: ignore[no-untyped-def]
     """Write the first `count` cells of a list into column `place` of a cleared `FootprintTile`.
 
@@ -131,7 +131,7 @@ def nearby_order() -> np.ndarray:
     return np.ascontiguousarray(cell_order()[:, _CELL_OF.ravel()], np.uint8)
 
 
-@lean_device
+@device
 def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type: ignore[no-untyped-def]
     """Write a pixel's view of a voxel and its surroundings into column `place` of a tile, except its children.
 
@@ -152,7 +152,7 @@ def place_pixel(nearby, voxel, ray, work, view, covered, shown, place):  # type:
     measure_cells(listed, count, ray, covered, shown, order, place)
 
 
-@lean_device
+@device
 def set_ray(ray, tile, view, place):  # type: ignore[no-untyped-def]
     """Write a ray into column `place` of a tile; returns the number of its frame, and the three axes of that."""
     entry, direction, up, ratio = ray

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..network.compiled_layers import TILE, empty_values
 from ..network.kinds import CHILDREN, CORNERS, OUTER
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, larger, load, lowest_one, smaller, splat, square_root, store, words_set
 from .corner_cells import BASE, BASE_STEPS, SLOPE, SLOPE_BITS, SLOPE_STEPS
 from .ray_frame import CELLS, SIDE
@@ -67,7 +67,7 @@ def mask_geometry() -> np.ndarray:
     return found.astype(np.uint32)
 
 
-@device
+@array_device
 def empty_outer_list():
     """Allocate a list of the cells around a voxel."""
     values = empty_values(_ROWS + 2)
@@ -81,7 +81,7 @@ def empty_outer_list():
     )
 
 
-@lean_device
+@device
 def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[no-untyped-def]
     """Append the occupied cells around a corner, whose words begin at `start`; returns the new length.
 
@@ -100,7 +100,7 @@ def list_cells(words, start, corner, geometry, listed, count):  # type: ignore[n
     return count
 
 
-@lean_device
+@device
 def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
     """Write the numbers of the first `count` cells of a list; later ones are undefined."""
     words, geometries, numbers, values = listed.word, listed.geometry, listed.number, listed.values
@@ -115,7 +115,7 @@ def unpack_cells(listed, count):  # type: ignore[no-untyped-def]
             values[(_LIGHT + 2 * axis + 1) * _LISTED + index] = upper
 
 
-@lean_device
+@device
 def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ignore[no-untyped-def]
     """Write the shares of a pixel that listed cells cover, and their luminances, into column `place` of outer cells.
 
@@ -131,7 +131,7 @@ def measure_cells(listed, count, ray, covered, shown, order, place):  # type: ig
         shown[row] = lights[index]
 
 
-@lean_device
+@device
 def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
     """Write areas and luminances of the first `count` cells of a list; later ones are undefined."""
     entry, direction, up, ratio = ray
@@ -160,14 +160,14 @@ def _measure(listed, count, ray):  # type: ignore[no-untyped-def]
         store(lights, first, light / seen)
 
 
-@lean_device
+@device
 def _three(values, row, first):  # type: ignore[no-untyped-def]
     """Vectors of three rows of numbers, one for each axis."""
     at = row * _LISTED + first
     return load(values, at), load(values, at + _LISTED), load(values, at + 2 * _LISTED)
 
 
-@lean_device
+@device
 def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
     """Vectors of the middles of the boxes around cells along an axis of the picture, and of their half sides."""
     x, y, z = _three(values, _MIDDLE, first)
@@ -176,21 +176,21 @@ def _extent(values, first, start, plane):  # type: ignore[no-untyped-def]
     return middle, x * splat(abs(plane[0])) + y * splat(abs(plane[1])) + z * splat(abs(plane[2]))
 
 
-@lean_device
+@device
 def _inside(middle, reach, half):  # type: ignore[no-untyped-def]
     """Vector of the part within a pixel of intervals around a middle."""
     inside = smaller(middle + reach, splat(half)) - larger(middle - reach, splat(-half))
     return larger(inside, splat(np.float32(0)))
 
 
-@lean_device
+@device
 def _met_light(values, direction, axis, first):  # type: ignore[no-untyped-def]
     """Vector of the luminances of the faces that a ray hits along an axis."""
     row = _LIGHT + 2 * axis + (1 if direction[axis] < 0 else 0)
     return load(values, row * _LISTED + first)
 
 
-@lean_device
+@device
 def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
     """Middle of the box around a cell's children, in sides of the voxel, which starts at 0."""
     cell = np.float32((number >> np.int32(3 + axis)) & np.int32(1)) - np.float32(0.25)
@@ -199,20 +199,20 @@ def _middle(geometry, number, axis):  # type: ignore[no-untyped-def]
     return cell + np.float32(0.125) * np.float32(upper - lower)
 
 
-@lean_device
+@device
 def _half(geometry, axis):  # type: ignore[no-untyped-def]
     """Half the side of that box."""
     upper, lower = (geometry >> np.int32(_UPPER + axis)) & np.int32(1), (geometry >> np.int32(axis)) & np.int32(1)
     return np.float32(0.125) * np.float32(upper + lower)
 
 
-@lean_device
+@device
 def _columns(geometry, axis):  # type: ignore[no-untyped-def]
     """Columns of a cell along an axis that hold a child."""
     return np.float32((geometry >> np.int32(_COLUMNS + _COUNT_BITS * axis)) & np.int32(7))
 
 
-@lean_device
+@device
 def _lights(word, axis):  # type: ignore[no-untyped-def]
     """Luminances of a cell's two faces across an axis, the lower one first."""
     base = np.float32((word >> np.int32(BASE)) & np.int32(255)) * np.float32(1 / BASE_STEPS)

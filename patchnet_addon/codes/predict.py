@@ -21,7 +21,7 @@ from ..network.compiled_layers import (
 from ..network.kinds import CODE_SIZE, CORNERS, COVERED, COVERING, RAY_INPUTS, SIDE_BY_SIDE, VIEWS
 from ..octree.octree import LUMINANCE_SCALE
 from ..octree.side_kernels import luminance_along, row_of
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import array_device, device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import HALF_SCALE, add_product, load_halves, splat, store
 from .coded_octree import CodedOctree
@@ -111,7 +111,7 @@ def write_mean_code(halves, table, row, point, mean):  # type: ignore[no-untyped
     store(mean, 0, total)
 
 
-@device
+@array_device
 def fill_codes(corner_codes, rows, entry, pixels, inputs):  # type: ignore[no-untyped-def]
     """Write the codes of pixels, interpolated at their entry points, into a tile; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
@@ -208,7 +208,7 @@ def _predict(first, last, rays, corner_codes, nearby, layers, results):  # type:
             luminance[pixels[place]] = inputs[TILE + place]
 
 
-@device
+@array_device
 def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
     """Write the first numbers of the eight corner codes of pixels side by side; rows: of the hit nodes."""
     halves, table = corner_codes.halves, corner_codes.rows
@@ -222,7 +222,7 @@ def _fill_corners(corner_codes, rows, inputs):  # type: ignore[no-untyped-def]
                 inputs[at + k * TILE] = code[k] * _SCALE
 
 
-@lean_device
+@device
 def _fill_place(rays, nearby, pixels, rows, work, inputs, luminances):  # type: ignore[no-untyped-def]
     """Write the viewing rays of pixels, the shares that cells cover, and the luminances to mix."""
     scale = np.float32(1.0 / LUMINANCE_SCALE)

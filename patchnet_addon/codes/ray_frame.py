@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 
 FRAMES = 48
 SIDE = 4  # cells along a side of the renumbered blocks
@@ -33,7 +33,7 @@ def cell_order() -> np.ndarray:
     return order
 
 
-@lean_device
+@device
 def ray_frame(x, y, z):
     """Number of the frame of a direction, and its three axes."""
     a, b, c = 0, 1, 2

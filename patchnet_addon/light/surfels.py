@@ -18,7 +18,7 @@ import numpy as np
 from ..cells.hashing import fill_slots, mixed, row_of_key, slots_for
 from ..octree.blocks import CellSet
 from ..octree.voxelize import ClippedSurface, on_all_cores
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..surface.mesh import ShadingFn, TriangleBatch
 from ..tracing.camera import PERSPECTIVE, Camera
@@ -113,8 +113,8 @@ def choose_surfels(
         for done in on_all_cores(shares, clipped.source):
             yield Progress(number * count + done, len(clipped.passes) * count, LABEL)
         cores[: len(shares)] = [share.draw for share in shares]
-    draw = cores[0]
-    for other in cores[1:]:
+    draw = _draw_with_room(1 << 16)
+    for other in cores:
         first = 0
         while first < other.used[0]:
             first = _join(first, other, draw)
@@ -185,7 +185,7 @@ def _choose(first, fragments, shown, level, surface, view, draw):  # type: ignor
     return len(fragments.keys)
 
 
-@lean_device
+@device
 def _light_level(view, key, level):  # type: ignore[no-untyped-def]
     """Levels between a leaf and its light cell, and pixels that show it, 0 if no camera does.
 
@@ -201,7 +201,7 @@ def _light_level(view, key, level):  # type: ignore[no-untyped-def]
     return coarse, 0.0
 
 
-@lean_device
+@device
 def _is_shown(fragments, f, surface, eyes, side):  # type: ignore[no-untyped-def]
     """Return whether an eye is on that side of a fragment's plane."""
     t = fragments.triangle[f]
@@ -224,7 +224,7 @@ def side_of_sheet(sheet, side):  # type: ignore[no-untyped-def]
     return np.int64(2 * sheet + side)
 
 
-@lean_device
+@device
 def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no-untyped-def]
     """Enter a side of a fragment into the lottery of its light cell.
 
@@ -252,7 +252,7 @@ def _enter(fragments, f, weight, where, side, surface, draw):  # type: ignore[no
         drawn.sheet, drawn.face, drawn.side = sheet, np.uint8(face), np.uint8(side)
 
 
-@lean_device
+@device
 def _row_of(place, draw):  # type: ignore[no-untyped-def]
     """Row of the light cell of a key."""
     row = row_of_key(draw.slots, draw.keys, place)

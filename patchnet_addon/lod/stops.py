@@ -9,7 +9,7 @@ import numpy as np
 
 from ..cells.contract import MAX_LEVELS, fitting_level, has_lookahead
 from ..octree.octree import Nodes
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import lowest_one
 from ..tracing.camera import CameraUnit
@@ -89,7 +89,7 @@ def _trace_bands(first, last, nodes, camera, bands, offset, levels_down, stops):
         _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, TILE * band * camera.width_px)
 
 
-@lean_device
+@device
 def _trace_band(nodes, camera, first_row, offset, levels_down, scratch, stops, place):  # type: ignore[no-untyped-def]
     """Trace a row of tiles above a row of the picture; place: of its first ray among the stops."""
     finer, lookahead = levels_down

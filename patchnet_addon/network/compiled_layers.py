@@ -15,7 +15,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from ..runtime.kernels import device
+from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, add_product, float_of_bits, larger, load, spread, store
 from .harmonics import harmonic_terms
 from .kinds import CODE_SIZE, COVERED, COVERING, MIXED, MIXTURE, OUTPUT_LOW, OUTPUT_RANGE, PAPER, WIDTH_STEP
@@ -68,7 +68,7 @@ class DecoderLayers(NamedTuple):
         return cls(np.concatenate(blocks), np.concatenate(biases), floor, inputs, width, len(biases[-1]))
 
 
-@device
+@array_device
 def empty_tile():
     """Two arrays of a tile's values, (147 * TILE,) float32 zeros, and one of luminances, (65 * TILE,)."""
     return empty_values(_ROWS), empty_values(_ROWS), empty_values(MIXED)
@@ -86,7 +86,7 @@ def decode_tile(tile, layers):
         inputs[index] = clipped_sigmoid(inputs[index])
 
 
-@device
+@array_device
 def decode_mixture_tile(tile, layers):
     """Decode a tile of pixels by a luminance mixture; its first two rows become coverage and luminance.
 
@@ -114,7 +114,7 @@ def _run_layers(inputs, others, layers):
     apply_layer(values, depth, results, outputs, weights[weight:], bias[_LAYERS * width :], floor[1:])
 
 
-@device
+@array_device
 def _mix(values, luminances):
     """Write the mean of the luminances, by shares of the logits in rows 1 to 65, into row 1."""
     largest, total, light = np.empty(TILE, np.float32), np.empty(TILE, np.float32), np.empty(TILE, np.float32)
@@ -184,7 +184,7 @@ def store_harmonics(_typing: Any, array: Any, _index: Any, _stride: Any, x: Any,
     return types.void(array, types.intp, types.intp, x, y, z), build
 
 
-@device
+@array_device
 def empty_values(rows):
     """Values of a tile, (rows * TILE,) float32 zeros at a multiple of 64 bytes: a vector lies in one cache line."""
     memory = np.zeros(rows * TILE + _LINE, np.float32)  # NumPy aligns to 16 bytes only

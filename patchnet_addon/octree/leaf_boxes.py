@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import device
 
 STEPS = 16
 FILLED_STEPS = 3 * STEPS**2  # steps of the filled share of a voxel
@@ -59,28 +59,28 @@ def joined_boxes(one, other):  # type: ignore[no-untyped-def]
     return joined
 
 
-@lean_device
+@device
 def filled_share(boxes, row):  # type: ignore[no-untyped-def]
     """Mean of the shares of its voxel's faces that a box covers, float32."""
     x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
     return np.float32(x * y + y * z + z * x) / np.float32(FILLED_STEPS)
 
 
-@lean_device
+@device
 def covered_steps(boxes, row):  # type: ignore[no-untyped-def]
     """Covered part of the voxel's face along each axis, three numbers of 1 / STEPS^2 each."""
     x, y, z = box_side(boxes, row, 0), box_side(boxes, row, 1), box_side(boxes, row, 2)
     return y * z, x * z, x * y
 
 
-@lean_device
+@device
 def box_side(boxes, row, axis):  # type: ignore[no-untyped-def]
     """Length of a box along an axis in sixteenths."""
     byte = np.int64(boxes[row, axis])
     return 1 + (byte >> 4) - (byte & 15)
 
 
-@lean_device
+@device
 def mirrored_span(byte, mirrored):  # type: ignore[no-untyped-def]
     """First and last sixteenth of a box on an axis that may be mirrored."""
     first, last = np.int64(byte) & 15, np.int64(byte) >> 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.kernels import device, kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.vectors import count_ones
 from ..surface.chroma import BLUE, GRAY_SHARE, GREEN, RED, SHARE_SCALE
 from .octree import LUMINANCE_SCALE
@@ -38,7 +38,7 @@ def encode_shares(luminance, red, blue):  # type: ignore[no-untyped-def]
     return np.uint8(np.rint(r / total * SHARE_SCALE)), np.uint8(np.rint(b / total * SHARE_SCALE))
 
 
-@lean_device
+@device
 def row_of(marked, node):  # type: ignore[no-untyped-def]
     """Row of a node among those marked by `bits` and `ranks`, -1 for other nodes and for node -1."""
     word = node >> 6
@@ -50,14 +50,14 @@ def row_of(marked, node):  # type: ignore[no-untyped-def]
     return np.int64(marked.ranks[word]) + count_ones(bits & (bit - np.uint64(1)))
 
 
-@lean_device
+@device
 def luminance_along(light, node, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, of a node along a direction."""
     row = row_of(light.sides, node)
     return np.float32(light.luminance[node]) if row < 0 else luminance_of_sides(light, node, row, x, y, z)
 
 
-@lean_device
+@device
 def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-def]
     """Luminance, 65535 = 1, float32, of a node's sides in a row along a direction."""
     sides = light.sides
@@ -70,7 +70,7 @@ def luminance_of_sides(light, node, row, x, y, z):  # type: ignore[no-untyped-de
     return (rest * np.float32(light.luminance[node]) + a + b + c) / (rest + seen)
 
 
-@lean_device
+@device
 def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
     """Whether the surface facing a direction is mostly backs: a ray sees one side of a sheet.
 
@@ -89,7 +89,7 @@ def _backs_are_seen(sides, row, x, y, z):  # type: ignore[no-untyped-def]
     return back > front
 
 
-@lean_device
+@device
 def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
     """Weight of the mean beside the `seen` part of faces along a direction: the node's open part, and a little.
 
@@ -99,7 +99,7 @@ def _rest(sides, row, seen, backs, x, y, z):  # type: ignore[no-untyped-def]
     return _LEAST + (through if sides.inner[row] and not backs else np.float32(0))
 
 
-@lean_device
+@device
 def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def]
     """Luminance times weight, and weight, of the face across an axis that a direction runs against.
 
@@ -112,13 +112,13 @@ def _face_along(sides, row, first, along, backs):  # type: ignore[no-untyped-def
     return weight * root * root * _ROOT_SCALE, weight
 
 
-@lean_device
+@device
 def side_root(sides, row, face, mean):  # type: ignore[no-untyped-def]
     """Root of the luminance of a face, float32; the root of the `mean` where hardly any surface faces it."""
     return np.float32(sides.light[row, face]) / np.float32(255) if sides.share[row, face] > _LEAST_SHARE else mean
 
 
-@lean_device
+@device
 def color_along(sides, row, mean, x, y, z):  # type: ignore[no-untyped-def]
     """Linear colour of sides along a direction; mean: the node's colour."""
     red, green, blue, seen = 0.0, 0.0, 0.0, np.float32(0)

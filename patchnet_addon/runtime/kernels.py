@@ -119,19 +119,17 @@ event.register("numba:compile", _Compilations())
 
 
 def device(function: Function) -> Function:
-    """Decorate a function for calls from kernels only; the compiler inlines it.
+    """Decorate a function that creates no arrays, for calls from kernels only; the compiler inlines it.
 
-    A wrapper for calls from Python would take longer to compile than most of these functions.
-    """
-    return _for_kernels(_compiled(function, no_cpython_wrapper=True))
-
-
-def lean_device(function: Function) -> Function:
-    """Decorate a `device` function that creates no arrays; it skips reference counts of its arguments.
-
-    Each count is an atomic instruction, which dominates the time of a short function with many arrays.
+    A wrapper for calls from Python would take longer to compile than most of these functions. Its arguments' references
+    are not counted: each count is an atomic instruction, which dominates the time of a short function with many arrays.
     """
     return _for_kernels(_compiled(function, no_cpython_wrapper=True, _nrt=False))
+
+
+def array_device(function: Function) -> Function:
+    """Decorate a function as `device` that creates arrays, or calls one that does."""
+    return _for_kernels(_compiled(function, no_cpython_wrapper=True))
 
 
 def kernel(function: Function) -> Function:

@@ -17,7 +17,7 @@ from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from .kernels import lean_device
+from .kernels import device
 
 LANES = 16
 OCTANTS = 8
@@ -258,7 +258,7 @@ def select(_typing: Any, mask: Any, left: Any, right: Any) -> Any:
     return (left(_MASK, left, right), build) if isinstance(mask, types.Integer) and _vectors(left, right) else None
 
 
-@lean_device
+@device
 def put(array, index, lanes, values):  # type: ignore[no-untyped-def]
     """Store a vector from an index on, in some lanes: put(array, index, mask, vector)."""
     store(array, index, select(lanes, values, load(array, index)))

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ..octree.octree import Octree
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..tracing.camera import Camera
@@ -140,17 +140,17 @@ def _replace(first, last, pixels, before, after, frame, sums, values):  # type: 
                 around += 1
 
 
-@lean_device
+@device
 def _change(scale, before, after):  # type: ignore[no-untyped-def]
     return _whole(scale * after) - _whole(scale * before)
 
 
-@lean_device
+@device
 def _whole(value):  # type: ignore[no-untyped-def]
     return np.int64((value if value < _MOST else _MOST) * _ONE)
 
 
-@lean_device
+@device
 def _add(sums, values, change):  # type: ignore[no-untyped-def]
     for channel in range(CHANNELS):
         sums[channel] += change[channel]

@@ -7,13 +7,13 @@ import math
 
 import numpy as np
 
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 from .hit_textures import TOP
 from .texels import MipChain, mip_level, on_axis, wrapped
 from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
-@lean_device
+@device
 def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-untyped-def]
     """Base colour, red, green and blue, and opacity of a point of a triangle, means over a footprint.
 
@@ -44,7 +44,7 @@ def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-u
     return max(red, least), max(green, least), max(blue, least), opacity
 
 
-@lean_device
+@device
 def _mean(textures, k, s, r, level, threshold):  # type: ignore[no-untyped-def]
     """Colour and opacity of a chain's nearest level. level: for a chain of one texel."""
     own = textures.chains[k]
@@ -63,7 +63,7 @@ def _mean(textures, k, s, r, level, threshold):  # type: ignore[no-untyped-def]
     return scale * red, scale * green, scale * blue, min(opacity, 1.0)
 
 
-@lean_device
+@device
 def _bilinear(texels, level, u, v):  # type: ignore[no-untyped-def]
     """Opacity times colour, and opacity, at (u, v) in units of the texture."""
     x, y = u * level.width - 0.5, v * level.height - 0.5

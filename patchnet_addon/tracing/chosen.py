@@ -11,7 +11,7 @@ import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES
 from .camera import Camera, camera_in_unit_cube
@@ -90,7 +90,7 @@ def _trace_blocks(first, last, scene, camera, search, chosen, seen):  # type: ig
                     seen[place, side * j + i] = met
 
 
-@lean_device
+@device
 def aim_pixels(camera, tile, pixels, corner, side, rays):  # type: ignore[no-untyped-def]
     """Set the rays of a tile to those of a block's pixels: of side x side those from row and column `corner` on.
 
@@ -102,7 +102,7 @@ def aim_pixels(camera, tile, pixels, corner, side, rays):  # type: ignore[no-unt
     aim_tile(camera, tile)
 
 
-@lean_device
+@device
 def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
     """Row and column in a tile of a pixel's first ray."""
     within = max(TILE // side, 1) - 1  # pixels along a side of a tile are a power of two
@@ -110,7 +110,7 @@ def corner_of(camera, pixel, side):  # type: ignore[no-untyped-def]
     return side * (row & within), side * ((pixel - row * camera.width_px) & within)
 
 
-@lean_device
+@device
 def _aim_pixel(camera, tile, pixel, corner, side, rays):  # type: ignore[no-untyped-def]
     """Give rays of a tile the picture coordinates of a pixel's rays from row and column `corner` on."""
     row = pixel // camera.width_px

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..octree.pieces import LAST, TRIANGLE
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 from ..runtime.vectors import LANES, larger, less, load, put, select, splat
 from .tile import DIRECTION, ORIGIN, PIECE, RAYS, START, WEIGHTS
 
@@ -18,7 +18,7 @@ _ROUNDING = 3e-7  # of corners, in the octree's cube
 _EDGE = 1e-7  # beyond the edges of triangles, so that no ray passes between two
 
 
-@lean_device
+@device
 def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: ignore[no-untyped-def]
     """Lanes that meet a piece of a leaf, and the lengths to the nearest; stores the pieces.
 
@@ -69,14 +69,14 @@ def meet_pieces(nodes, tile, packet, mirror, leaf, size, through):  # type: igno
     return found, nearest
 
 
-@lean_device
+@device
 def _corner(nodes, row, first):  # type: ignore[no-untyped-def]
     """Corner of a triangle, the first of whose coordinates is in column `first`."""
     corners = nodes.corners
     return np.float64(corners[row, first]), np.float64(corners[row, first + 1]), np.float64(corners[row, first + 2])
 
 
-@lean_device
+@device
 def _rays(tile, axis, first, mirrored):  # type: ignore[no-untyped-def]
     """Origins and directions of a packet's rays on an axis, not mirrored."""
     origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..octree.leaf_boxes import STEPS, mirrored_span
 from ..octree.pieces import NO_PIECES
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 from ..runtime.vectors import (
     LANES,
     count_ones,
@@ -54,7 +54,7 @@ _FAR = 1e300
 _SAFE = 1e-12  # relative
 
 
-@lean_device
+@device
 def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: ignore[no-untyped-def]
     """Walk the subtree of the node at level `top` with the rays of a packet that are alive; returns visited nodes."""
     first = packet * LANES
@@ -98,7 +98,7 @@ def walk_packet(nodes, search, tile, packet, mirror, levels, top):  # type: igno
     return visits
 
 
-@lean_device
+@device
 def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-untyped-def]
     """Node sides below which all rays fit and from which none does, for nodes entered and left within the lengths
     `through`; with a margin for rounding.
@@ -110,7 +110,7 @@ def _fitting_sides(search, tile, packet, lanes, through):  # type: ignore[no-unt
     return 2.0 * near * (1.0 - _SAFE), 2.0 * far * (1.0 + _SAFE)
 
 
-@lean_device
+@device
 def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-def]
     """Write the child of a level's node at a mirrored octant into the next level."""
     node = levels.state[level, HERE]
@@ -122,7 +122,7 @@ def step_down(nodes, mirror, levels, level, octant):  # type: ignore[no-untyped-
         levels.state[level + 1, AT + axis] = 2 * levels.state[level, AT + axis] + ((octant >> axis) & 1)
 
 
-@lean_device
+@device
 def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
     """Child mask in mirrored coordinates."""
     mask = np.int64(mask)
@@ -135,14 +135,14 @@ def mirrored_children(mask, mirror):  # type: ignore[no-untyped-def]
     return mask
 
 
-@lean_device
+@device
 def _to_plane(tile, axis, first, plane):  # type: ignore[no-untyped-def]
     """Lengths of a packet's rays to a plane across an axis."""
     origin = load(tile.numbers, (ORIGIN + axis) * RAYS + first)
     return (splat(plane) - origin) * load(tile.numbers, (INVERSE + axis) * RAYS + first)
 
 
-@lean_device
+@device
 def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     """Lengths at which a packet's rays enter the node of a level."""
     x = _to_plane(tile, 0, first, levels.state[level, AT] * size)
@@ -151,7 +151,7 @@ def _entry(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     return larger(larger(x, y), larger(z, load(tile.numbers, START * RAYS + first)))
 
 
-@lean_device
+@device
 def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     """Lengths at which a packet's rays leave the node of a level."""
     x = _to_plane(tile, 0, first, (levels.state[level, AT] + 1) * size)
@@ -160,7 +160,7 @@ def _exit(tile, first, levels, level, size):  # type: ignore[no-untyped-def]
     return smaller(smaller(x, y), z)
 
 
-@lean_device
+@device
 def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-untyped-def]
     """Lengths at which a packet's rays enter and leave the box of a level's node; the node must have one."""
     box = nodes.boxes[levels.state[level, HERE] - nodes.first_boxed]
@@ -172,14 +172,14 @@ def _box_span(nodes, tile, first, mirror, levels, level):  # type: ignore[no-unt
     return enter, smaller(smaller(far_x, far_y), far_z)
 
 
-@lean_device
+@device
 def _box_planes(tile, axis, first, cell, step, span):  # type: ignore[no-untyped-def]
     """Lengths of a packet's rays to both planes of a box across an axis; span: its first and last step in the cell."""
     low, high = (STEPS * cell + span[0]) * step, (STEPS * cell + span[1] + 1) * step
     return _to_plane(tile, axis, first, low), _to_plane(tile, axis, first, high)
 
 
-@lean_device
+@device
 def _has_pieces(nodes, node):  # type: ignore[no-untyped-def]
     """Return whether a node is a leaf with pieces, and rays are to meet these."""
     if len(nodes.pieces) == 0 or nodes.child_mask[node] != 0:
@@ -187,7 +187,7 @@ def _has_pieces(nodes, node):  # type: ignore[no-untyped-def]
     return nodes.first_child[node] != NO_PIECES
 
 
-@lean_device
+@device
 def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """End the phases of rays among `lanes` that the node of a level stops; returns lanes that continue inside it."""
     first = packet * LANES
@@ -217,7 +217,7 @@ def _end_phases(nodes, search, tile, packet, mirror, levels, level, lanes):  # t
     return np.int64(0) if leaf else lanes & tile.lanes[ALIVE, packet]
 
 
-@lean_device
+@device
 def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
     """Pixel sides, or sides of the finer footprint, of a packet's rays at a length."""
     pixel = splat(search.at_0) + splat(search.per_z) * (length * load(tile.numbers, SPEED * RAYS + packet * LANES))
@@ -226,7 +226,7 @@ def _pixel_side(search, tile, packet, length):  # type: ignore[no-untyped-def]
     return pixel * select(tile.lanes[PHASE + COARSE, packet], splat(1.0), splat(search.finer))
 
 
-@lean_device
+@device
 def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[no-untyped-def]
     """Record the node of a level as the hit of a phase."""
     first = packet * LANES
@@ -237,7 +237,7 @@ def _record(tile, packet, phase, levels, level, ended, enter):  # type: ignore[n
         _put_cell(tile, first, ended, levels, level)
 
 
-@lean_device
+@device
 def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def]
     """Store the voxel that stopped some rays of a packet: cells of its level a side, and its own."""
     put(tile.numbers, CELLS * RAYS + first, lanes, splat(np.float64(np.int64(1) << level)))
@@ -245,7 +245,7 @@ def _put_cell(tile, first, lanes, levels, level):  # type: ignore[no-untyped-def
         put(tile.numbers, (CELL + axis) * RAYS + first, lanes, splat(np.float64(levels.state[level, AT + axis])))
 
 
-@lean_device
+@device
 def _begin_next(search, tile, packet, phase, ended):  # type: ignore[no-untyped-def]
     """Begin the next phase of lanes whose phase ended; returns those that are not done."""
     tile.lanes[PHASE + phase, packet] &= ~ended
@@ -256,7 +256,7 @@ def _begin_next(search, tile, packet, phase, ended):  # type: ignore[no-untyped-
     return ended
 
 
-@lean_device
+@device
 def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """Find the children of a level's node hit by each ray among `lanes`."""
     x, y, z = _child_planes(tile, first, levels, level)
@@ -274,7 +274,7 @@ def _open(nodes, tile, first, mirror, levels, level, lanes):  # type: ignore[no-
     levels.state[level, PENDING] = pending
 
 
-@lean_device
+@device
 def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
     """Lengths to the planes of a level's children: those along x also as entries, after the ray's start."""
     child = 0.5 / (np.int64(1) << level)
@@ -285,7 +285,7 @@ def _child_planes(tile, first, levels, level):  # type: ignore[no-untyped-def]
     return (larger(low, start), larger(middle, start), middle, high), y, z
 
 
-@lean_device
+@device
 def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-def]
     """Lengths to the lower, middle and upper plane of a node whose first child has this cell."""
     return (
@@ -295,7 +295,7 @@ def _three_planes(tile, axis, first, cell, child):  # type: ignore[no-untyped-de
     )
 
 
-@lean_device
+@device
 def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ignore[no-untyped-def]
     """Write the lanes that hit an octant and its neighbour along x; returns the bits of the octants hit by any lane.
 
@@ -315,7 +315,7 @@ def _open_pair(found, existing, octant, lanes, along, enter, leave):  # type: ig
     return pending
 
 
-@lean_device
+@device
 def _stop_in_children(nodes, tile, packet, mirror, levels, level, lanes):  # type: ignore[no-untyped-def]
     """Stop rays among `lanes` at the first child of a level's node that they hit; returns the visited children.
 

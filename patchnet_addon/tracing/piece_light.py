@@ -9,13 +9,13 @@ import numpy as np
 
 from ..cells.hashing import mixed
 from ..octree.pieces import EXPONENT_BIAS, HOLES, MANTISSA, TRIANGLE
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 from ..surface.chroma import BLUE, GREEN, RED
 from ..surface.hit_lookup import base_at_hit
 from .tile import PICTURE, PIECE, WEIGHTS
 
 
-@lean_device
+@device
 def see_piece(pieces, tile, ray, pixel):  # type: ignore[no-untyped-def]
     """Luminance, red, green and blue of the piece that a ray meets, linear; a negative luminance where it has a hole.
 
@@ -37,7 +37,7 @@ def see_piece(pieces, tile, ray, pixel):  # type: ignore[no-untyped-def]
     return RED * red + GREEN * green + BLUE * blue, red, green, blue
 
 
-@lean_device
+@device
 def _drawn(numbers, ray, index):  # type: ignore[no-untyped-def]
     """Number in [0, 1) of a ray and a piece."""
     x, y = np.int64(numbers[PICTURE, ray] * 2.0**30), np.int64(numbers[PICTURE + 1, ray] * 2.0**30)

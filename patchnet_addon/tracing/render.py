@@ -16,7 +16,7 @@ from ..cells.contract import pixel_voxel_ratio
 from ..octree.octree import LUMINANCE_SCALE, Nodes, Octree
 from ..octree.side_kernels import see_colors, see_luminance
 from ..runtime.bounds import DEFAULT_LOOKAHEAD
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.threads import run_parts
 from ..runtime.vectors import lowest_one
 from .camera import Camera, camera_in_unit_cube
@@ -231,7 +231,7 @@ def _trace_rows(first, last, nodes, camera, search, traced, visits):  # type: ig
         visits[row] = _trace_row(nodes, camera, search, row * TILE, scratch, traced)
 
 
-@lean_device
+@device
 def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: ignore[no-untyped-def]
     """Trace the tiles whose first row of pixels is `first_row` into `traced`; returns the number of visits."""
     rows = min(TILE, camera.height_px - first_row)
@@ -247,7 +247,7 @@ def _trace_row(nodes, camera, search, first_row, scratch, traced):  # type: igno
     return visits
 
 
-@lean_device
+@device
 def _write(camera, search, tile, ray, traced, pixel):  # type: ignore[no-untyped-def]
     """Write the hits of a ray of a tile into `traced`."""
     node = node_seen(camera, tile, COARSE, ray)

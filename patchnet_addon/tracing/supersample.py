@@ -13,7 +13,7 @@ from ..octree.pieces import NONE, Pieces
 from ..octree.side_kernels import color_along, decode_color, luminance_of_sides, row_of
 from ..octree.sides import NO_HIGHLIGHTS, HdrHighlights, NodeLight
 from ..runtime.bounds import DEFAULT_LOOKAHEAD, RAYS
-from ..runtime.kernels import kernel, lean_device
+from ..runtime.kernels import device, kernel
 from ..runtime.progress import Progress, Steps
 from ..runtime.threads import run_parts
 from ..runtime.vectors import LANES, lowest_one
@@ -215,7 +215,7 @@ def _means_of_blocks(first, last, nodes, light, camera, search, chosen, means): 
                 _write_means(sums, len(light.chroma) > 0, splat.total[around], means[places[index], around])
 
 
-@lean_device
+@device
 def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no-untyped-def]
     """Trace the rays of a block's pixels, and sum up their hits for the pixels around each. chosen: of the block."""
     pixels, side, lengths, splat = chosen
@@ -254,7 +254,7 @@ def _sum_rays(nodes, light, camera, search, chosen, scratch):  # type: ignore[no
                     break
 
 
-@lean_device
+@device
 def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
     """Luminance, red, green and blue that a ray sees, as of `_seen`; a negative luminance in a hole of a piece."""
     if tile.numbers[PIECE, ray] < 0.0:
@@ -266,7 +266,7 @@ def _look(light, search, tile, ray, node):  # type: ignore[no-untyped-def]
     return _exposed(light, luminance, red, green, blue)
 
 
-@lean_device
+@device
 def _exposed(light, luminance, red, green, blue):  # type: ignore[no-untyped-def]
     """Luminance, red, green and blue as of `_seen`, of linear light."""
     luminance *= light.exposure
@@ -278,7 +278,7 @@ def _exposed(light, luminance, red, green, blue):  # type: ignore[no-untyped-def
     return np.float32(clamped * LUMINANCE_SCALE), scale * red, scale * green, scale * blue
 
 
-@lean_device
+@device
 def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
     """Luminance, red, green and blue of a hit, the colours without the luminance where there is no chroma."""
     nodes, chroma, above = light.nodes, light.chroma, light.above_white
@@ -300,7 +300,7 @@ def _seen(tile, ray, node, light):  # type: ignore[no-untyped-def]
     return luminance, red, green, blue
 
 
-@lean_device
+@device
 def _add(seen, weight, sums):  # type: ignore[no-untyped-def]
     sums[0] += weight * seen[0]
     sums[1] += weight * seen[1]
@@ -309,7 +309,7 @@ def _add(seen, weight, sums):  # type: ignore[no-untyped-def]
     sums[4] += weight
 
 
-@lean_device
+@device
 def _write_means(sums, colored, total, means):  # type: ignore[no-untyped-def]
     """Write the means (MEANS,) of weighted sums."""
     seen = sums[0] / LUMINANCE_SCALE

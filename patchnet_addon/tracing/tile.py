@@ -13,7 +13,7 @@ import numpy as np
 from ..cells.contract import MAX_LEVELS
 from ..octree.octree import LUMINANCE_SCALE
 from ..octree.side_kernels import luminance_along
-from ..runtime.kernels import device, lean_device
+from ..runtime.kernels import array_device, device
 from ..runtime.vectors import LANES, OCTANTS, larger, less, load, select, smaller, splat, square_root, store
 
 TILE = 8  # pixels a side
@@ -89,25 +89,25 @@ class Search(NamedTuple):
     apart: float
 
 
-@device
+@array_device
 def make_tile():  # type: ignore[no-untyped-def]
     """Allocate a tile."""
     return Tile(np.empty((_NUMBERS, RAYS)), np.empty((_LANE_SETS, PACKETS), np.int64))
 
 
-@device
+@array_device
 def make_levels():  # type: ignore[no-untyped-def]
     """Allocate the levels of a walk."""
     return Levels(np.empty((MAX_LEVELS, _COLUMNS), np.int64), np.empty((MAX_LEVELS, OCTANTS)))
 
 
-@lean_device
+@device
 def ray_of(row, column):  # type: ignore[no-untyped-def]
     """Index of the ray of a tile's pixel in a row and column, 0 to 7."""
     return (row >> 2) * 32 + (column >> 2) * LANES + (row & 3) * _PACKET + (column & 3)
 
 
-@lean_device
+@device
 def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
     """Give each ray the picture coordinates of its column and row, and mark those in the first `rows` and `columns` of
     a tile as lanes to be traced.
@@ -122,7 +122,7 @@ def want_pixels(tile, rows, columns):  # type: ignore[no-untyped-def]
         tile.lanes[WANTED, packet] = lanes
 
 
-@lean_device
+@device
 def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
     """Set the rays of a tile to those of the camera through their picture coordinates.
 
@@ -146,7 +146,7 @@ def aim_tile(camera, tile):  # type: ignore[no-untyped-def]
         _set_axis(tile, 2, packet, oz, dz / length)
 
 
-@lean_device
+@device
 def _aimed(camera, sx, sy, axis):  # type: ignore[no-untyped-def]
     """Origin and direction of a packet's rays on an axis, the direction of any length."""
     pose = camera.pose
@@ -157,7 +157,7 @@ def _aimed(camera, sx, sy, axis):  # type: ignore[no-untyped-def]
     return origin + across, direction
 
 
-@lean_device
+@device
 def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped-def]
     """Store the rays of a packet on one axis, mirrored if they run downwards."""
     first = axis * RAYS + packet * LANES
@@ -169,7 +169,7 @@ def _set_axis(tile, axis, packet, origin, direction):  # type: ignore[no-untyped
     tile.lanes[MIRRORED + axis, packet] = down
 
 
-@lean_device
+@device
 def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
     """Node hit by a ray in a phase, -1 beyond the far clipping distance."""
     node = np.int64(tile.numbers[NODE + phase, ray])
@@ -178,14 +178,14 @@ def node_seen(camera, tile, phase, ray):  # type: ignore[no-untyped-def]
     return node
 
 
-@lean_device
+@device
 def luminance_of_ray(light, node, tile, ray):  # type: ignore[no-untyped-def]
     """Luminance in [0, 1], float32, of a node along a ray."""
     x, y, z = tile.numbers[DIRECTION, ray], tile.numbers[DIRECTION + 1, ray], tile.numbers[DIRECTION + 2, ray]
     return luminance_along(light, node, x, y, z) / np.float32(LUMINANCE_SCALE)
 
 
-@lean_device
+@device
 def find_entries(tile):  # type: ignore[no-untyped-def]
     """Find the entry points of rays into the voxels that stopped them, and undo the mirroring of the cells."""
     for packet in range(PACKETS):

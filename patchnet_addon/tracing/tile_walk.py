@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.kernels import lean_device
+from ..runtime.kernels import device
 from ..runtime.vectors import (
     LANES,
     OCTANTS,
@@ -77,7 +77,7 @@ class _Bounds(NamedTuple):
     mirror: int
 
 
-@lean_device
+@device
 def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: ignore[no-untyped-def]
     """Trace the rays of neighbouring pixels, with their entry points; returns the number of visits.
 
@@ -95,7 +95,7 @@ def trace_block(nodes, camera, search, first, count, offset, scratch):  # type: 
     return visits
 
 
-@lean_device
+@device
 def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
     """Find first hits of a tile's rays in all phases of a `Search`; returns the number of nodes visited by tile and
     packets.
@@ -122,7 +122,7 @@ def trace_tile(nodes, search, tile, levels):  # type: ignore[no-untyped-def]
     return visits
 
 
-@lean_device
+@device
 def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
     """Bounds of the live rays of a tile."""
     x, y, z = _axis_bounds(tile, 0), _axis_bounds(tile, 1), _axis_bounds(tile, 2)
@@ -134,7 +134,7 @@ def _bounds(tile, mirror):  # type: ignore[no-untyped-def]
     return _Bounds((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]), (x[3], y[3], z[3]), start, mirror)
 
 
-@lean_device
+@device
 def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
     """Smallest and largest origin, smallest and largest axial distance per unit along an axis."""
     low, high = splat(_FAR), splat(-_FAR)
@@ -151,7 +151,7 @@ def _axis_bounds(tile, axis):  # type: ignore[no-untyped-def]
     return smallest(first_origin), largest(last_origin), smallest(near), largest(far)
 
 
-@lean_device
+@device
 def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     """Walk down with all live rays of a tile; returns the number of visits."""
     level = np.int64(0)
@@ -189,7 +189,7 @@ def _walk(nodes, search, tile, bounds, levels):  # type: ignore[no-untyped-def]
     return visits
 
 
-@lean_device
+@device
 def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-untyped-def]
     """Walk the subtree of the node at level `top` with each packet; returns the number of visits."""
     visits = 0
@@ -199,7 +199,7 @@ def _walk_packets(nodes, search, tile, mirror, levels, top):  # type: ignore[no-
     return visits
 
 
-@lean_device
+@device
 def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
     """Find the children of a level's node that rays of the tile may hit."""
     child = 0.5 / (np.int64(1) << level)
@@ -219,7 +219,7 @@ def _open(nodes, bounds, levels, level):  # type: ignore[no-untyped-def]
     levels.state[level, PENDING] = met & mirrored_children(nodes.child_mask[levels.state[level, HERE]], bounds.mirror)
 
 
-@lean_device
+@device
 def _plane_bounds(bounds, cell, child, axis):  # type: ignore[no-untyped-def]
     """Smallest axial distances of a node's lower and middle plane, largest of its middle and upper plane."""
     low, middle, high = 2 * cell * child, (2 * cell + 1) * child, (2 * cell + 2) * child
@@ -233,11 +233,11 @@ def _plane_bounds(bounds, cell, child, axis):  # type: ignore[no-untyped-def]
     )
 
 
-@lean_device
+@device
 def _least(distance, near, far):  # type: ignore[no-untyped-def]
     return distance * (near if distance >= 0.0 else far)
 
 
-@lean_device
+@device
 def _most(distance, near, far):  # type: ignore[no-untyped-def]
     return distance * (far if distance >= 0.0 else near)

@@ -20,7 +20,7 @@ from ...patchnet_addon.network.weights import CHANNELS
 from ...patchnet_addon.octree.leaf_boxes import filled_share
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE, NORMAL_SCALE
 from ...patchnet_addon.runtime.bounds import DEFAULT_LOOKAHEAD
-from ...patchnet_addon.runtime.kernels import device, kernel, lean_device
+from ...patchnet_addon.runtime.kernels import array_device, device, kernel
 from .augmentation import Augmentation, cube_symmetries
 from .forest import Forest, tree_nodes
 from .nearby import Nearby, gather_nearby
@@ -131,7 +131,7 @@ def _gather(forest, stored, augmentation, how, tables):
     return blocks[:used], moved, around, linear, near
 
 
-@device
+@array_device
 def _gather_blocks(nodes, cells_of, voxels, augmentation, how, blocks, found):
     """Write each occupied block as a row of `blocks` after an empty one; returns the number of rows.
 
@@ -161,7 +161,7 @@ def _gather_blocks(nodes, cells_of, voxels, augmentation, how, blocks, found):
     return row
 
 
-@lean_device
+@device
 def _remap(luminance, brick, remap, linear):
     """Write gain and offset of a voxel's luminances into `linear` (2,); remap: as in `Augmentation`."""
     linear[0], linear[1] = 1.0, 0.0
@@ -183,7 +183,7 @@ def _remap(luminance, brick, remap, linear):
         linear[0], linear[1] = gain, place - gain * dark
 
 
-@lean_device
+@device
 def _write_block(own, cells_of, nodes, light, turned, values):
     """Write the cells of a block, whose nodes are (8^n,), into `values` (B,)."""
     luminance, normal = cells_of

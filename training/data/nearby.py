@@ -19,7 +19,7 @@ from ...patchnet_addon.codes.ray_frame import CELLS, SIDE
 from ...patchnet_addon.network.compiled_layers import TILE, empty_values
 from ...patchnet_addon.network.kinds import CORNERS, COVERING, MIXED, VIEW
 from ...patchnet_addon.octree.octree import LUMINANCE_SCALE
-from ...patchnet_addon.runtime.kernels import device, lean_device
+from ...patchnet_addon.runtime.kernels import array_device, device
 from .forest import tree_nodes
 
 
@@ -34,7 +34,7 @@ class Nearby(NamedTuple):
     luminances: Any
 
 
-@device
+@array_device
 def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-untyped-def]
     """Write cells near V voxels in the frames of R rays, without augmentation, into `found`: the arrays of a `Nearby`.
 
@@ -83,7 +83,7 @@ def gather_nearby(nodes, light, where, rays, tables, found):  # type: ignore[no-
                 luminances[index, k] = gain * luminances[index, k] + offset
 
 
-@lean_device
+@device
 def _write_words(nodes, light, around, words):  # type: ignore[no-untyped-def]
     """Write the words (64,) of the cells around the corners of a voxel of an octree; around: see `Brick`.
 
@@ -105,7 +105,7 @@ def _write_words(nodes, light, around, words):  # type: ignore[no-untyped-def]
                     words[CORNERS * corner + inner] = word_of(nodes, light, cell)
 
 
-@lean_device
+@device
 def _write_columns(rows, count, result):  # type: ignore[no-untyped-def]
     """Write the first `count` columns of a tile's rows as lines of `result`."""
     for place in range(count):

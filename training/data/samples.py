@@ -16,7 +16,7 @@ from ...patchnet_addon.codes.brick import MIDDLE, empty_brick, fill_brick
 from ...patchnet_addon.codes.patch_rays import VIEWPORT_PX, PatchRay, Viewport, render_patch
 from ...patchnet_addon.octree.octree import Octree
 from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.runtime.kernels import device, kernel
+from ...patchnet_addon.runtime.kernels import array_device, device, kernel
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.threads import run_parts
 from .forest import Forest, concatenate, tree_nodes
@@ -104,7 +104,7 @@ def _mix(state):
     return state ^ (state >> np.uint64(31))
 
 
-@device
+@array_device
 def _uniform(state):
     """Next random number of [0, 1); `state` is (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
@@ -127,7 +127,7 @@ def _enter_box(origin, direction, x, y, z):
     return enter if enter <= leave else 1e30
 
 
-@device
+@array_device
 def _draw_line(state, origin, direction, up):
     """Random direction, roll, and a line through the disc of radius sqrt(3)/2 around the voxel's centre."""
     height, turn = 2.0 * _uniform(state) - 1.0, 2.0 * np.pi * _uniform(state)
@@ -153,7 +153,7 @@ def _is_first_hit(counts, origin, direction, enter):
     return True
 
 
-@device
+@array_device
 def _draw_views(state, nodes, light, root, voxel, lookahead, views):
     """Draw random views (R, 12) uint16 of a voxel (level, x, y, z) below `root`; returns whether all R were found.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...network.compiled_layers import OUTPUTS, TILE, apply_layer, empty_values, exponential
-from ...runtime.kernels import device, kernel
+from ...runtime.kernels import array_device, device, kernel
 from ...runtime.threads import run_parts
 from ...runtime.vectors import LANES, add_product, load, spread, store
 from .features import HIGHEST, LOWEST
@@ -112,7 +112,7 @@ def _estimate(first, last, planes, shape, active, network, scores):  # type: ign
                     scores[row, column + place] = math.sqrt(scale[place] * tile[place])
 
 
-@device
+@array_device
 def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-def]
     """Estimate a run of pixels: the first row of the third array of `work` gets the squared errors over the squared
     scales.
@@ -127,7 +127,7 @@ def _estimate_run(planes, size, at, network, work):  # type: ignore[no-untyped-d
     _apply_last(others, features, network, tile)
 
 
-@device
+@array_device
 def _fill_features(planes, size, at, network, features, scale):  # type: ignore[no-untyped-def]
     """Write the features of a run of pixels and their squared scales; size, at: as in `_estimate_run`."""
     centre = at[CENTRE]
@@ -167,7 +167,7 @@ def _fill_angles(planes, start, normal, size, cosines):  # type: ignore[no-untyp
         cosines[place] = x + y + z
 
 
-@device
+@array_device
 def _divide(table, features, scale):  # type: ignore[no-untyped-def]
     """Divide differences by their pixels' scale, and write its logarithm."""
     inverse = np.empty(TILE, np.float32)
