@@ -27,7 +27,7 @@ from ..properties.preferences import apply_preferences
 from ..scene_access.own import quiet
 from ..scene_access.temporary import session_folder_goes
 from ..scene_access.unread_file import check_opened
-from ..scene_access.window_job import escaped, in_window, others_job_is_running
+from ..scene_access.window_job import escaped, in_window, note_click, others_job_is_running
 from ..session import results
 from ..session.octree_cache import result_or_kept
 from ..session.scene_session import give_back
@@ -149,6 +149,7 @@ class JobOperator(OperatorBase):
         if self._outcome:  # the job ended meanwhile, and this handler must, too
             self._end_modal(context)
             return self._outcome
+        note_click(context, event)
         if escaped(event):
             self.cancel(context)
             tell(self, "INFO", self._stopped(alive=True), logged_as="ERROR")

@@ -34,6 +34,8 @@ _HANDLERS = {
 _in_window: ContextVar[bool] = ContextVar("_in_window", default=False)
 _own_kinds: list[str] = []  # kinds of our running jobs
 _swallowed: list[str] = []  # Esc that the macro got in place of the job
+_STOPS_WITHIN_S = 10.0  # of a click on Blender's stop button
+_clicks: list[float] = []  # times of clicks on the status bar
 
 
 @contextmanager
@@ -52,6 +54,12 @@ def escaped(event: bpy.types.Event) -> bool:
         _swallowed.clear()
         return True
     return event.type == "ESC" and event.value == "PRESS"
+
+
+def note_click(context: bpy.types.Context, event: bpy.types.Event) -> None:
+    """Note a click on the status bar, where Blender's stop button is: a bake that it ends is told to be complete."""
+    if event.type == "LEFTMOUSE" and event.mouse_y < min(area.y for area in context.window.screen.areas):
+        _clicks.append(time.perf_counter())
 
 
 def window_is_alive() -> bool:
@@ -87,6 +95,7 @@ def as_job(
     ended: dict[str, float] = {}
     with _told(kind, ended):
         start()
+        _clicks.clear()
         _own_kinds.append(kind)
         try:
             while job_is_running(kind):
@@ -97,6 +106,8 @@ def as_job(
         finally:
             _own_kinds.remove(kind)
             _swallowed.clear()
+        if kind == BAKE and COMPLETE in ended and any(ended[COMPLETE] - at < _STOPS_WITHIN_S for at in _clicks):
+            ended[CANCEL] = ended.pop(COMPLETE)
     return ended
 
 

@@ -93,6 +93,20 @@ def escape_at_once() -> clicks.Session:
     seen["at once"] = {"running": running(), "modal": modal()}
 
 
+def stop_button() -> clicks.Session:
+    """Blender's own stop button, in the status bar beside the progress of its bake."""
+    yield from start(LONG)
+    share = module("jobs.job_operator").JobOperator.in_window._display
+    yield from clicks.wait_for(lambda: share.progress.label == "Refining light, round 4", "a long round begins", 240.0)
+    yield from clicks.wait_for(lambda: bpy.app.is_job_running("OBJECT_BAKE"), "Cycles bakes")
+    yield 1.0
+    told = len(heard.told)
+    for x in range(600, 640, 7):
+        yield from clicks.key("LEFTMOUSE", x, 11)
+    yield from clicks.wait_for(lambda: not running(), "the button stops the job", 15.0)
+    seen["button"] = {"told": heard.told[told:], "modal": modal()}
+
+
 def edit_meanwhile() -> clicks.Session:
     """A script changes what is baked: the job ends with a sentence, and keeps no light of a scene that is none."""
     yield from start(LONG)
@@ -215,6 +229,7 @@ PARTS = (
     prepare,
     use_blender_meanwhile,
     escape_at_once,
+    stop_button,
     edit_meanwhile,
     undo_meanwhile,
     resume,

@@ -54,6 +54,12 @@ def test_escape_is_never_swallowed(jobs: dict) -> None:
     assert jobs["at once"] == {"running": "", "modal": []}
 
 
+def test_blenders_stop_button_stops_the_job(jobs: dict) -> None:
+    """Cycles ends its bake as if it were complete."""
+    assert len(jobs["button"]["told"]) == 1 and jobs["button"]["told"][0].startswith("Stopped. The pictures have light")
+    assert jobs["button"]["modal"] == []
+
+
 def test_jobs_leave_no_handler(jobs: dict) -> None:
     assert jobs["stopped"]["running"] == "" and jobs["stopped"]["modal"] == jobs["ended"]["modal"] == []
 
