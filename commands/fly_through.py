@@ -57,6 +57,6 @@ def run(args: argparse.Namespace) -> int:
             for note in baked.result.all_notes:
                 say_note(note)
             with quiet_stdout():
-                render_fly_through(scene, frames, len(baked.frames))
+                render_fly_through(scene, frames, baked)
     say_result(f"{counted(len(baked.frames), 'frame')} rendered into {baked.folder}", file=baked.folder)
     return 0

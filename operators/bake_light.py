@@ -35,7 +35,7 @@ class PATCHNET_OT_bake_light(VoxelJob, bpy.types.Operator):
         choice = yield from choose_leaves(context, surface, clock)
         plan.make(surface.source, choice, choice.cameras, "light", "voxelize")
         made = yield from plan.timed(light_octree(context, surface, choice, clock))
-        plan.resumed = made.reused > 0.0
+        plan.resumed, plan.layers = made.reused > 0.0, made.layers
         plan.learn()
         seconds = {name: value for name, value in before.seconds.items() if name in ("depth", "voxelize")}
         seconds["light"] = sum(clock.seconds.get(name, 0.0) for name in ("light", "voxelize"))

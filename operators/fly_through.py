@@ -46,7 +46,7 @@ class PATCHNET_OT_fly_through(FrameProperties, JobOperator, bpy.types.Operator):
             bpy.app.timers.register(lambda: _render_beside(uid, frames), first_interval=_POLL_S)
             return f"Blender renders {film} into {baked.folder}{said}"
         yield Progress(0, 1, f"Rendering {film}")
-        render_fly_through(context.scene, frames, len(baked.frames))
+        render_fly_through(context.scene, frames, baked)
         return f"{film} in {baked.folder}{said}"
 
 

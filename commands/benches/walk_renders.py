@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import tempfile
 import time
 from collections.abc import Sequence
@@ -72,11 +71,6 @@ class Walk:
     denoised: bool = False
     depth: int = 0
     leaves: int = 0
-
-
-def frames_until_ahead(setup_s: float, ours_s: float, peer_s: float) -> int | None:
-    """Least N with setup + N ours <= N peer; None if there is none."""
-    return max(1, math.ceil(setup_s / (peer_s - ours_s))) if ours_s < peer_s else None
 
 
 def walk(

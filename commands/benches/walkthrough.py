@@ -21,6 +21,7 @@ import numpy as np
 
 from ...operators.cycles.daylight import daylight, has_light
 from ...operators.pipeline.lit_octree import build_lit_octree
+from ...operators.render_engine.fly_through import frames_until_ahead
 from ...operators.scene.cameras import choose_cameras
 from ...operators.scene.read import read_scene
 from ...operators.settings.job_settings import JobSettings
@@ -39,7 +40,7 @@ from ..shared.job_arguments import depth_of
 from ..shared.progress_bars import ProgressBars
 from ..shared.quiet import quiet_stdout
 from ..shared.scene_argument import open_or_build
-from .walk_renders import Walk, frames_until_ahead, walk
+from .walk_renders import Walk, walk
 
 _PATH_DEPTH = 8  # of the octree for path finding
 _VIEWS = 16  # candidates

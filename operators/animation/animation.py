@@ -17,7 +17,7 @@ from ...patchnet_addon.runtime.errors import PatchNetError
 from ...patchnet_addon.runtime.eta import FramesEta
 from ...patchnet_addon.runtime.file_kinds import FRAME_RECORD, REPORT
 from ...patchnet_addon.runtime.frames import errors_of_frame
-from ...patchnet_addon.runtime.outputs import check_outputs
+from ...patchnet_addon.runtime.outputs import check_outputs, check_room
 from ...patchnet_addon.runtime.progress import Progress, Result, Steps, changed
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.sampling.report import ERROR_UNIT
@@ -85,9 +85,11 @@ class AnimationResult:
 
     def sentence(self) -> str:
         """Summary of what was done."""
-        skipped = len(self.skipped)
+        skipped, made = len(self.skipped), {each["frame"]: each for each in self.report["frames"]}
+        octrees = len({made[frame].get("voxels_of", frame) for frame in self.made})
         there = f", {skipped} {'was' if skipped == 1 else 'were'} there" if skipped else ""
-        return f"{counted(len(self.made), 'frame')} made{there}"
+        shared = f" with the voxels of {octrees}" if octrees < len(self.made) else ""
+        return f"{counted(len(self.made), 'frame')} made{shared}{there}"
 
 
 def bake_frames(context: bpy.types.Context, maker: OctreeMaker, plan: FramePlan) -> Steps[AnimationResult]:
@@ -183,6 +185,9 @@ class _Animation:
         self.result.made.append(frame)
         self._done(frame, summary)
         self.write_report(complete=False)
+        if len(self.result.made) == 1:
+            missing = [each for each in self._plan.frames if self._record(each) is None]
+            check_room(self._plan.out, len(missing) * sum(written.values()), f"{counted(len(missing), 'frame')} more")
 
     def _at(self, frame: int, number: str, step: str) -> Progress:
         return self._time.skip(Progress(1, 1, f"{number}: {step}", frame=frame, step=step))

@@ -23,9 +23,11 @@ from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_in
 from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
 from ..scene.cameras import AUTO, camera_name
-from ..scene.fingerprint import cameras_hash, surface_hash
+from ..scene.fingerprint import cameras_hash, has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
 from ..scene.track import track_cameras
+from ..schema.table import CODES, LIGHT, VISIBLE, result_fields
+from ..schema.table import OCTREE as OCTREE_STAGE
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
@@ -79,6 +81,18 @@ def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
     state = scene_state(context.scene, keys=False).identity(context.scene.frame_current)
     cameras = cameras_hash(context.evaluated_depsgraph_get())  # reading may have evaluated it again
     return composed(code_hash(), bpy.app.version_string, settings, surface, state, cameras)
+
+
+def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
+    """32 hex digits over settings and all that an octree of the scene depends on at the graph's frame.
+
+    Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
+    """
+    values = settings.flat()
+    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
+    parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
+    frame = depsgraph.scene.frame_current_final if has_films() else None
+    return composed(*(values[name] for name in result_fields(OCTREE_STAGE, LIGHT, CODES)), *parts, frame)
 
 
 @cache
@@ -149,19 +163,21 @@ class OctreeMaker:
 
 
 class JobMaker(OctreeMaker):
-    """Maker of frames by the whole job, as `patchnet run`."""
+    """Maker of frames by the whole job, as `patchnet run`.
+
+    A frame with the surface and light of the last one has its voxels.
+    """
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_network(settings.network), importance_key(settings.view.importance)
         super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
-        self._last: JobResult | None = None  # of a track: the next frame has its voxels, if the scene is the same
+        self._last: _Made | None = None
 
     def track(self, context: bpy.types.Context) -> str:
-        """Key of the cameras of all frames, with All Frames; "" where more than cameras moves."""
+        """Key of the cameras of all frames, with All Frames."""
         view, surface = self._settings.view, self._settings.surface
-        moves = scene_state(context.scene).frame is not None  # then each frame has voxels of its own
-        if not surface.track or list(view.cameras) == [AUTO] or moves:
+        if not surface.track or list(view.cameras) == [AUTO]:
             return ""
         return composed(cameras_text(track_cameras(context.scene, view.cameras, view.size, surface.track_frames)))
 
@@ -185,25 +201,37 @@ class JobMaker(OctreeMaker):
         return job_inputs(self._settings)
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
-        """Octree, codes, pictures and report; with All Frames, frames of the same surface and light share voxels."""
-        last, before = self._last, None
-        state = None if last is None else last.state
-        if last is not None and state is not None and state.identity() == scene_state(context.scene).identity():
+        """Octree, codes, pictures and report."""
+        graph, frame = context.evaluated_depsgraph_get(), context.scene.frame_current
+        surface = surface_key(graph, self._of_frame(common).changed(exposure=None))
+        key = composed(surface, common.track or cameras_hash(graph))
+        last, before, voxels_of = self._last, None, frame
+        if last is not None and last.key == key:
+            found, voxels_of = last.result, last.voxels_of
             before = Before(
-                last.coded.octree,
-                last.layout,
-                state,
+                found.coded.octree,
+                found.layout,
+                found.state,
                 lit=True,
-                coded=last.coded,
-                encoder=last.report["encoder"],
-                warnings=last.notes["octree"],
+                coded=found.coded,
+                encoder=found.report["encoder"],
+                warnings=found.notes["octree"],
             )
         self._last = last = None  # frees its memory, unless it is used
         result = yield from run_job(context, self._of_frame(common), before=before)
-        self._last = result if common.track else None
+        self._last = _Made(key, voxels_of, result)
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
-        return _summary(result)
+        return _summary(result) | {"voxels_of": voxels_of}
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """Result of a frame. key: of all that its voxels depend on. voxels_of: frame that they were made for."""
+
+    key: str
+    voxels_of: int
+    result: JobResult
 
 
 def _summary(result: JobResult) -> dict[str, Any]:

@@ -21,10 +21,11 @@ from ..scene.scene_mesh import SceneMesh
 from ..scene_access.devices import device_text
 from ..scene_access.lengths import length_text
 from ..settings.job_settings import JobSettings
-from .job_work import Rates, light_paths, time_line, work_of
+from .job_work import Rates, layers_of, light_paths, time_line, work_of
 from .lit_octree import fit_cameras
 from .stages import encoder_text, fitted_levels, load_network
 
+_MORE_LEAVES = 1.15  # than a rough fit finds, which does not look through the gaps of fine leaves
 _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 
 
@@ -32,15 +33,16 @@ _BYTES_PER_CODED = 12.2 + 2.2 * 20  # index, and codes shared with neighbours
 class Estimate:
     """Expected figures of a job.
 
-    fitted: leaves follow the cameras, most are coarser than `depth`. peak_bytes: of building; free_bytes: limit.
-    lookahead_share: of hit pixels, None if no camera sees anything. paths: of the bake, 0 without one. seconds: by
-    stage. time_line, made_for, lines: time, surface and views, and figures in words. notes: omissions and
-    approximations that are known without a bake. settings: of the scene at the estimate. outdated: the scene may have
-    changed since.
+    fitted: leaves follow the cameras, most are coarser than `depth`. layers: see `layers_of`. peak_bytes: of
+    building; free_bytes: limit. lookahead_share: of hit pixels, None if no camera sees anything. paths: of the
+    bake, 0 without one. seconds: by stage. time_line, made_for, lines: time, surface and views, and figures in
+    words. notes: omissions and approximations that are known without a bake. settings: of the scene at the
+    estimate. outdated: the scene may have changed since.
     """
 
     depth: int
     fitted: bool
+    layers: float
     leaves: int
     octree_bytes: int
     codes_bytes: int
@@ -88,27 +90,35 @@ def _estimate(
     """Estimate of pictures through cameras; fit: those that leaves and light are fitted to."""
     from ...patchnet_addon.lod import depth as given
     from ...patchnet_addon.lod.depth import available_memory, peak_bytes, stored_bytes
+    from ...patchnet_addon.octree.blocks import plan_passes
+    from ...patchnet_addon.octree.leaf_levels import LeafLevels
+    from ...patchnet_addon.octree.voxelize import BLOCK_FRAGMENTS
 
     surface, light = settings.surface, settings.light
     lookahead = load_network(settings.network).lookahead
     if surface.is_fitted:
         grid, fitted = yield from labelled(fitted_levels(source, fit, settings, rough=True), "Estimating")
-        leaves, share = fitted.leaves, fitted.lookahead_share
+        layout, rough_leaves, share = fitted.layout, fitted.leaves, fitted.lookahead_share
+        leaves = int(_MORE_LEAVES * rough_leaves)
     else:
         grid = surface.given_grid(source)
         bounds_world = surface.bounds_world(source)
         coarse = yield from labelled(given.coarse_octree(source, bounds_world=bounds_world), "Estimating")
         yield Progress(1, 2, "Estimating: what cameras see")
-        leaves = given.expected_leaves(coarse, grid.depth)
+        layout = LeafLevels.uniform(grid.depth)
+        leaves = rough_leaves = given.expected_leaves(coarse, grid.depth)
         share = given.expected_share(coarse, cameras, grid.depth, lookahead=lookahead)
     rates = Rates()
     triangles = source.triangle_count
     pixels = sum(camera.pixel_count for camera in cameras)
-    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=leaves, cameras=fit)
+    yield Progress(1, 1, "Estimating")
+    layers = layers_of(plan_passes(source, grid, layout, BLOCK_FRAGMENTS)[1], rough_leaves)
+    work = work_of(settings, pixels=pixels, triangles=triangles, leaves=layers * leaves, cameras=fit)
     seconds = rates.seconds(work)
     return Estimate(
         depth=grid.depth,
         fitted=surface.is_fitted,
+        layers=layers,
         leaves=leaves,
         octree_bytes=stored_bytes(leaves, settings.contents),
         # Nodes with look-ahead, that many levels above the leaves and further up, are this share of the leaves.

@@ -36,6 +36,7 @@ from ..scene.track import track_cameras
 from ..schema.table import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
 from ..state.watch import read_state
+from .job_work import layers_of
 from .stages import NO_LIGHT, UNLIT, GridChoice, build, choose_grid, load_network, two_lights, unlit
 
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
@@ -98,7 +99,7 @@ class LitOctree:
 
     layout: levels of its leaves, None where all are on the deepest. light: "none", "cycles" or "two-lights".
     source: the surface. state: of the scene when it was read. warnings: sentences about assumptions and omissions.
-    reused: share of the paths of its light that an earlier bake had traced.
+    layers: see `layers_of`. reused: share of the paths of its light that an earlier bake had traced.
     """
 
     octree: Octree
@@ -107,6 +108,7 @@ class LitOctree:
     source: SceneMesh
     state: SceneState
     warnings: tuple[str, ...]
+    layers: float
     reused: float = 0.0
 
 
@@ -214,7 +216,8 @@ def light_octree(
         assumed = (NO_LIGHT,) if surface.is_baked and settings.light.daylight else ()
         warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *coarse, *lit.warnings, *assumed)
         kind = UNLIT if overrides.unlit else settings.light.kind
-        return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, lit.reused)
+        layers = layers_of(clipped.expected, octree.leaf_count)
+        return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, layers, lit.reused)
 
     ended_at, showing_s = time.perf_counter(), 0.0
 

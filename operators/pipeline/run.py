@@ -20,6 +20,7 @@ from ...patchnet_addon.network.weights import Weights
 from ...patchnet_addon.octree.file import save_octree
 from ...patchnet_addon.octree.leaf_levels import LeafLevels
 from ...patchnet_addon.octree.octree import Octree
+from ...patchnet_addon.runtime.outputs import check_room
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.patchnet_plus import estimators_warning
 from ...patchnet_addon.sampling.registry import strategy
@@ -206,19 +207,24 @@ def _lit(job: _Job, before: Before | None) -> Steps[tuple[LitOctree | Before, li
             fit = (yield from fit_cameras(context, settings, source)) if settings.surface.track else cameras
     choice = yield from choose_leaves(context, surface, clock, fit)
     job.plan.make(surface.source, choice, cameras)
+    if settings.out is not None:
+        from ...patchnet_addon.lod.depth import stored_bytes  # imports numba
+
+        check_room(settings.out, stored_bytes(choice.leaves, settings.contents), "The voxels")
     known_noise = _known_noise(before, surface)
     if job.meanwhile is not None and settings.light.is_baked and known_noise == np.inf:
         with clock.stage("first look"):
             yield from stand_in_look(surface.source, choice, settings, cameras[0], job.meanwhile)
-    early = job.early
-    if early is None:
-        return (yield from light_octree(context, surface, choice, clock)), cameras
     quick = replace(job, settings=settings.changed(reference=False, cycles=None), meanwhile=None)
 
     def deliver(made: LitOctree) -> Steps[None]:
-        early((yield from _result(quick, made, cameras)))
+        assert job.early is not None
+        job.early((yield from _result(quick, made, cameras)))
 
-    return (yield from light_octree(context, surface, choice, clock, deliver, known_noise)), cameras
+    each_round = None if job.early is None else deliver
+    made = yield from light_octree(context, surface, choice, clock, each_round, known_noise)
+    job.plan.layers = made.layers
+    return made, cameras
 
 
 def _known_noise(before: Before | None, surface: ReadSurface) -> float:

@@ -3,22 +3,21 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import OutputError, SceneError
-from ...patchnet_addon.runtime.eta import range_text
-from ...patchnet_addon.runtime.outputs import check_writable
+from ...patchnet_addon.runtime.errors import SceneError
+from ...patchnet_addon.runtime.eta import duration_text, range_text
+from ...patchnet_addon.runtime.outputs import check_room, check_writable
 from ...patchnet_addon.runtime.progress import Steps
-from ...patchnet_addon.runtime.quantities import bytes_text, counted
+from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.tracing.camera import Camera
 from ..cycles.daylight import has_light
 from ..cycles.pixel_renders import pixel_renders
@@ -26,7 +25,7 @@ from ..pipeline.estimate import Estimate, estimate_job
 from ..pipeline.job_work import SPREAD, SPREAD_ELSEWHERE, JobPlan, Rates
 from ..pipeline.lit_octree import OctreeOverrides, choose_leaves, light_octree, read_surface
 from ..properties.job import scene_settings
-from ..scene.cameras import camera_size_px, choose_cameras
+from ..scene.cameras import choose_cameras
 from ..scene.track import kept_track, track_cameras, track_key
 from ..scene_access.overrides import changed
 from ..schema.table import COMBINED, GLOSS_CAMERA, LIGHT, OCTREE
@@ -42,6 +41,7 @@ from .engine import ENGINE
 
 RIVALS = 8, 32  # samples of denoised Cycles renders whose errors are next to those of frames (docs/worth-it.md)
 _PROBE_PX = 1 << 17
+_RAYS = 20  # of a pixel by a budget, about
 _BYTES_A_PIXEL = 2  # of a compressed picture, about
 _MOVES = (
     "Objects, lights or materials change from frame to frame, so no bake is of all frames: press Bake Animation, or "
@@ -52,11 +52,15 @@ _BAKE = "read", "depth", "light", "voxelize"
 
 @dataclass(frozen=True, eq=False)
 class BakedFlyThrough:
-    """Voxels and light for the frames that are to be rendered; none if all are in the folder."""
+    """Voxels and light for the frames that are to be rendered; none if all are in the folder.
+
+    work: units of a frame for `Rates`; empty without an estimate.
+    """
 
     frames: tuple[int, ...]
     folder: Path
     result: SceneResult | None = None
+    work: dict[str, float] = field(default_factory=dict)
 
 
 def bake_fly_through(
@@ -68,34 +72,33 @@ def bake_fly_through(
     """
     scene = context.scene
     missing = missing_frames(scene, frames)
-    folder = check_room(scene, len(missing))
+    folder = pictures_folder(scene, len(missing))
     if not missing:
         return BakedFlyThrough((), folder)
     if scene_state(scene).frame is not None:
         raise SceneError(_MOVES)
     scene.patchnet.track = True
     settings = fly_through_settings(scene)
-    there = _kept(scene, settings)
+    there, work = _kept(scene, settings), {}
     if there is None:
         estimate, seen = yield from estimate_fly_through(context, settings, len(missing))
         estimate.settings = recorded(scene.patchnet, *ESTIMATED)
         session_of(scene).estimate = estimate
         told(seen)
-        there = yield from _baked(context, settings)
-    return BakedFlyThrough(tuple(missing), folder, there)
+        there, work = (yield from _baked(context, settings)), seen.work
+    return BakedFlyThrough(tuple(missing), folder, there, work)
 
 
-def render_fly_through(scene: bpy.types.Scene, frames: range, missing: int) -> None:
-    """Render frames that are missing now, and learn how long they take. Raises SceneError."""
+def render_fly_through(scene: bpy.types.Scene, frames: range, baked: BakedFlyThrough) -> None:
+    """Render frames that are missing, and learn how long they take. Raises SceneError."""
     begin = time.perf_counter()
     with frames_by_engine(scene, frames):
         try:
             bpy.ops.render.render(animation=True, scene=scene.name)
         except RuntimeError as cause:
             raise SceneError(str(cause).strip().removeprefix("Error: ")) from cause
-    width, height = camera_size_px(scene)
-    rays = {"frames": float(missing * _rays(scene, width * height))}
-    Rates().learn(rays, {"frames": time.perf_counter() - begin})
+    work = {name: len(baked.frames) * units for name, units in baked.work.items()}
+    Rates().learn(work, {"frames": time.perf_counter() - begin})
 
 
 @contextmanager
@@ -123,27 +126,26 @@ def missing_frames(scene: bpy.types.Scene, frames: range) -> list[int]:
     return [number for number in frames if not Path(scene.render.frame_path(frame=number)).is_file()]
 
 
-def check_room(scene: bpy.types.Scene, frames: int) -> Path:
+def pictures_folder(scene: bpy.types.Scene, frames: int) -> Path:
     """Folder of the scene's pictures; raises OutputError where it cannot be written, or has no room for them."""
     folder = Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start))).parent
     folder.mkdir(parents=True, exist_ok=True)
     check_writable(folder)
-    percent = scene.render.resolution_percentage / 100
-    wanted = int(frames * _BYTES_A_PIXEL * scene.render.resolution_x * scene.render.resolution_y * percent**2)
-    free = shutil.disk_usage(folder).free
-    if free < wanted:
-        raise OutputError(
-            f"{counted(frames, 'frame')} take about {bytes_text(wanted)}, and {folder} has {bytes_text(free)}: make "
-            "room, or choose another folder in Output"
-        )
+    pixels = scene.render.resolution_x * scene.render.resolution_y * (scene.render.resolution_percentage / 100) ** 2
+    check_room(folder, frames * _BYTES_A_PIXEL * pixels, counted(frames, "frame"))
     return folder
+
+
+def frames_until_ahead(once_s: float, ours_s: float, peer_s: float) -> int | None:
+    """Least N with once + N ours <= N peer; None if there is none."""
+    return max(1, ceil(once_s / (peer_s - ours_s))) if ours_s < peer_s else None
 
 
 @dataclass(frozen=True)
 class FlyThrough:
     """Expected seconds: of what is done once, of a frame, and of a frame by Cycles by its samples.
 
-    measured: frames of earlier fly-throughs on this machine. What is done once depends most on the scene.
+    measured: bakes and frames of earlier fly-throughs on this machine. work: units of a frame.
     """
 
     frames: int
@@ -151,19 +153,20 @@ class FlyThrough:
     frame: float
     cycles: dict[int, float]
     measured: bool
+    work: dict[str, float] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
         """Figures in words, for the panel."""
-        film = counted(self.frames, "frame")
-        bake = range_text(self.once / SPREAD_ELSEWHERE, self.once * SPREAD_ELSEWHERE)
-        lines = [f"Bake {bake}, {film} {self._range(self.frames * self.frame)}"]
+        film, once = counted(self.frames, "frame"), duration_text(self.once)
+        whole = self._range(self.once + self.frames * self.frame)
+        lines = [f"{film} {whole}: bake about {once}, a frame {self.frame:.2g} s"]
         rivals = [f"{self._range(self.frames * one)} with {samples} samples" for samples, one in self.cycles.items()]
         lines.append(f"Cycles, denoised: {', '.join(rivals)}")
         samples, slowest = max(self.cycles.items())
-        gained = slowest - self.frame
-        ahead = f"ahead from {counted(max(1, ceil(self.once / gained)), 'frame')} on" if gained > 0.0 else "never ahead"
+        first = frames_until_ahead(self.once, self.frame, slowest)
+        ahead = "never ahead" if first is None else f"ahead from {counted(first, 'frame')} on"
         lines.append(f"PatchNet is {ahead} of Cycles with {samples}")
-        return lines if self.measured else [*lines, "Times of frames were measured elsewhere"]
+        return lines if self.measured else [*lines, "Times of PatchNet were measured elsewhere"]
 
     def _range(self, seconds: float) -> str:
         spread = SPREAD if self.measured else SPREAD_ELSEWHERE
@@ -177,23 +180,21 @@ def estimate_fly_through(
     scene, rates = context.scene, Rates()
     found = yield from estimate_job(context, settings)
     (camera,) = choose_cameras(context.evaluated_depsgraph_get(), (), (0, 0), np.zeros((2, 3)))
-    rays = {"frames": float(_rays(scene, camera.pixel_count))}
+    samples = scene.patchnet.render_samples
+    rays = samples_side(samples) ** 2 if samples else _RAYS
+    work = {"frames": found.layers * rays * camera.pixel_count}
+    once = {name: seconds for name, seconds in found.seconds.items() if name in _BAKE}
     reading, sample = yield from _cycles_seconds(context, camera)
     seen = FlyThrough(
         frames,
-        sum(found.seconds.get(name, 0.0) for name in _BAKE),
-        rates.seconds(rays)["frames"],
+        sum(once.values()),
+        rates.seconds(work)["frames"],
         {samples: reading + samples * sample for samples in RIVALS},
-        rates.know(rays),
+        rates.know(once | work),
+        work,
     )
     found.lines += seen.lines()
     return found, seen
-
-
-def _rays(scene: bpy.types.Scene, pixels: int) -> int:
-    """Rays of a frame, about."""
-    samples = scene.patchnet.render_samples
-    return pixels * (samples_side(samples) ** 2 if samples else 20)
 
 
 def _cycles_seconds(context: bpy.types.Context, camera: Camera) -> Steps[tuple[float, float]]:
@@ -218,7 +219,7 @@ def _baked(context: bpy.types.Context, settings: JobSettings) -> Steps[SceneResu
     choice = yield from choose_leaves(context, surface, clock)
     plan.make(surface.source, choice, choice.cameras, *_BAKE)
     made = yield from plan.timed(light_octree(context, surface, choice, clock))
-    plan.resumed = made.reused > 0.0
+    plan.resumed, plan.layers = made.reused > 0.0, made.layers
     plan.learn()
     result = SceneResult(made.octree, wanted.scope, made.layout, settings.light.kind, state=made.state)
     result.seconds, result.notes = dict(clock.seconds), {"octree": made.warnings}

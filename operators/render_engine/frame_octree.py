@@ -19,22 +19,20 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
+from ..animation.frame_maker import surface_key
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.stages import encode, load_network
-from ..scene.fingerprint import has_films, lights_hash, surface_hash
-from ..scene.read import read_scene
 from ..scene.track import track_cameras, track_frames, track_key
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
-from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, VISIBLE, result_fields
+from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE
 from ..session import results
 from ..session.octree_cache import found_on_disk, result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings, recorded
-from ..state.digest import composed
 from ..state.scene_state import scene_state
 
 # A bake for each place of the camera would take minutes a frame, and cannot run in a window.
@@ -51,18 +49,6 @@ _ONE_CAMERA = (
 )
 _AS_IT_WAS = "Until then, outdated voxels are shown"
 _BUTTON = "Press Preview Selection in the tab PatchNet of the 3D viewport's sidebar (N), then render again"
-
-
-def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
-    """32 hex digits over settings and all that an octree of the scene depends on at the graph's frame.
-
-    Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
-    """
-    values = settings.flat()
-    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
-    parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
-    frame = depsgraph.scene.frame_current_final if has_films() else None
-    return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
 
 
 def octree_of_frame(

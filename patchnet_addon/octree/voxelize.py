@@ -83,7 +83,7 @@ def triangle_areas_and_normals(corners_world: np.ndarray) -> tuple[np.ndarray, n
 class ClippedSurface:
     """Surface on a grid, cut into the fragments of its leaves once, if all of them may be kept.
 
-    Otherwise each `voxelize` clips it again. passes: the planned ones, see `plan_passes`.
+    Otherwise each `voxelize` clips it again. passes: the planned ones, expected: fragments, see `plan_passes`.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class ClippedSurface:
         """
         self.source, self.grid = source, grid
         self.layout = layout or LeafLevels.uniform(grid.depth)
-        self.passes, expected = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
+        self.passes, self.expected = plan_passes(source, grid, self.layout, block_fragments, usable_cores())
         self._kept: dict[tuple[int, int], list[Fragments]] = {}
-        self._keeps, self._color = expected * KEPT_BYTES < keep_bytes, color
+        self._keeps, self._color = self.expected * KEPT_BYTES < keep_bytes, color
 
     def fragments(
         self, share: int, batch: TriangleBatch, areas_world: np.ndarray, cells: dict[int, CellSet]

@@ -8,12 +8,14 @@ replaced, whatever path or link leads to it, and no file of another kind.
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from .errors import OutputError
 from .file_kinds import FileKind
+from .quantities import bytes_text
 from .replace import check_replaceable
 
 
@@ -68,6 +70,16 @@ def check_writable(folder: Path) -> None:
         raise OutputError(
             f"Folder {folder} cannot be written ({reason}): choose another folder or make room"
         ) from cause
+
+
+def check_room(folder: Path, wanted_bytes: float, what: str) -> None:
+    """Raise OutputError if the disk of a folder, which need not exist yet, has no room for `what`, in words."""
+    free = shutil.disk_usage(_nearest_folder(folder.absolute(), True)).free
+    if free < wanted_bytes:
+        raise OutputError(
+            f"{what} need about {bytes_text(wanted_bytes)}, and {folder} has {bytes_text(free)}: make room, or choose "
+            "another folder"
+        )
 
 
 def _nearest_folder(folder: Path, makes_folders: bool) -> Path:

@@ -9,8 +9,8 @@ import pytest
 
 from patchnet.commands import main
 from patchnet.commands.bench import text_of
-from patchnet.commands.benches.walk_renders import frames_until_ahead
 from patchnet.commands.benches.walkthrough import walk_cameras
+from patchnet.operators.render_engine.fly_through import frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--max-samples", "2", "--timed", "2"]

@@ -79,14 +79,14 @@ def test_one_bake_and_the_missing_frames(
 def test_what_to_expect_is_said_before(walk: bpy.types.Scene) -> None:
     assert bpy.ops.patchnet.fly_through() == {"FINISHED"}
     lines = session_of(walk).estimate.lines
-    assert any(line.startswith("Bake ") and ", 3 frames " in line for line in lines)
+    assert any(line.startswith("3 frames ") and ": bake about " in line for line in lines)
     assert all(line in drawn(PATCHNET_PT_main) for line in lines)
 
 
 def test_words() -> None:
     expected = FlyThrough(250, once=90.0, frame=1.0, cycles={8: 5.0, 32: 16.0}, measured=True)
     assert expected.lines() == [
-        "Bake 45 s to 3 min, 250 frames 3 to 6 min",
+        "250 frames 4 to 8 min: bake about 90 s, a frame 1 s",
         "Cycles, denoised: 15 to 29 min with 8 samples, 48 to 93 min with 32 samples",
         "PatchNet is ahead from 6 frames on of Cycles with 32",
     ]
@@ -97,7 +97,7 @@ def test_words() -> None:
 def test_room_for_the_frames_is_looked_for_before_the_bake(walk: bpy.types.Scene) -> None:
     walk.render.resolution_x = walk.render.resolution_y = 65536
     walk.render.resolution_percentage, walk.frame_end = 100, 100_000
-    with pytest.raises(RuntimeError, match=r"100,000 frames take about .* make room"):
+    with pytest.raises(RuntimeError, match=r"100,000 frames need about .* make room"):
         bpy.ops.patchnet.fly_through()
     assert results.result_of(walk) is None
 
@@ -117,7 +117,7 @@ def test_command(walk: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFi
     assert commands.main(["fly-through", str(path), "--out", str(out)]) == 0
     printed = capsys.readouterr()
     assert films(out) == ["0001.exr", "0002.exr", "0003.exr"] and "3 frames rendered into" in printed.out
-    assert "Note: Bake " in printed.err
+    assert "Note: 3 frames " in printed.err
     assert commands.main(["fly-through", str(path), "--out", str(out)]) == 0
     assert "0 frames rendered" in capsys.readouterr().out
     assert commands.main(["fly-through", str(path), "--track", "9-1", "--out", str(tmp_path / "none")]) == 2

@@ -29,21 +29,22 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_work_follows_what_is_asked_for() -> None:
     plain = work_of(JobSettings(), **FIGURES)
-    assert work_of(JobSettings.of(max_samples=2), **FIGURES)["light"] == pytest.approx(plain["light"] / 4)
+    few = work_of(JobSettings.of(max_samples=2), **FIGURES)["light"]
+    assert plain["light"] / 4 < few < plain["light"] / 2, "surfels are chosen all the same"
     assert work_of(JobSettings.of(light="two-lights"), **FIGURES)["light"] == 0.0
     everywhere, fine = JobSettings.of(cells="everywhere"), FIGURES | {"leaves": 2_000_000}
-    assert work_of(JobSettings(), **fine)["light"] == plain["light"]
-    assert work_of(everywhere, **fine)["light"] == 2 * work_of(everywhere, **FIGURES)["light"]
+    assert work_of(JobSettings(), **fine)["light"] < 1.5 * plain["light"]
+    assert work_of(everywhere, **fine)["light"] == pytest.approx(2 * work_of(everywhere, **FIGURES)["light"])
     assert work_of(JobSettings.of(reference=True), **FIGURES)["views"] > 20 * plain["views"]
     assert work_of(JobSettings.of(refined_samples=1024.0), **FIGURES)["views"] > 3 * plain["views"]
     assert plain["cycles"] == 0.0 < work_of(JobSettings.of(cycles=CyclesSettings()), **FIGURES)["cycles"]
 
 
 def test_paths_of_a_bake_follow_the_light_cells_that_cameras_need() -> None:
-    """Within a factor of 1.5 of those that the courtyard's bakes had: 37, 12.6 and 1 a pixel."""
+    """Within a factor of 1.5 of those that the courtyard's bakes had: 37 and 12.6 a pixel, 0.39 a leaf of a track."""
     still, small = STILL.with_size(480, 270), STILL.with_size(192, 192)
-    for cameras, paths in (([small], 1.36e6), ([still] * 3, 4.89e6), ([still] * 60, 7.5e6)):
-        assert paths / 1.5 < light_paths(JobSettings(), cameras, leaves=1) < paths * 1.5
+    for cameras, paths in (([small], 1.36e6), ([still] * 3, 4.89e6), ([still] * 60, 5.68e6)):
+        assert paths / 1.5 < light_paths(JobSettings(), cameras, leaves=14_712_742) < paths * 1.5
 
 
 def test_rates_are_those_of_jobs_that_were_done(cache: Path) -> None:
@@ -87,7 +88,7 @@ def test_a_job_says_how_far_it_is_and_the_estimate_says_the_same(
     found = drain(estimate_job(bpy.context, settings))
     assert found.time_line in found.lines and "elsewhere" not in found.time_line
     cameras = [view.camera for view in result.views]
-    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.leaves, "cameras": cameras}
-    assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, **figures)))
+    figures = {"triangles": result.report["light"]["triangles"], "leaves": found.layers * found.leaves}
+    assert found.seconds == pytest.approx(Rates().seconds(work_of(settings, pixels=384, cameras=cameras, **figures)))
     for name, (seconds, _) in learned.items():
         assert found.seconds[name] == pytest.approx(seconds, rel=0.05), "the same job again"

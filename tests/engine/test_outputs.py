@@ -13,7 +13,7 @@ from patchnet.patchnet_addon.runtime import file_kinds
 from patchnet.patchnet_addon.runtime.errors import OutputError
 from patchnet.patchnet_addon.runtime.file_kinds import FileKind
 from patchnet.patchnet_addon.runtime.files import write_arrays
-from patchnet.patchnet_addon.runtime.outputs import check_outputs
+from patchnet.patchnet_addon.runtime.outputs import check_outputs, check_room
 from patchnet.patchnet_addon.runtime.replace import replaced_file
 
 RECORD = {"frame": 1, "content": "", "file": "", "files": {}, "summary": {}}
@@ -163,3 +163,12 @@ def test_what_comes_during_the_work_stays(tmp_path: Path) -> None:
         file.write(b"ply\n")
         path.write_text("somebody's notes")
     assert path.read_text() == "somebody's notes" and os.listdir(tmp_path) == ["a.ply"]
+
+
+def test_room_on_the_disk(tmp_path: Path) -> None:
+    check_room(tmp_path / "new" / "folder", 1000, "The voxels")
+    with pytest.raises(
+        OutputError, match=r"The voxels need about .* and .*folder has .*: make room, or choose another"
+    ):
+        check_room(tmp_path / "new" / "folder", 1e18, "The voxels")
+    assert not (tmp_path / "new").exists()

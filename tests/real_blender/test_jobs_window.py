@@ -90,7 +90,7 @@ def test_a_fly_through_is_baked_and_rendered_beside_the_window(jobs: dict) -> No
     film = jobs["film"]
     assert film["files"] == ["0001.png", "0002.png", "0003.png"] and film["ended"] == ["complete"]
     assert film["engine"] == "CYCLES" and film["track"] and film["modal"] == [] and film["again"]
-    assert any(line.startswith("Bake ") for line in film["estimate"])
+    assert any(line.startswith("3 frames ") for line in film["estimate"])
 
 
 def test_render_takes_the_voxels_that_are_there(jobs: dict) -> None:
