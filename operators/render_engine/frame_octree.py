@@ -28,7 +28,7 @@ from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
 from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE
 from ..session import results
-from ..session.octree_cache import found_on_disk, result_or_kept
+from ..session.octree_cache import found_on_disk, limit_bytes, result_or_kept
 from ..session.scene_result import SceneResult
 from ..session.scene_session import in_main_thread, session_of
 from ..session.staleness import look_again
@@ -126,8 +126,9 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     if kept is not None and ((here and not frame.animation) or (state is not None and state.frame is None)):
         return kept
     key = ""
-    # Without a key no later frame can be compared.
-    if frame.animation or kept is not None or other_layer or session.made_frame is not None:
+    # Without a key no later frame can be compared, nor one of another process.
+    other = frame.animation or kept is not None or other_layer or session.made_frame is not None
+    if other or (bpy.app.background and limit_bytes() > 0 and scene_state(scene).frame is not None):
         yield Progress(0, 1, "Looking at the scene")
         key = surface_key(frame.depsgraph, frame.settings)
         if frame.moves and not frame.settings.surface.track:
@@ -138,7 +139,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         if known is not None and key and known.frame_key == key:
             return known
     session.made_frame = None  # frees memory for the next one
-    found = _on_disk(frame) if key else None
+    found = _on_disk(frame, key) if key else None
     if found is not None:
         found.frame_key, session.made_frame = key, found
         return found
@@ -175,16 +176,23 @@ def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
     return kept
 
 
-def _on_disk(frame: _Frame) -> SceneResult | None:
-    """Octree of the cache folder that the frame's settings made of what its graph shows; none in a window."""
+def _on_disk(frame: _Frame, key: str) -> SceneResult | None:
+    """Octree of the cache folder that the frame's settings made of what its graph shows; none in a window.
+
+    key: of the frame.
+    """
     if not bpy.app.background:
         return None
+    track = track_key(frame.scene, frame.settings.surface.fitted_track)
+    shown = key + (track or cameras_text([frame.camera]))
     with quiet(), values_of_graph(frame.depsgraph):
-        found = found_on_disk(frame.scene)
+        found = found_on_disk(frame.scene, shown)
     if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
+    if found.frame_key == shown:  # with settings and cameras
+        return found
     same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
-    same = same and found.made_by.get("track") == track_key(frame.scene, frame.settings.surface.fitted_track)
+    same = same and found.made_by.get("track") == track
     return found if same and _serves_cameras(frame, found) else None
 
 
@@ -245,7 +253,7 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
         made.layout,
         settings.light.kind,
         coded,
-        made_by={"track": track_key(scene, settings.surface.fitted_track)},
+        made_by={"track": track_key(scene, settings.surface.fitted_track), "seen": cameras_text([frame.camera])},
         state=made.state,
     )
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Disk cache of finished octrees and codes, which restores them when a file is opened.
 
-The key of an entry is the state of the scene that it was made of, whatever the name of the file. In background, the
-cache is searched when a job needs voxels; in a window, shortly after a file is opened.
+The key of an entry is the state of the scene that it was made of, whatever the name of the file; where that may
+change from frame to frame, what a rendered frame shows. In background, the cache is searched when a job needs voxels;
+in a window, shortly after a file is opened.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from bpy.app.handlers import persistent
 from ...patchnet_addon.runtime.bounds import KEPT_GIB
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..properties.preferences import apply_preferences, preferences
+from ..state.digest import composed
 from . import results
 from .scene_result import SceneResult
 from .staleness import look_again
@@ -38,7 +40,8 @@ def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
     """Write a scene's result into the cache folder, in a window by a thread; none whose light is unfinished."""
     if result.state is None or result.unfinished or limit_bytes() <= 0:
         return
-    cache, key, entry = _cache(), _key(result.state), _entry(result, scene)
+    shown = result.frame_key and result.frame_key + (result.made_by.get("track") or result.made_by.get("seen", ""))
+    cache, key, entry = _cache(), _key(result.state, shown), _entry(result, scene)
     if bpy.app.background:
         cache.save(key, entry)
     else:
@@ -55,8 +58,12 @@ def restore(scene: bpy.types.Scene) -> bool:
     return True
 
 
-def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
-    """Result in the cache folder that fits a scene as it is now, or None."""
+def found_on_disk(scene: bpy.types.Scene, shown: str = "") -> SceneResult | None:
+    """Result in the cache folder that fits a scene as it is now, or None.
+
+    shown: all that a rendered frame of a scene that may change from frame to frame shows, with its cameras; then the
+    result's `frame_key`, if one of it fits.
+    """
     if limit_bytes() <= 0:
         return None
     apply_preferences(bpy.context)
@@ -68,13 +75,17 @@ def found_on_disk(scene: bpy.types.Scene) -> SceneResult | None:
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
-    found = cache.load(_key(state), load_network(scene_settings(scene).network))
+    weights = load_network(scene_settings(scene).network)
+    of_frame = shown if state.frame is not None else ""
+    found = cache.load(_key(state, of_frame), weights)
+    if found is None and of_frame:
+        found, of_frame = cache.load(_key(state, ""), weights), ""
     if found is None:
         return None
     if (names := found.notes.get("chosen")) is not None:  # the selection may have changed
         chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
         state = scene_state(scene, chosen=chosen)
-    return _result(found, state)
+    return replace(_result(found, state), frame_key=of_frame)
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
@@ -103,10 +114,12 @@ def _cache() -> OctreeCache:
     return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
 
 
-def _key(state: SceneState) -> str:
-    """Key of an octree without its settings, which the entry holds."""
+def _key(state: SceneState, shown: str) -> str:
+    """Key of an octree: of the scene without settings, which the entry holds, or of what a frame shows."""
     from ..animation.frame_maker import code_hash
 
+    if state.frame is not None and shown:
+        return composed(code_hash(), bpy.app.version_string, shown)
     return state.identity(code_hash(), bpy.app.version_string)
 
 

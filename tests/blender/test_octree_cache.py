@@ -114,6 +114,26 @@ def test_a_frame_of_an_animation_finds_what_was_baked_for_it(file: Path, tmp_pat
         assert bool(bakes) == (frame == 6)
 
 
+def test_what_could_move_but_does_not_is_baked_once_for_all_processes(
+    file: Path, tmp_path: Path, bakes: list[str]
+) -> None:
+    """A driver may change at any frame; a frame alone in a process of its own finds what an equal one shows."""
+    lath = bpy.data.objects["Lath 2"]
+    lath.driver_add("location", 2).driver.expression = "0.2 if frame > 5 else 0.0"
+    values = bpy.context.scene.patchnet
+    values.light, values.max_samples, values.resolution, values.depth, values.gloss = "cycles", 2, "DEPTH", 5, "off"
+    path = saved(file)
+    for frame, baked in ((1, True), (4, False), (7, True), (9, False), (2, False)):
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        scene = bpy.context.scene
+        scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "PATCHNET", 8, 8
+        scene.render.filepath = str(tmp_path / "picture")
+        bakes.clear()
+        scene.frame_set(frame)
+        bpy.ops.render.render(write_still=True)
+        assert bool(bakes) == baked, frame
+
+
 @pytest.mark.usefixtures("registered")
 def test_octree_file_becomes_the_scenes_voxels(tmp_path: Path, weights: Path) -> None:
     build()
