@@ -12,9 +12,12 @@ import pytest
 from patchnet import commands
 from patchnet.operators.pipeline import lit_octree
 from patchnet.operators.render_engine import frame_octree
+from patchnet.operators.scene.cameras import camera_size_px
 from patchnet.operators.scene.track import track_cameras, track_frames
 from patchnet.operators.session import results
 from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.patchnet_addon.image.exr import read_exr
+from patchnet.patchnet_addon.octree.file import load_octree, octree_arrays
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.tests.blender.engine_scene import build_for_engine, kept, passes_in
 from patchnet.tests.blender.job_scene import QUICK, frames_of_calls, saved
@@ -76,6 +79,31 @@ def test_chunks_have_the_voxels_of_the_whole_track(walk: bpy.types.Scene, monkey
     scene.patchnet.track_frames = 3, 4
     pictures(scene, "own")
     assert made == [1, 1] and kept(scene).octree.leaf_count < leaves
+
+
+def test_all_ways_show_the_same_pixels(
+    walk: bpy.types.Scene, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An animation, a frame after Preview Selection and of `patchnet run`, of pictures of one size."""
+    path, size = Path(bpy.data.filepath), camera_size_px(walk)
+    whole = pictures(walk, "whole")[3]
+    octree = kept(walk).octree
+    monkeypatch.setenv("PATCHNET_KEEP", "0")  # each makes them
+    scene = opened(path)
+    assert bpy.ops.patchnet.run_all(scope="VISIBLE", size=size) == {"FINISHED"}
+    scene.frame_start = scene.frame_end = 3
+    panel = pictures(scene, "panel")[3]
+    for name in PASSES:
+        assert np.array_equal(panel[name], whole[name]), name
+    words = ["run", str(path), "--weights", str(weights), "--light", "two-lights", "--depth", "auto", "--track"]
+    words += ["--size", *map(str, size), "--refined-samples", "1024", "--scope", "visible", "--frames", "3"]
+    assert commands.main([*words, "--out", str(tmp_path / "run")]) == 0
+    folder = tmp_path / "run" / "frame-0003"
+    by_run = octree_arrays(load_octree(folder / "octree.safetensors"))
+    for name, values in octree_arrays(octree).items():
+        np.testing.assert_array_equal(by_run[name], values, name)
+    (priority,) = folder.rglob("priority.exr")
+    np.testing.assert_array_equal(read_exr(priority)["R"], whole["Priority"][..., 0])
 
 
 def test_another_path_of_the_camera_gets_other_voxels(walk: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
