@@ -135,8 +135,12 @@ def _look_up(first, last, places, surface, cells, lights, where):  # type: ignor
     key, triangle, level = places
     keys, slots, light = cells.keys, cells.slots, cells.light
     low, top = min(ABOVE_LEAVES, level), min(COARSE, level)
+    above = np.uint64(3 * low)
     for f in range(first, last):
         t = triangle[f]
+        if f > first and t == triangle[f - 1] and key[f] >> above == key[f - 1] >> above:  # as for most
+            lights[f], where[f] = lights[f - 1], where[f - 1]
+            continue
         for side in range(2):
             if (surface.facing[t] == 1 and side == BACK) or (surface.facing[t] == -1 and side == FRONT):
                 continue

@@ -7,7 +7,7 @@ bricks of cells (`bricks.py`).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,13 +75,14 @@ class _Bricks(NamedTuple):
 class LeafAccumulator:
     """Sums over fragments of leaves of side `voxel_size_world`; `take` returns them in the order of keys."""
 
-    def __init__(self, voxel_size_world: float, *, sides: bool = False) -> None:
+    def __init__(self, voxel_size_world: float, *, sides: bool = False, only_keys: bool = False) -> None:
+        """Begin without leaves; only_keys: with cells and boxes, without sums."""
         self._area_unit = voxel_size_world**2 / _AREA_UNITS
-        self._columns = _COLUMNS
-        self._sides = sides
+        self._columns = 0 if only_keys else _COLUMNS
+        self._sides = sides and not only_keys
         keys = np.zeros(1 << 10, np.uint64)
         rows = np.zeros(BRICK_CELLS << 10, np.int32)
-        sums = np.zeros(_COLUMNS << 12, np.int64)
+        sums = np.zeros(self._columns << 12, np.int64)
         boxes = np.zeros(1 << 12, np.uint32)
         faces = np.zeros(self._face_numbers << 12, np.float32)
         self._bricks = _Bricks(table_of(keys, 0), keys, rows, sums, boxes, faces, np.zeros(2, np.int64))
@@ -112,7 +113,7 @@ class LeafAccumulator:
         sides, see `ShadingFn`. facing: (T,) int8, lit side of a triangle, see `build_octree`. Fragments with an opacity
         below 1/255 are ignored.
         """
-        color = None if color is not None and color.shape[1] == 0 else color
+        color = None if color is not None and (color.shape[1] == 0 or self._columns == 0) else color
         if color is not None and len(self) == 0 and self._columns == _COLUMNS:
             self._columns = _COLOR_COLUMNS
             sums, faces = np.zeros(_COLOR_COLUMNS << 12, np.int64), np.zeros(self._face_numbers << 12, np.float32)
@@ -127,7 +128,8 @@ class LeafAccumulator:
         boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
         first = 0
         while first < len(fragments):
-            first = _add(first, fragments.arrays, boxes, shading, normals, 1.0 / self._area_unit, self._bricks)
+            units = self._columns, 1.0 / self._area_unit
+            first = _add(first, fragments.arrays, boxes, shading, normals, units, self._bricks)
             if first < len(fragments):
                 self._grow()
 
@@ -143,7 +145,7 @@ class LeafAccumulator:
             self._bricks.keys.resize(more, refcheck=False)
             self._bricks.rows.resize(more * BRICK_CELLS, refcheck=False)
             self._bricks = self._bricks._replace(table=table_of(self._bricks.keys, bricks))
-        if leaves * self._columns == len(self._bricks.sums):
+        if leaves == len(self._bricks.boxes):
             room = min(leaves + leaves // 2, INT32_COUNT - 1)
             self._bricks.sums.resize(room * self._columns, refcheck=False)
             self._bricks.boxes.resize(room, refcheck=False)
@@ -153,7 +155,7 @@ class LeafAccumulator:
         """Keys (n,) uint64, ascending, sums, boxes and sides, as in `LeafSums`."""
         bricks, leaves = (int(value) for value in self._bricks.used)
         keys = np.empty(leaves, np.uint64)
-        sums = np.empty((leaves, 5 if self._columns == _COLUMNS else 7), np.float32)
+        sums = np.empty((leaves, {0: 0, _COLUMNS: 5}.get(self._columns, 7)), np.float32)
         order = np.argsort(self._bricks.keys[:bricks])
         boxes, row = np.empty(leaves, np.uint32), np.empty(leaves, np.int32)
         _emit(order, self._bricks, self._area_unit, keys, sums, boxes, row)
@@ -162,50 +164,6 @@ class LeafAccumulator:
             faces = self._bricks.faces[: leaves * self._face_numbers].reshape(leaves, 2, FACES, -1)
             sides = leaf_sides(faces, row, sums, self._area_unit * _AREA_UNITS, unpacked(boxes))
         return keys, sums, unpacked(boxes), sides
-
-
-class OccupiedCells:
-    """Cells of the leaves that `LeafAccumulator` would have and the boxes around what is in them, without sums."""
-
-    def __init__(self) -> None:
-        self._parts: list[tuple[np.ndarray, np.ndarray]] = []
-
-    def __len__(self) -> int:
-        """Number of cells, those of several calls counted in each."""
-        return sum(len(keys) for keys, _ in self._parts)
-
-    def add(
-        self, fragments: Fragments, _luminance: np.ndarray, opacity: np.ndarray, *_: np.ndarray, facing: Any = None
-    ) -> None:
-        """Add the cells of fragments, see `LeafAccumulator.add`."""
-        opaque = np.asarray(opacity, np.float32).astype(np.float64) >= MIN_OPACITY
-        boxes = np.full(len(fragments), WHOLE, np.uint32) if fragments.boxes is None else fragments.boxes
-        self._parts.append(_joined_cells(fragments.keys[opaque], boxes[opaque]))
-
-    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Keys (n,) uint64 of the cells, ascending, no sums (n, 0), and boxes (n, 3) uint8."""
-        keys, boxes = _joined_cells(*(np.concatenate(column) for column in zip(*self._parts, strict=True)))
-        return keys, np.empty((len(keys), 0), np.float32), unpacked(boxes)
-
-
-def _joined_cells(keys: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Different keys, ascending, of keys (n,) uint64, and the packed boxes around those (n,) of each."""
-    order = np.argsort(keys, kind="stable")
-    cells, joined, count = _join(keys, boxes, order)
-    return cells[:count].copy(), joined[:count].copy()
-
-
-@kernel
-def _join(keys, boxes, order):  # type: ignore[no-untyped-def]
-    cells, joined = np.empty(len(order), np.uint64), np.empty(len(order), np.uint32)
-    count = 0
-    for i in order:
-        if count == 0 or cells[count - 1] != keys[i]:
-            cells[count], joined[count] = keys[i], boxes[i]
-            count += 1
-        else:
-            joined[count - 1] = np.uint32(joined_boxes(joined[count - 1], boxes[i]))
-    return cells, joined, count
 
 
 @device
@@ -230,13 +188,13 @@ def _red_and_blue(color, luminance):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ignore[no-untyped-def]
+def _add(first, fragments, boxes, shading, normals, columns_and_units, bricks):  # type: ignore[no-untyped-def]
     """Add fragments from `first` on; returns the first without room, or their number."""
+    columns, units = columns_and_units
     keys, triangle, area = fragments.keys, fragments.triangle, fragments.area_world
     opacity, color = shading.opacity, shading.color
     table, brick_key, brick_rows, rows, leaf_boxes, faces, count = bricks
     brick = np.int64(-1)
-    columns = _COLOR_COLUMNS if len(color) else _COLUMNS
     for i in range(first, len(keys)):
         if not opacity[i] >= MIN_OPACITY:
             continue
@@ -245,13 +203,15 @@ def _add(first, fragments, boxes, shading, normals, units, bricks):  # type: ign
             return i
         cell = brick * BRICK_CELLS + np.int64(keys[i] & np.uint64(BRICK_CELLS - 1))
         if brick_rows[cell] == 0:
-            if count[1] * columns == len(rows):
+            if count[1] == len(leaf_boxes):
                 return i
             leaf_boxes[count[1]] = boxes[i]
             count[1] += 1
             brick_rows[cell] = count[1]
         leaf = np.int64(brick_rows[cell]) - 1
         leaf_boxes[leaf] = joined_boxes(leaf_boxes[leaf], boxes[i])
+        if columns == 0:
+            continue
         row = leaf * columns
         weight = max(np.rint(area[i] * opacity[i] * units), 1.0)
         luminance = float(shading.luminance[i])
@@ -315,6 +275,9 @@ def _emit(order, bricks, area_unit, keys, sums, boxes, places):  # type: ignore[
             places[leaf] = number - 1
             boxes[leaf] = leaf_boxes[number - 1]
             keys[leaf] = (brick_key[brick] << np.uint64(BRICK_BITS)) | np.uint64(cell)
+            if sums.shape[1] == 0:
+                leaf += 1
+                continue
             sums[leaf, 0] = rows[row] * area_unit
             sums[leaf, 1] = (rows[row + 1] * _WHOLE + rows[row + 2] * _PART) * area_unit
             for axis in range(3):

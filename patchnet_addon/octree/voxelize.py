@@ -18,7 +18,7 @@ from ..runtime.threads import usable_cores
 from ..surface.mesh import Fragments, MeshSource, ShadingFn, TriangleBatch
 from ..surface.texture_lookup import BaseColors, base_of_fragments, surface_of_fragments
 from ..surface.textures import TextureTable
-from .accumulate import LeafAccumulator, OccupiedCells
+from .accumulate import LeafAccumulator
 from .blocks import CellSet, all_cells, plan_passes, tasks_of, to_cells
 from .clip import clip_triangles
 from .collect_pieces import LeafPieces, PieceCollector
@@ -172,10 +172,8 @@ def voxelize(
         shares = []
         for index, blocks in enumerate(ranges, number * len(ranges)):
             cells = blocks.cells()
-            leaves: dict[int, LeafAccumulator | OccupiedCells] = {
-                level: OccupiedCells()
-                if detail.only_keys
-                else LeafAccumulator(grid.side_world / (1 << level), sides=detail.sides)
+            leaves = {
+                level: LeafAccumulator(grid.side_world / (1 << level), sides=detail.sides, only_keys=detail.only_keys)
                 for level in cells
             }
             pieces = {} if detail.base is None else {level: PieceCollector() for level in cells}
@@ -198,7 +196,7 @@ class _Share:
     number: int
     block_level: int
     cells: dict[int, CellSet]
-    leaves: dict[int, LeafAccumulator | OccupiedCells]
+    leaves: dict[int, LeafAccumulator]
     pieces: dict[int, PieceCollector]
     shade: ShadingFn
     watch: Watch | None

@@ -13,7 +13,7 @@ from ...patchnet_addon.octree.octree import Nodes, Octree
 from ...patchnet_addon.octree.pieces import NONE
 from ...patchnet_addon.octree.sides import NO_SIDES, NodeLight
 from ...patchnet_addon.runtime.bounds import INT32_COUNT, check_count
-from ...patchnet_addon.runtime.kernels import device
+from ...patchnet_addon.runtime.kernels import array_device
 
 
 class ForestNodes(NamedTuple):
@@ -48,9 +48,9 @@ class Forest:
         return NodeLight(self.luminance, NO_SIDES)
 
 
-@device
+@array_device
 def tree_nodes(nodes, tree):  # type: ignore[no-untyped-def]
-    """Nodes of one octree of a forest, as `Nodes`; not lean, since it returns arrays."""
+    """Nodes of one octree of a forest, as `Nodes`."""
     boxes = nodes.boxes[nodes.box_start[tree] : nodes.box_start[tree + 1]]
     return Nodes(nodes.child_mask, nodes.first_child, nodes.first_boxed[tree], boxes, nodes.pieces, nodes.corners)
 
