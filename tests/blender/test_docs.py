@@ -12,6 +12,7 @@ import pytest
 from patchnet.docs import make_commands, make_operators
 from patchnet.operators import ui
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
+from patchnet.operators.render_engine.fly_through import frames_until_ahead
 from patchnet.operators.schema.table import TABLE
 from patchnet.operators.ui import presets_menu
 from patchnet.tests.blender.drawn import drawn
@@ -122,3 +123,14 @@ def test_page_of_a_scene_runs() -> None:
     rows = names["table"].rows
     assert rows[0].error < names["table"].unrefined
     assert names["result_of"](names["scene"]) is None
+
+
+def test_pages_count_frames_by_the_rule_of_bake_fly_through() -> None:
+    """Rows of fly-throughs: seconds once, of a frame by both, and the frame from which on PatchNet is ahead."""
+    text = (DOCS / "worth-it.md").read_text(encoding="utf-8")
+    rows = re.findall(r"\| (\d+) \| ([\d.]+), ([\d.]+) \| [^|]+ \| (\d+) frames \|", text)
+    assert len(rows) == 3
+    for once, ours, peer, frames in rows:
+        assert frames_until_ahead(float(once), float(ours), float(peer)) == int(frames)
+    least, most = (min(int(row[-1]) for row in rows), max(int(row[-1]) for row in rows))
+    assert f"from {least} to {most} frames on" in text
