@@ -165,14 +165,14 @@ class OctreeMaker:
 class JobMaker(OctreeMaker):
     """Maker of frames by the whole job, as `patchnet run`.
 
-    A frame with the surface and light of the last one has its voxels.
+    A frame with the surface and light of the last one has its voxels, or of the one that most frames had so far.
     """
 
     def __init__(self, settings: JobSettings) -> None:
         """Load the weights; raises WeightsFileError."""
         weights, painted = load_network(settings.network), importance_key(settings.view.importance)
         super().__init__(replace(settings, out=None), OctreeOverrides(), f"{weights.whole_hash} {painted}")
-        self._last: _Made | None = None
+        self._kept: list[_Made] = []
 
     def track(self, context: bpy.types.Context) -> str:
         """Key of the cameras of all frames, with All Frames."""
@@ -205,9 +205,13 @@ class JobMaker(OctreeMaker):
         graph, frame = context.evaluated_depsgraph_get(), context.scene.frame_current
         surface = surface_key(graph, self._of_frame(common).changed(exposure=None))
         key = composed(surface, common.track or cameras_hash(graph))
-        last, before, voxels_of = self._last, None, frame
-        if last is not None and last.key == key:
-            found, voxels_of = last.result, last.voxels_of
+        there = next((each for each in self._kept if each.key == key), None)
+        # Others are freed, but for one that several frames had: what moves may come back.
+        shared = [each for each in self._kept if each is not there and each.frames > 1]
+        self._kept = [max(shared, key=lambda each: each.frames)] if shared else []
+        before, voxels_of = None, frame
+        if there is not None:
+            found, voxels_of = there.result, there.voxels_of
             before = Before(
                 found.coded.octree,
                 found.layout,
@@ -217,9 +221,8 @@ class JobMaker(OctreeMaker):
                 encoder=found.report["encoder"],
                 warnings=found.notes["octree"],
             )
-        self._last = last = None  # frees its memory, unless it is used
         result = yield from run_job(context, self._of_frame(common), before=before)
-        self._last = _Made(key, voxels_of, result)
+        self._kept.append(_Made(key, voxels_of, result, 1 if there is None else there.frames + 1))
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
         return _summary(result) | {"voxels_of": voxels_of}
@@ -227,11 +230,15 @@ class JobMaker(OctreeMaker):
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """Result of a frame. key: of all that its voxels depend on. voxels_of: frame that they were made for."""
+    """Result of a frame. key: of all that its voxels depend on. voxels_of: frame that they were made for.
+
+    frames: number of those that had them.
+    """
 
     key: str
     voxels_of: int
     result: JobResult
+    frames: int
 
 
 def _summary(result: JobResult) -> dict[str, Any]:

@@ -260,11 +260,12 @@ def test_frames_of_equal_surface_share_voxels(
     """An object that moves in some frames: each of its places is lit once, with a camera that stands still or moves."""
     lit = frames_of_calls(monkeypatch, run, "light_octree")
     bpy.data.objects["Slab"].animation_data_clear()
-    keyed(bpy.data.objects["Slab"], "location", {2: (0, 0, 0), 4: (0, -0.8, 0)})
+    places = {2: (0, 0, 0), 4: (0, -0.8, 0), 5: (0, -0.8, 0), 7: (0, 0, 0)}
+    keyed(bpy.data.objects["Slab"], "location", places)
     wanted = {**LIT, "depth": None, "size": (48, 32)}
-    made = bake(tmp_path / "still", weights, frames=range(1, 7), **wanted)
-    assert lit == [1, 3, 4] and made.sentence() == "6 frames made with the voxels of 3"
-    assert [frame["voxels_of"] for frame in made.report["frames"]] == [1, 1, 3, 4, 4, 4]
+    made = bake(tmp_path / "still", weights, frames=range(1, 9), **wanted)
+    assert lit == [1, 3, 4, 6] and made.sentence() == "8 frames made with the voxels of 4"
+    assert [frame["voxels_of"] for frame in made.report["frames"]] == [1, 1, 3, 4, 4, 6, 1, 1]
     alone = bake(tmp_path / "alone", weights, frames=(5,), exposure=made.report["exposure"], **wanted)
     assert alone.sentence() == "1 frame made"
     whole, part = (tmp_path / name / "frame-0005" for name in ("still", "alone"))
@@ -272,8 +273,8 @@ def test_frames_of_equal_surface_share_voxels(
     assert len(names) > 3 and all((whole / name).read_bytes() == (part / name).read_bytes() for name in names)
     lit.clear()
     keyed(scene.camera, "location", {1: scene.camera.location[:], 6: scene.camera.location + Vector((0.3, 0.0, 0.0))})
-    bake(tmp_path / "moving", weights, frames=range(1, 7), track=True, track_frames=(1, 6), **wanted)
-    assert lit == [1, 3, 4]
+    bake(tmp_path / "moving", weights, frames=range(1, 8), track=True, track_frames=(1, 7), **wanted)
+    assert lit == [1, 3, 4, 6]
     lit.clear()
     bake(tmp_path / "own", weights, frames=range(1, 7), **wanted)
     assert lit == [1, 2, 3, 4, 5, 6], "each fitted to its camera"
