@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..scene_access.own import is_own
-from ..state.block_hashes import FILMS
+from ..state.block_hashes import FILMS, OBJECT_RAYS
 from ..state.digest import Digest, names
 from .scene_mesh import SceneMesh
 
@@ -61,6 +61,8 @@ def lights_hash(depsgraph: bpy.types.Depsgraph) -> str:
             digest.text(item.name_full)
             digest.array("matrix", np.array(instance.matrix_world, np.float64))
             digest.block(item.data)
+        elif not is_own(item):  # what shadows and reflections show of it may be keyed
+            digest.text(*(getattr(item, name) for name in OBJECT_RAYS))
         for slot in item.material_slots:
             if slot.material is not None and not is_own(slot.material):
                 digest.block(slot.material)

@@ -23,7 +23,7 @@ _OF_OBJECTS = (
     "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "hide_viewport", "visible_camera",
     "is_holdout", "is_shadow_catcher", "pass_index",
 )  # fmt: skip
-_OF_OBJECTS_LIT = (
+OBJECT_RAYS = (
     "visible_diffuse", "visible_glossy", "visible_transmission", "visible_volume_scatter", "visible_shadow",
 )  # fmt: skip
 _REFERRED = ("parent", "instance_collection", "data")
@@ -117,7 +117,7 @@ class BlockReader:
             surface.text(bone.name, _rows(bone.matrix_basis))
             for constraint in bone.constraints:
                 surface.struct(constraint, depth=2)
-        light.text(*(getattr(item, name) for name in _OF_OBJECTS_LIT))
+        light.text(*(getattr(item, name) for name in OBJECT_RAYS))
         light.block(item.light_linking.receiver_collection)
         light.block(item.light_linking.blocker_collection)
         for slot in item.material_slots:

@@ -272,10 +272,11 @@ def _join(first, other, draw):  # type: ignore[no-untyped-def]
     for row in range(first, other.used[0]):
         if draw.used[0] == len(draw.rows):
             return row
-        drawn, rival = draw.rows[_row_of(other.keys[row], draw)], other.rows[row]
+        mine = _row_of(other.keys[row], draw)
+        drawn, rival = draw.rows[mine], other.rows[row]
         share, pixels = drawn.share + rival.share, max(drawn.pixels, rival.pixels)
         if rival.rank < drawn.rank or (rival.rank == drawn.rank and rival.id < drawn.id):
-            draw.rows[_row_of(other.keys[row], draw)] = rival
+            draw.rows[mine] = rival
         drawn.share, drawn.pixels = share, pixels
     return other.used[0]
 

@@ -280,6 +280,16 @@ def test_frames_of_equal_surface_share_voxels(
     assert lit == [1, 2, 3, 4, 5, 6], "each fitted to its camera"
 
 
+def test_a_keyed_shadow_is_another_light(
+    tmp_path: Path, weights: Path, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lit, slab = frames_of_calls(monkeypatch, run, "light_octree"), bpy.data.objects["Slab"]
+    slab.animation_data_clear()
+    keyed(slab, "visible_shadow", {1: True, 3: False})
+    bake(tmp_path, weights, **LIT)
+    assert lit == [1, 3]
+
+
 def test_frames_of_a_moving_camera_share_the_voxels_of_all_frames(
     tmp_path: Path, weights: Path, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
