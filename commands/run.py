@@ -15,7 +15,7 @@ from .shared.lines import say_exposure, say_note, say_result
 from .shared.scene_argument import add_scene, open_given, scene_path
 
 if TYPE_CHECKING:
-    from ..operators.pipeline.run import JobResult
+    from ..operators.pipeline.run import Before, JobResult
     from ..operators.settings.groups import ViewSettings
     from ..operators.settings.job_settings import JobSettings
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     open_given(args.scene)
     if args.frames is not None:
         return _run_frames(args, settings)
-    print_result(run_with_bars(settings), settings)
+    print_result(_run_cached(settings), settings)
     return 0
 
 
@@ -61,8 +61,8 @@ def _run_frames(args: argparse.Namespace, settings: JobSettings) -> int:
     return 0
 
 
-def run_with_bars(settings: JobSettings) -> JobResult:
-    """Run the job on the open scene with progress bars on stderr."""
+def run_with_bars(settings: JobSettings, before: Before | None = None) -> JobResult:
+    """Run the job on the open scene with progress bars on stderr. before: voxels that it reuses."""
     import bpy
 
     from ..operators.pipeline.run import run_job
@@ -71,7 +71,22 @@ def run_with_bars(settings: JobSettings) -> JobResult:
     from .shared.quiet import quiet_stdout
 
     with quiet_stdout(), ProgressBars() as bars:
-        return drain(run_job(bpy.context, settings), bars.show)
+        return drain(run_job(bpy.context, settings, before=before), bars.show)
+
+
+def _run_cached(settings: JobSettings) -> JobResult:
+    """Run the job with voxels of the cache folder, which keeps those that it makes."""
+    import bpy
+
+    from ..operators.session.job_voxels import key_of_job, result_of_job, voxels_before
+    from ..operators.session.octree_cache import keep_on_disk
+
+    key = key_of_job(bpy.context, settings)
+    before = voxels_before(bpy.context, settings, key)
+    result = run_with_bars(settings, before)
+    if before is None or not before.lit:
+        keep_on_disk(bpy.context.scene, result_of_job(bpy.context, settings, result, key), apart=True)
+    return result
 
 
 def print_result(result: JobResult, settings: JobSettings) -> None:

@@ -14,14 +14,14 @@ from . import overlay
 from .jobs.job_operator import JobOperator, tell_notes
 from .properties.stages import JOB, properties_of
 from .schema.table import SELECTED
-from .session import octree_cache, results
+from .session import results
+from .session.job_voxels import STAGES, other_objects, result_of_job, voxels_before
 from .session.scene_result import SceneResult
 from .session.shown_view import attach_view_stats
-from .session.staleness import look_again
 from .settings.job_settings import JobSettings
 
 if TYPE_CHECKING:
-    from .pipeline.run import Before, JobResult
+    from .pipeline.run import JobResult
 
 
 class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
@@ -43,8 +43,8 @@ class PATCHNET_OT_run_all(JobOperator, bpy.types.Operator):
 
         self._file, self._goes_on, self._noise, scene = settings.out, settings.light.is_baked, "", context.scene
         there = results.result_of(scene)
-        replaced = _other_objects(context, there) if there and settings.surface.scope == SELECTED else ""
-        before = _before(context, settings)
+        replaced = other_objects(context, there) if there and settings.surface.scope == SELECTED else ""
+        before = voxels_before(context, settings)
         with overlay.unfinished_pictures(context) as meanwhile:
 
             def early(result: JobResult) -> None:
@@ -78,72 +78,14 @@ def _keep(
 
     replaced: sentence about other objects than before, or "". unfinished: the light is still being refined.
     """
-    from .pipeline.lit_octree import cameras_key, cameras_text
-
     made, steps = results.result_of(context.scene), ["view"]
     if made is None or made.coded is not result.coded:
-        steps += ["octree", "light", "codes"]
-        seen = cameras_text([view.camera for view in result.views])
-        made = SceneResult(
-            octree=result.coded.octree,
-            scope=settings.surface.scope,
-            layout=result.layout,
-            light=settings.light.kind,
-            unfinished=unfinished,
-            coded=result.coded,
-            encoder=result.report["encoder"],
-            made_by={"cameras": cameras_key(context, settings), "seen": seen},
-            state=result.state,
-        )
+        steps += STAGES
+        made = result_of_job(context, settings, result)
+        made.unfinished = unfinished
     made = attach_view_stats(made, result.views[0], compared=settings.view.reference)
     made.seconds = made.seconds | result.report["timings_s"]
     made.notes = result.notes | ({"objects": (replaced,)} if replaced else {})
     results.keep(context.scene, made, *steps, settings=settings)
     overlay.show(context, result.views, settings.view)
     return made
-
-
-def _other_objects(context: bpy.types.Context, result: SceneResult) -> str:
-    """Sentence if selection and voxels differ, else ""; selected objects without a surface do not count."""
-    from .state.scene_state import with_surface
-
-    if result.state is None:
-        return ""
-    selected = with_surface(context.scene, frozenset(item.session_uid for item in context.selected_objects))
-    before = with_surface(context.scene, result.state.chosen)
-    if not selected or selected == before:
-        return ""
-    count = counted(len(selected), "selected object")
-    return f"The voxels are of {count} now, of {len(before)} before: choose Objects: Visible for all"
-
-
-def _checked(result: SceneResult | None, scene: bpy.types.Scene) -> SceneResult | None:
-    """Compare a result with the scene; None if its scene is unknown."""
-    if result is None or result.state is None:
-        return None
-    look_again(result, scene)
-    return result
-
-
-def _before(context: bpy.types.Context, settings: JobSettings) -> Before | None:
-    """Reusable part of the result; None if voxels have to be made."""
-    from .pipeline.lit_octree import cameras_key
-    from .pipeline.run import Before
-
-    scene = context.scene
-    result = _checked(results.result_of(scene), scene)
-    if result is None or result.stale:  # an earlier state of the scene may be back
-        result = _checked(octree_cache.found_on_disk(scene), scene) or result
-    if result is None:
-        return None
-    others = settings.surface.scope == SELECTED and _other_objects(context, result)
-    if others or "surface" in result.stale or result.made_by.get("octree") != settings.key("octree"):
-        return None
-    moved = result.made_by.get("cameras") != cameras_key(context, settings)
-    if settings.surface.is_fitted and moved:
-        return None
-    lit = not moved and result.light == settings.light.kind and result.made_by.get("light") == settings.key("light")
-    lit = lit and "light" not in result.stale and not result.unfinished
-    coded = result.coded if result.made_by.get("codes") == settings.key("codes") else None
-    warnings = result.notes.get("octree", ())
-    return Before(result.octree, result.layout, result.state, lit, not moved, coded, result.encoder, warnings)

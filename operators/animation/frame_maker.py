@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,32 +13,25 @@ import bpy
 
 from ...patchnet_addon.runtime.file_kinds import OCTREE, FileKind
 from ...patchnet_addon.runtime.progress import Progress, Steps
-from ...patchnet_addon.runtime.source_hash import source_hash
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.sampling.report import has_errors
 from ..importance.pixels import importance_key
-from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
+from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_key
 from ..pipeline.output_files import OCTREE_NAME, job_files, job_inputs, scene_inputs, view_folders
 from ..pipeline.run import Before, JobResult, run_job, write_result
 from ..pipeline.stages import load_network
+from ..pipeline.voxels_key import code_hash, surface_key, voxels_key
 from ..scene.cameras import AUTO, camera_name
-from ..scene.fingerprint import cameras_hash, has_films, lights_hash, surface_hash
+from ..scene.fingerprint import cameras_hash, surface_hash
 from ..scene.read import read_scene
-from ..scene.track import track_cameras
-from ..schema.table import CODES, LIGHT, VISIBLE, result_fields
-from ..schema.table import OCTREE as OCTREE_STAGE
+from ..session.job_voxels import before_again, before_on_disk, result_of_job, voxels_before
+from ..session.octree_cache import keep_on_disk
 from ..settings.groups import Bounds
 from ..settings.job_settings import JobSettings
 from ..state.digest import composed
 from ..state.scene_state import scene_state
 
 RECORD_NAME = "frame.json"
-# Modules that make results; their imports count, too.
-_CODE = (
-    "operators.animation.animation", "operators.animation.frame_maker",
-    "operators.pipeline.run", "operators.voxelize_objects", "operators.bake_light", "operators.precompute_codes",
-    "operators.load_octree",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -81,24 +73,6 @@ def content_key(context: bpy.types.Context, scope: str, settings: str) -> str:
     state = scene_state(context.scene, keys=False).identity(context.scene.frame_current)
     cameras = cameras_hash(context.evaluated_depsgraph_get())  # reading may have evaluated it again
     return composed(code_hash(), bpy.app.version_string, settings, surface, state, cameras)
-
-
-def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
-    """32 hex digits over settings and all that an octree of the scene depends on at the graph's frame.
-
-    Cameras do not count, nor does the number of the frame unless an image is a film. Raises as `read_scene` does.
-    """
-    values = settings.flat()
-    scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
-    parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
-    frame = depsgraph.scene.frame_current_final if has_films() else None
-    return composed(*(values[name] for name in result_fields(OCTREE_STAGE, LIGHT, CODES)), *parts, frame)
-
-
-@cache
-def code_hash() -> str:
-    """Hash of the code that makes results, so that versions do not mix their results."""
-    return source_hash(*_CODE)
 
 
 @dataclass(frozen=True)
@@ -176,10 +150,9 @@ class JobMaker(OctreeMaker):
 
     def track(self, context: bpy.types.Context) -> str:
         """Key of the cameras of all frames, with All Frames."""
-        view, surface = self._settings.view, self._settings.surface
-        if not surface.track or list(view.cameras) == [AUTO]:
-            return ""
-        return composed(cameras_text(track_cameras(context.scene, view.cameras, view.size, surface.track_frames)))
+        settings = self._settings
+        fixed = not settings.surface.track or list(settings.view.cameras) == [AUTO]
+        return "" if fixed else cameras_key(context, settings)
 
     def _of_frame(self, common: SharedSettings) -> JobSettings:
         return super()._of_frame(common).changed(track=bool(common.track))
@@ -202,42 +175,42 @@ class JobMaker(OctreeMaker):
 
     def make(self, context: bpy.types.Context, common: SharedSettings, folder: Path) -> Steps[dict[str, Any]]:
         """Octree, codes, pictures and report."""
-        graph, frame = context.evaluated_depsgraph_get(), context.scene.frame_current
-        surface = surface_key(graph, self._of_frame(common).changed(exposure=None))
-        key = composed(surface, common.track or cameras_hash(graph))
+        graph, settings = context.evaluated_depsgraph_get(), self._of_frame(common)
+        wanted = settings.changed(exposure=self.exposure)
+        cameras = common.track or cameras_key(context, wanted)
+        key = voxels_key(graph, wanted, surface_key(graph, wanted), cameras)
         there = next((each for each in self._kept if each.key == key), None)
         # Others are freed, but for one that several frames had: what moves may come back.
         shared = [each for each in self._kept if each is not there and each.frames > 1]
         self._kept = [max(shared, key=lambda each: each.frames)] if shared else []
-        before, voxels_of = None, frame
-        if there is not None:
-            found, voxels_of = there.result, there.voxels_of
-            before = Before(
-                found.coded.octree,
-                found.layout,
-                found.state,
-                lit=True,
-                coded=found.coded,
-                encoder=found.report["encoder"],
-                warnings=found.notes["octree"],
-            )
-        result = yield from run_job(context, self._of_frame(common), before=before)
-        self._kept.append(_Made(key, voxels_of, result, 1 if there is None else there.frames + 1))
+        own_key = key if settings == wanted else composed(key, settings.light.exposure)
+        before = _found(context, settings, wanted, key, own_key) if there is None else there.before
+        result = yield from run_job(context, settings, before=before)
+        if before is None or not before.lit:
+            keep_on_disk(context.scene, result_of_job(context, settings, result, own_key), apart=True)
+        made = _Made(key, before_again(result), 1 if there is None else there.frames + 1)
+        self._kept.append(made)
         yield Progress(0, 1, "Writing files")
         write_result(folder, result)
-        return _summary(result) | {"voxels_of": voxels_of}
+        return _summary(result) | {"voxels_of": result.coded.octree.provenance["frame"]}
+
+
+def _found(
+    context: bpy.types.Context, settings: JobSettings, wanted: JobSettings, key: str, own_key: str
+) -> Before | None:
+    """Voxels of the cache folder in the exposure of the settings, which may be another one than is wanted."""
+    before, exposure = voxels_before(context, wanted, key), settings.light.exposure
+    if before is not None and exposure not in (None, before.octree.exposure):
+        before = None
+    return before if own_key == key or before is not None else before_on_disk(context, settings, own_key)
 
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """Result of a frame. key: of all that its voxels depend on. voxels_of: frame that they were made for.
-
-    frames: number of those that had them.
-    """
+    """Voxels of a frame. key: of all that they depend on. frames: number of those that had them."""
 
     key: str
-    voxels_of: int
-    result: JobResult
+    before: Before
     frames: int
 
 

@@ -75,7 +75,7 @@ def estimate_job(context: bpy.types.Context, settings: JobSettings) -> Steps[Est
     steps = run_in_worker(lambda: _estimate(source, cameras, fit, settings), Progress(0, 1, "Estimating"))
     of_light = source.color_warnings
     if light.is_baked:
-        of_light = gloss_warnings(source, with_view(context, light, views.cameras, track=settings.surface.track))
+        of_light = gloss_warnings(source, with_view(context.scene, light, views.cameras, track=settings.surface.track))
     notes = (*focus_warnings(context.scene, cameras), *source.warnings, *of_light)
     found = replace((yield from steps), notes=notes)
     side = settings.surface.voxel_size_world or Grid.around(bounds_world, found.depth).voxel_size_world

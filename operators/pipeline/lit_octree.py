@@ -35,6 +35,7 @@ from ..scene.scene_mesh import SceneMesh
 from ..scene.track import track_cameras
 from ..schema.table import SEEN_CELLS, SELECTED
 from ..settings.job_settings import JobSettings
+from ..state.digest import composed
 from ..state.watch import read_state
 from .job_work import layers_of
 from .stages import NO_LIGHT, UNLIT, GridChoice, build, choose_grid, load_network, two_lights, unlit
@@ -133,7 +134,7 @@ def read_surface(
     """Read the surface of the scene. Raises SceneError."""
     if settings.light.is_baked and not overrides.unlit:
         names, track = settings.view.cameras, settings.surface.track
-        settings = replace(settings, light=with_view(context, settings.light, names, track=track))
+        settings = replace(settings, light=with_view(context.scene, settings.light, names, track=track))
     with clock.stage("read"):
         yield Progress(0, 1, "Reading the scene")
         depsgraph = overrides.depsgraph or context.evaluated_depsgraph_get()
@@ -313,16 +314,16 @@ def _looking(
 
 
 def cameras_key(context: bpy.types.Context, settings: JobSettings) -> str:
-    """Key of the cameras that leaves or light are fitted to; "" if neither is. Raises SceneError."""
+    """32 hex digits over the cameras that leaves or light are fitted to; "" if neither is. Raises SceneError."""
     light = settings.light
     if not (settings.surface.is_fitted or (light.is_baked and light.cells == SEEN_CELLS)):
         return ""
     names, size, surface = settings.view.cameras, settings.view.size, settings.surface
     if surface.track and list(names) != [AUTO]:
-        return cameras_text(track_cameras(context.scene, names, size, surface.track_frames))
+        return composed(cameras_text(track_cameras(context.scene, names, size, surface.track_frames)))
     wanted = names, size, np.array([[0.0] * 3, [1.0] * 3])
     with nullcontext() if settings.surface.is_fitted else suppress(SceneError):
-        return cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted))
+        return composed(cameras_text(choose_cameras(context.evaluated_depsgraph_get(), *wanted)))
     return ""
 
 

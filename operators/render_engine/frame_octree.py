@@ -19,20 +19,22 @@ from ...patchnet_addon.runtime.errors import PatchNetError, SceneError, StoppedE
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.stage_clock import StageClock
 from ...patchnet_addon.tracing.camera import Camera
-from ..animation.frame_maker import surface_key
 from ..pipeline.lit_octree import OctreeOverrides, build_lit_octree, cameras_text
 from ..pipeline.stages import encode, load_network
+from ..pipeline.voxels_key import surface_key, voxels_key
 from ..scene.track import track_cameras, track_frames, track_key
 from ..scene_access.frames import values_of_graph
 from ..scene_access.own import quiet
 from ..scene_access.temporary import scene_copy
-from ..schema.table import CODES, GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE
+from ..schema.table import GLOSS_AUTO, GLOSS_CAMERA, LIGHT, OCTREE, SEEN_CELLS
 from ..session import results
+from ..session.job_voxels import STAGES
 from ..session.octree_cache import found_on_disk, limit_bytes, result_or_kept
-from ..session.scene_result import SceneResult
+from ..session.scene_result import VOXELS, SceneResult
 from ..session.scene_session import in_main_thread, session_of
 from ..session.staleness import look_again
 from ..settings.job_settings import JobSettings, recorded
+from ..state.digest import composed
 from ..state.scene_state import scene_state
 
 # A bake for each place of the camera would take minutes a frame, and cannot run in a window.
@@ -125,12 +127,12 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     here = kept is not None and kept.octree.provenance.get("frame") == scene.frame_current
     if kept is not None and ((here and not frame.animation) or (state is not None and state.frame is None)):
         return kept
-    key = ""
+    key = surface = ""
     # Without a key no later frame can be compared, nor one of another process.
     other = frame.animation or kept is not None or other_layer or session.made_frame is not None
-    if other or (bpy.app.background and limit_bytes() > 0 and scene_state(scene).frame is not None):
+    if other or (bpy.app.background and limit_bytes() > 0):
         yield Progress(0, 1, "Looking at the scene")
-        key = surface_key(frame.depsgraph, frame.settings)
+        key = surface = surface_key(frame.depsgraph, frame.settings)
         if frame.moves and not frame.settings.surface.track:
             key += cameras_text([frame.camera])
     if kept is not None and here:
@@ -139,7 +141,8 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
         if known is not None and key and known.frame_key == key:
             return known
     session.made_frame = None  # frees memory for the next one
-    found = _on_disk(frame, key) if key else None
+    own_key = _key_of_voxels(frame, surface) if surface else ""
+    found = _on_disk(frame, own_key) if surface else None
     if found is not None:
         found.frame_key, session.made_frame = key, found
         return found
@@ -148,6 +151,7 @@ def _result_of_frame(frame: _Frame) -> Steps[SceneResult]:
     if made is not there:
         if not key and made.state is not None and made.state.frame is not None:  # of later frames as well, perhaps
             key = surface_key(frame.depsgraph, frame.settings)
+        made.made_by[VOXELS] = own_key
         if key:
             made.frame_key, session.made_frame = key, made
         if not fits:
@@ -179,21 +183,33 @@ def _with_its_gloss(frame: _Frame, kept: SceneResult) -> SceneResult | None:
 def _on_disk(frame: _Frame, key: str) -> SceneResult | None:
     """Octree of the cache folder that the frame's settings made of what its graph shows; none in a window.
 
-    key: of the frame.
+    key: of the frame's voxels.
     """
     if not bpy.app.background:
         return None
-    track = track_key(frame.scene, frame.settings.surface.fitted_track)
-    shown = key + (track or cameras_text([frame.camera]))
+    scene, settings = frame.scene, frame.settings
     with quiet(), values_of_graph(frame.depsgraph):
-        found = found_on_disk(frame.scene, shown)
+        found = found_on_disk(scene, key)
+        if found is not None:  # with settings and cameras
+            return found
+        found = found_on_disk(scene)
     if found is None or (_is_gloss_of_one_view(found) and not frame.still):
         return None
-    if found.frame_key == shown:  # with settings and cameras
-        return found
-    same = all(found.made_by.get(stage) == frame.settings.key(stage) for stage in (OCTREE, LIGHT, CODES))
-    same = same and found.made_by.get("track") == track
+    same = all(found.made_by.get(stage) == settings.key(stage) for stage in STAGES)
+    same = same and found.made_by.get("track") == track_key(scene, settings.surface.fitted_track)
     return found if same and _serves_cameras(frame, found) else None
+
+
+def _key_of_voxels(frame: _Frame, surface: str) -> str:
+    """`voxels_key` of a frame; surface: its `surface_key`."""
+    return voxels_key(frame.depsgraph, frame.settings, surface, _key_of_cameras(frame))
+
+
+def _key_of_cameras(frame: _Frame) -> str:
+    """As `cameras_key` of a job with the frame's settings."""
+    settings = frame.settings
+    fits = settings.surface.is_fitted or (settings.light.is_baked and settings.light.cells == SEEN_CELLS)
+    return composed(cameras_text(_fitted_to(frame))) if fits else ""
 
 
 def _stands_still(scene: bpy.types.Scene) -> bool:
@@ -247,13 +263,18 @@ def _compute(frame: _Frame) -> Steps[SceneResult]:
     coded = None if weights is None else (yield from encode(made.octree, weights, settings.compute))[0]
     for warning in made.warnings:
         frame.warn(warning)
+    made_by = {stage: settings.key(stage) for stage in STAGES} | {
+        "cameras": _key_of_cameras(frame),
+        "seen": cameras_text([frame.camera]),
+        "track": track_key(scene, settings.surface.fitted_track),
+    }
     return SceneResult(
         made.octree,
         settings.surface.scope,
         made.layout,
         settings.light.kind,
         coded,
-        made_by={"track": track_key(scene, settings.surface.fitted_track), "seen": cameras_text([frame.camera])},
+        made_by=made_by,
         state=made.state,
     )
 

@@ -12,14 +12,17 @@ import numpy as np
 from ..scene_access.own import is_own
 from ..state.block_hashes import FILMS, OBJECT_RAYS
 from ..state.digest import Digest, names
+from ..state.scene_state import settings_of_light
 from .scene_mesh import SceneMesh
 
+_WITHOUT_VOXELS = frozenset({"LIGHT", "VOLUME"})
 _OUTPUT = names("image_settings ffmpeg filepath")  # where renders are written to
 
 
 def has_films() -> bool:
-    """Return whether any image in use is a movie or an image sequence."""
-    return any(image.source in FILMS and image.users for image in bpy.data.images)
+    """Return whether any image in use is a movie or an image sequence, or a volume a sequence."""
+    volumes = any(volume.is_sequence and volume.users for volume in bpy.data.volumes)
+    return volumes or any(image.source in FILMS and image.users for image in bpy.data.images)
 
 
 def surface_hash(source: SceneMesh) -> str:
@@ -52,17 +55,25 @@ def world_hash(world: bpy.types.World | None) -> str:
 
 
 def lights_hash(depsgraph: bpy.types.Depsgraph) -> str:
-    """Hash the world, lamps and the materials of shown objects, as a graph evaluates them: 32 hex digits."""
-    digest = Digest()
-    digest.block(depsgraph.scene_eval.world)  # `depsgraph.scene` keeps values of an earlier frame
+    """Hash all that light depends on beside the seen surface, as a graph evaluates it: 32 hex digits.
+
+    That is the world, lamps, materials, settings of renders, and objects that cast shadows but have no voxels.
+    """
+    digest, scene = Digest(), depsgraph.scene_eval  # `depsgraph.scene` keeps values of an earlier frame
+    digest.block(scene.world)
+    digest.text(settings_of_light(scene))
     for instance in depsgraph.object_instances:
         item = instance.object
-        if item.type == "LIGHT" and not item.hide_render:
+        if is_own(item):
+            continue
+        if item.type != "LIGHT":  # what shadows and reflections show of it may be keyed
+            digest.text(*(getattr(item, name) for name in OBJECT_RAYS))
+        if not item.hide_render and (item.type in _WITHOUT_VOXELS or not item.visible_camera):
             digest.text(item.name_full)
             digest.array("matrix", np.array(instance.matrix_world, np.float64))
             digest.block(item.data)
-        elif not is_own(item):  # what shadows and reflections show of it may be keyed
-            digest.text(*(getattr(item, name) for name in OBJECT_RAYS))
+            if item.type == "VOLUME":
+                digest.file(item.data.grids.frame_filepath)
         for slot in item.material_slots:
             if slot.material is not None and not is_own(slot.material):
                 digest.block(slot.material)

@@ -2,8 +2,8 @@
 """Disk cache of finished octrees and codes, which restores them when a file is opened.
 
 The key of an entry is the state of the scene that it was made of, whatever the name of the file; where that may
-change from frame to frame, what a rendered frame shows. In background, the cache is searched when a job needs voxels;
-in a window, shortly after a file is opened.
+change from frame to frame, or a command has settings of its own, it is all that voxels depend on (`voxels_key`). In
+background, the cache is searched when a job needs voxels; in a window, shortly after a file is opened.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from bpy.app.handlers import persistent
 from ...patchnet_addon.runtime.bounds import KEPT_GIB
 from ...patchnet_addon.runtime.errors import PatchNetError, SettingError
 from ..properties.preferences import apply_preferences, preferences
-from ..state.digest import composed
 from . import results
-from .scene_result import SceneResult
+from .scene_result import VOXELS, SceneResult
 from .staleness import look_again
 
 if TYPE_CHECKING:
     from ...patchnet_addon.codes.octree_cache import CachedOctree, OctreeCache
+    from ..settings.groups import NetworkSettings
     from ..state.scene_state import SceneState
 
 VARIABLE = "PATCHNET_KEEP"  # GiB, in the place of the preference
@@ -36,12 +36,16 @@ _writer = ThreadPoolExecutor(1, "PatchNet cache")  # one thread: an older entry 
 _looked: set[int] = set()  # session_uids of scenes of the open file that were searched for
 
 
-def keep_on_disk(scene: bpy.types.Scene, result: SceneResult) -> None:
-    """Write a scene's result into the cache folder, in a window by a thread; none whose light is unfinished."""
-    if result.state is None or result.unfinished or limit_bytes() <= 0:
+def keep_on_disk(scene: bpy.types.Scene, result: SceneResult, *, apart: bool = False) -> None:
+    """Write a scene's result into the cache folder, in a window by a thread; none whose light is unfinished.
+
+    apart: beside the result of the scene's own settings, as that of a command with settings of its own.
+    """
+    state, made = result.state, result.made_by.get(VOXELS, "")
+    if state is None or result.unfinished or limit_bytes() <= 0:
         return
-    shown = result.frame_key and result.frame_key + (result.made_by.get("track") or result.made_by.get("seen", ""))
-    cache, key, entry = _cache(), _key(result.state, shown), _entry(result, scene)
+    key = made if made and (apart or state.frame is not None) else _key(state)
+    cache, entry = _cache(), _entry(result, scene)
     if bpy.app.background:
         cache.save(key, entry)
     else:
@@ -58,11 +62,11 @@ def restore(scene: bpy.types.Scene) -> bool:
     return True
 
 
-def found_on_disk(scene: bpy.types.Scene, shown: str = "") -> SceneResult | None:
+def found_on_disk(scene: bpy.types.Scene, key: str = "", network: NetworkSettings | None = None) -> SceneResult | None:
     """Result in the cache folder that fits a scene as it is now, or None.
 
-    shown: all that a rendered frame of a scene that may change from frame to frame shows, with its cameras; then the
-    result's `frame_key`, if one of it fits.
+    key: `voxels_key` of the result that is wanted; else the one that was last made, whatever its settings. network: of
+    its codes, by default the scene's.
     """
     if limit_bytes() <= 0:
         return None
@@ -75,17 +79,13 @@ def found_on_disk(scene: bpy.types.Scene, shown: str = "") -> SceneResult | None
     from ..state.scene_state import scene_state
 
     state = scene_state(scene)
-    weights = load_network(scene_settings(scene).network)
-    of_frame = shown if state.frame is not None else ""
-    found = cache.load(_key(state, of_frame), weights)
-    if found is None and of_frame:
-        found, of_frame = cache.load(_key(state, ""), weights), ""
+    found = cache.load(key or _key(state), load_network(network or scene_settings(scene).network))
     if found is None:
         return None
     if (names := found.notes.get("chosen")) is not None:  # the selection may have changed
         chosen = frozenset(item.session_uid for item in scene.objects if item.name_full in names)
         state = scene_state(scene, chosen=chosen)
-    return replace(_result(found, state), frame_key=of_frame)
+    return _result(found, state)
 
 
 def result_or_kept(scene: bpy.types.Scene) -> SceneResult | None:
@@ -114,12 +114,10 @@ def _cache() -> OctreeCache:
     return OctreeCache(user_cache_folder() / OCTREES, limit_bytes())
 
 
-def _key(state: SceneState, shown: str) -> str:
-    """Key of an octree: of the scene without settings, which the entry holds, or of what a frame shows."""
-    from ..animation.frame_maker import code_hash
+def _key(state: SceneState) -> str:
+    """Key of an octree by its scene alone, whose entry holds the settings."""
+    from ..pipeline.voxels_key import code_hash
 
-    if state.frame is not None and shown:
-        return composed(code_hash(), bpy.app.version_string, shown)
     return state.identity(code_hash(), bpy.app.version_string)
 
 

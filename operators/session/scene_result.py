@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..state.scene_state import Change, SceneState
 
 VIEW = "view"
+VOXELS = "voxels"  # in `made_by`: all that they depend on
 _MAX_NAMES = 3  # reasons for a stale step, in one line
 
 
@@ -54,8 +55,8 @@ class SceneResult:
     comparison: strategies on a view, None without one. seconds: by stage. encoder: name of the codes' encoder. reasons:
     later changes, in words, by step: "surface", "light", and "view" for the pictures. made_with: the scene's settings
     at each step, by step. made_by: keys of the job's settings by step, "cameras" of those that the depth was chosen
-    for, "track" of a track's, and "seen" of those that the light was baked for. state: of the scene when it was read,
-    None if it is unknown.
+    for, "track" of a track's, "seen" of those that the light was baked for, and "voxels", the `voxels_key`. state: of
+    the scene when it was read, None if it is unknown.
     notes: sentences about omissions and approximations, by subject: "objects", "octree", "codes", "view", "cycles".
     summary: lines for the panel, written when a step ends, so that drawing computes nothing. frame_key: of settings and
     evaluated surface and light, "" until a rendered frame needs it.

@@ -222,11 +222,17 @@ def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:
     surface.text(layer.use_strand, layer.use_solid)
     light.text(layer.use_sky, layer.use_volumes)
     light.block(scene.world)
-    for owner, keys in ((scene.render, _OF_RENDERS), (getattr(scene, "cycles", None), _OF_CYCLES)):
-        light.text(*(getattr(owner, key, None) for key in keys))
+    for values in settings_of_light(scene):
+        light.text(*values)
     for key in _OVERRIDES:
         light.block(getattr(layer, key, None))
     return _Entry(_SETTINGS, 0, SURFACE, surface.part(), light.part())
+
+
+def settings_of_light(scene: bpy.types.Scene) -> list[list[object]]:
+    """Values of the render settings, and of Cycles', that light depends on."""
+    owners = (scene.render, _OF_RENDERS), (getattr(scene, "cycles", None), _OF_CYCLES)
+    return [[getattr(owner, key, None) for key in keys] for owner, keys in owners]
 
 
 def _counts(item: bpy.types.Object) -> bool:

@@ -2,7 +2,7 @@
 """Bake animations: the scene at each frame, finished frames are skipped, the file stays unchanged."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
@@ -280,12 +280,42 @@ def test_frames_of_equal_surface_share_voxels(
     assert lit == [1, 2, 3, 4, 5, 6], "each fitted to its camera"
 
 
-def test_a_keyed_shadow_is_another_light(
-    tmp_path: Path, weights: Path, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+def _shadow(scene: bpy.types.Scene) -> None:
+    keyed(bpy.data.objects["Slab"], "visible_shadow", {1: True, 3: False})
+
+
+def _bounces(scene: bpy.types.Scene) -> None:
+    for frame, bounces in ((1, 4), (2, 4), (3, 0)):
+        scene.cycles.max_bounces = bounces
+        scene.keyframe_insert("cycles.max_bounces", frame=frame)
+
+
+def _volume(scene: bpy.types.Scene) -> None:
+    _rises(bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke")))
+
+
+def _caster(scene: bpy.types.Scene) -> None:
+    caster = bpy.data.objects.new("Caster", bpy.data.objects["Slab"].data)
+    caster.visible_camera = False
+    _rises(caster)
+
+
+def _rises(item: bpy.types.Object) -> None:
+    bpy.context.scene.collection.objects.link(item)
+    keyed(item, "location", {1: (0.0, 0.0, 2.0), 2: (0.0, 0.0, 2.0), 3: (0.0, 0.0, 3.0)})
+
+
+@pytest.mark.parametrize("change", [_shadow, _bounces, _volume, _caster])
+def test_what_changes_light_alone_is_another_light(
+    change: Callable[[bpy.types.Scene], None],
+    tmp_path: Path,
+    weights: Path,
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    lit, slab = frames_of_calls(monkeypatch, run, "light_octree"), bpy.data.objects["Slab"]
-    slab.animation_data_clear()
-    keyed(slab, "visible_shadow", {1: True, 3: False})
+    bpy.data.objects["Slab"].animation_data_clear()
+    change(scene)
+    lit = frames_of_calls(monkeypatch, run, "light_octree")
     bake(tmp_path, weights, **LIT)
     assert lit == [1, 3]
 

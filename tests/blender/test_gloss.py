@@ -59,7 +59,7 @@ def baked(**values: object) -> tuple[dict[str, float], tuple[str, ...]]:
     """Mean luminance of the front of each object, and warnings."""
     bpy.context.view_layer.update()
     light = LightSettings(**{"cells": "everywhere", "noise_threshold": ALL_PATHS, **values})
-    light = with_view(bpy.context, light, ())
+    light = with_view(bpy.context.scene, light, ())
     source = seen_through(read_scene(bpy.context.evaluated_depsgraph_get()), light.gloss)
     found = bake_on(source, light, depth=6)
     fragments = found.fragments
@@ -130,15 +130,15 @@ def test_a_camera_sees_other_reflections_than_what_is_above() -> None:
     eye.location = (0.0, -6.0, 2.0)
     bpy.context.scene.collection.objects.link(eye)
     with pytest.raises(SceneError, match="no active camera"):
-        with_view(bpy.context, LightSettings(gloss="camera"), ())
+        with_view(bpy.context.scene, LightSettings(gloss="camera"), ())
     above, _ = baked(max_samples=4)
     bpy.context.scene.camera = eye
     seen, warnings = baked(max_samples=4)
     assert above["Mirror"] < 0.01 and seen["Mirror"] == pytest.approx(1.6, rel=0.1)
     assert any("as the active camera sees" in warning for warning in warnings)
-    assert not with_view(bpy.context, LightSettings(), ("Eye", "Other")).from_camera, "others look, too"
-    assert with_view(bpy.context, LightSettings(), ("Eye",)).from_camera
-    assert not with_view(bpy.context, LightSettings(), ("Eye",), track=True).from_camera, (
+    assert not with_view(bpy.context.scene, LightSettings(), ("Eye", "Other")).from_camera, "others look, too"
+    assert with_view(bpy.context.scene, LightSettings(), ("Eye",)).from_camera
+    assert not with_view(bpy.context.scene, LightSettings(), ("Eye",), track=True).from_camera, (
         "it looks from other places, too"
     )
 

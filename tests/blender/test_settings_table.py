@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet.operators.animation.frame_maker import surface_key
+from patchnet.operators.pipeline.voxels_key import surface_key
 from patchnet.operators.schema.setting import Effect
 from patchnet.operators.schema.table import CODES, LIGHT, OCTREE, rows
 from patchnet.operators.settings.cycles_settings import CyclesSettings

@@ -106,6 +106,30 @@ def test_all_ways_show_the_same_pixels(
     np.testing.assert_array_equal(read_exr(priority)["R"], whole["Priority"][..., 0])
 
 
+@pytest.mark.parametrize("first", range(4))
+def test_voxels_made_in_one_way_are_found_in_all(
+    walk: bpy.types.Scene, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: int
+) -> None:
+    """Each opens the file as a process of its own does."""
+    values = walk.patchnet
+    values.light, values.max_samples, values.size = "cycles", 2, camera_size_px(walk)
+    path, built = saved(Path(bpy.data.filepath)), []
+    build = lit_octree.build
+    monkeypatch.setattr(lit_octree, "build", lambda *given: built.append(1) or build(*given))
+    words = ["run", str(path), "--weights", str(weights), "--size", *map(str, values.size), "--max-samples", "2"]
+    words += ["--track", "--out"]
+    ways = [
+        lambda: commands.main([*words, str(tmp_path / "run")]),
+        lambda: commands.main([*words, str(tmp_path / "frames"), "--frames", "3"]),
+        lambda: pictures(bpy.context.scene, "engine"),
+        lambda: bpy.ops.patchnet.run_all(scope="VISIBLE"),
+    ]
+    for way in (ways[first], *ways):
+        opened(path)
+        way()
+        assert len(built) == 1, ways.index(way)
+
+
 def test_another_path_of_the_camera_gets_other_voxels(walk: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     made = frames_of_calls(monkeypatch, frame_octree, "build_lit_octree")
     pictures(walk, "before")

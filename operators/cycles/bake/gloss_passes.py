@@ -41,7 +41,7 @@ def seen_through(source: SceneMesh, setting: str) -> SceneMesh:
 
 
 def with_view(
-    context: bpy.types.Context, light: LightSettings, cameras: Sequence[str], *, track: bool = False
+    scene: bpy.types.Scene, light: LightSettings, cameras: Sequence[str], *, track: bool = False
 ) -> LightSettings:
     """Settings with a decision whether gloss is baked as seen from the active camera.
 
@@ -51,10 +51,10 @@ def with_view(
     """
     if light.from_camera is not None:
         return light
-    camera = context.scene.camera
+    camera = scene.camera
     if light.gloss == GLOSS_CAMERA and camera is None:
         raise SceneError(
-            f"Scene '{context.scene.name}' has no active camera, which Gloss: From Camera needs: add a camera, or "
+            f"Scene '{scene.name}' has no active camera, which Gloss: From Camera needs: add a camera, or "
             "choose another Gloss"
         )
     alone = camera is not None and set(cameras) <= {camera.name} and not track
