@@ -49,8 +49,27 @@ def run(job: str) -> clicks.Session:
     return list(heard.labels)
 
 
+def could_move(scene: bpy.types.Scene) -> None:
+    """Keyframes of one value, nodes that change nothing, and a camera that moves."""
+    lath = scene.objects["Lath 2"]
+    lath.keyframe_insert("location", frame=1)
+    lath.keyframe_insert("location", frame=3)
+    nodes = bpy.data.node_groups.new("Same", "GeometryNodeTree")
+    for side in ("INPUT", "OUTPUT"):
+        nodes.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    nodes.links.new(nodes.nodes.new("NodeGroupInput").outputs[0], nodes.nodes.new("NodeGroupOutput").inputs[0])
+    scene.objects["Floor"].modifiers.new("Same", "NODES").node_group = nodes
+    other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
+    scene.collection.objects.link(other)
+    other.keyframe_insert("location", frame=1)
+    other.location.x = 1.0
+    other.keyframe_insert("location", frame=3)
+    scene.frame_end = 3
+
+
 def made() -> clicks.Session:
     """Save, then preview everything with Cycles' light, then die without saving."""
+    could_move(clicks.window().scene)
     choose(**SMALL)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUT / "reload.blend"))
     yield 0.3
@@ -72,6 +91,10 @@ def opened() -> clicks.Session:
     seen["steps of the preview"] = yield from run("render_preview")
     seen["pictures"] = len(pictures())
     visit.save("preview")
+    clicks.window().scene.frame_set(2)
+    yield 1.5  # voxels are compared after a pause
+    seen["told at another frame"] = told()
+    seen["steps at another frame"] = yield from run("run_all")
     yield from rendered()
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.revert_mainfile()
