@@ -2,6 +2,7 @@
 """Reference pages match operators and commands; documented lines and the tutorial run."""
 
 import ast
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,9 @@ from typing import Any
 import bpy
 import pytest
 
-from patchnet.docs import make_commands, make_operators
+from patchnet.docs import make_commands, make_operators, make_walkthroughs
 from patchnet.operators import ui
 from patchnet.operators.overlay.panel import PATCHNET_PT_overlay
-from patchnet.operators.render_engine.fly_through import frames_until_ahead
 from patchnet.operators.schema.table import TABLE
 from patchnet.operators.ui import presets_menu
 from patchnet.tests.blender.drawn import drawn
@@ -125,12 +125,11 @@ def test_page_of_a_scene_runs() -> None:
     assert names["result_of"](names["scene"]) is None
 
 
-def test_pages_count_frames_by_the_rule_of_bake_fly_through() -> None:
-    """Rows of fly-throughs: seconds once, of a frame by both, and the frame from which on PatchNet is ahead."""
-    text = (DOCS / "worth-it.md").read_text(encoding="utf-8")
-    rows = re.findall(r"\| (\d+) \| ([\d.]+), ([\d.]+) \| [^|]+ \| (\d+) frames \|", text)
-    assert len(rows) == 3
-    for once, ours, peer, frames in rows:
-        assert frames_until_ahead(float(once), float(ours), float(peer)) == int(frames)
-    least, most = (min(int(row[-1]) for row in rows), max(int(row[-1]) for row in rows))
-    assert f"from {least} to {most} frames on" in text
+def test_pages_of_fly_throughs_have_the_figures_that_were_measured() -> None:
+    """Frames from which on PatchNet is ahead are counted by the rule of Bake Fly-Through."""
+    reports = json.loads(make_walkthroughs.KEPT.read_text())
+    for page in make_walkthroughs.PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert make_walkthroughs.filled(text, reports) == text, page
+    report = reports["demo"] | {"setup_s": {"light": 1000.0}}
+    assert "| 1000.0 |" in make_walkthroughs.filled(text, reports | {"demo": report})
