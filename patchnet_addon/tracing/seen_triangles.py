@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles that cameras see, and from which side, before there are voxels: a picture of triangle numbers each.
+"""Triangles that cameras see, before there are voxels: a picture of triangle numbers each.
 
 Triangles come batch by batch and are drawn into depth buffers, by edge functions in homogeneous coordinates (Olano and
 Greer, Triangle Scan Conversion using 2D Homogeneous Coordinates, 1997), so that those that reach behind a camera need
@@ -23,12 +23,11 @@ WIDTH_PX, HEIGHT_PX = 96, 72  # of pictures that only have to tell what is in vi
 class SeenTriangles(NamedTuple):
     """Pictures of C cameras, H x W pixels each, row 0 at the bottom.
 
-    triangle: (C, H, W) int64, the nearest one in each pixel's centre, -1 for none. behind: (C, H, W) bool, seen against
-    its normal. depth: (C, H, W) float64 along the camera's axis, infinite where there is none.
+    triangle: (C, H, W) int64, the nearest one in each pixel's centre, -1 for none. depth: (C, H, W) float64 along the
+    camera's axis, infinite where there is none.
     """
 
     triangle: np.ndarray
-    behind: np.ndarray
     depth: np.ndarray
 
 
@@ -58,7 +57,7 @@ class Sight:
             np.array([c.kind == PERSPECTIVE for c in cameras], bool),
         )
         shape = count, size_px[1], size_px[0]
-        self.seen = SeenTriangles(np.full(shape, -1, np.int64), np.zeros(shape, bool), np.full(shape, np.inf))
+        self.seen = SeenTriangles(np.full(shape, -1, np.int64), np.full(shape, np.inf))
 
     def add(self, corners_world: np.ndarray, shown: np.ndarray, first_triangle: int) -> None:
         """Draw triangles (N, 3, 3) float64 where `shown` (N,) bool, whose numbers count from `first_triangle`.
@@ -144,7 +143,6 @@ def _draw_one(c, number, corner, box, clip, seen):  # type: ignore[no-untyped-de
     """Draw a triangle where its depth is the least so far.
 
     Edge functions are linear in the picture: each is that of the edge opposite to a corner, as a plane through the eye.
-    Their sum's sign tells the side: right, up and forward are a left-handed frame, so it is negative from behind.
     """
     _, height, width = seen.depth.shape
     for row in range(box[2], box[3] + 1):
@@ -161,7 +159,6 @@ def _draw_one(c, number, corner, box, clip, seen):  # type: ignore[no-untyped-de
             if clip[0] <= depth <= clip[1] and depth < seen.depth[c, row, column]:
                 seen.depth[c, row, column] = depth
                 seen.triangle[c, row, column] = number
-                seen.behind[c, row, column] = total < 0.0
 
 
 @device

@@ -17,7 +17,7 @@ def seen_triangles_reference(cameras: Sequence[Camera], corners_world: np.ndarra
     return SeenTriangles(*(np.stack(column) for column in zip(*pictures, strict=True)))
 
 
-def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = (2.0 * np.arange(WIDTH_PX) + 1.0) / WIDTH_PX - 1.0 + camera.shift_x
     y = (2.0 * np.arange(HEIGHT_PX) + 1.0) / HEIGHT_PX - 1.0 + camera.shift_y
     across = x[None, :, None] * camera.half_x * np.asarray(camera.right)
@@ -38,11 +38,6 @@ def _seen(camera: Camera, corners_world: np.ndarray) -> tuple[np.ndarray, np.nda
     depth = np.where(met, depth, np.inf)
     nearest = depth.argmin(axis=1)
     ray = np.arange(len(depth))
-    behind = (toward[:, 0] * np.cross(one, two)[nearest]).sum(axis=-1) > 0.0
     hit = np.isfinite(depth[ray, nearest])
     shape = HEIGHT_PX, WIDTH_PX
-    return (
-        np.where(hit, nearest, -1).reshape(shape),
-        (hit & behind).reshape(shape),
-        depth[ray, nearest].reshape(shape),
-    )
+    return np.where(hit, nearest, -1).reshape(shape), depth[ray, nearest].reshape(shape)

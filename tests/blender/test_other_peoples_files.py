@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Geometry and cameras as other people's files hold them, each against a render by Cycles."""
+
+from collections.abc import Callable, Sequence
+
+import bpy
+import pytest
+from mathutils import Matrix
+
+from patchnet.operators.settings.job_settings import JobSettings
+from patchnet.operators.verify_light import CheckSettings, verify_light
+from patchnet.patchnet_addon.runtime.progress import drain
+from patchnet.tests.blender.objects import CUBE_FACES, SQUARE, lamp, link, look_from, mesh, slab
+from patchnet.tests.blender.shaders import grey, simple, world
+
+LEAST_PSNR_DB, RATIO = 26.0, 0.04
+
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
+
+def paint(name: str, *rgb: float) -> bpy.types.Material:
+    return simple(name=name, Color=(*rgb, 1.0))
+
+
+def box(name: str, low: Sequence[float], high: Sequence[float], color: bpy.types.Material) -> bpy.types.Object:
+    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    return link(mesh(name, corners, CUBE_FACES, color))
+
+
+def sheet(name: str, z: float, half: float, color: bpy.types.Material) -> bpy.types.Object:
+    return link(mesh(name, [(x * half, y * half, z) for x, y, _ in SQUARE], [(0, 1, 2, 3)], color))
+
+
+def rugs() -> None:
+    """Two rugs closer to the floor than a voxel, one of the floor's own material."""
+    floor = sheet("Floor", 0.0, 2.0, grey())
+    sheet("Rug", 0.002, 0.8, paint("Rug", 0.8, 0.1, 0.05))
+    sheet("Mat", 0.002, 0.5, floor.data.materials[0]).location.x = 1.3
+
+
+def roof() -> None:
+    box("House", (-1.0, -1.0, 0.0), (1.0, 1.0, 0.8), grey(0.2))
+    sheet("Roof", 0.8005, 1.2, paint("Roof", 0.8, 0.1, 0.05))
+    slab("Ground", low=(-2, -2), high=(2, 2))
+
+
+def bricks() -> None:
+    """A wall of bricks that touch, whose inner faces nothing can see."""
+    slab("Ground", low=(-2, -2), high=(2, 2))
+    for row in range(4):
+        for column in range(5):
+            low = (0.4 * column - 1.0, 0.0, 0.25 * row)
+            box("Brick", low, (low[0] + 0.4, 0.3, low[2] + 0.25), grey(0.4 + 0.1 * ((row + column) % 3)))
+
+
+def tent() -> None:
+    """A closed tent of sheets on the ground, which is dark inside."""
+    slab("Ground", low=(-2, -2), high=(2, 2))
+    corners = [(x, y, z) for z in (-0.01, 1.0) for x, y, _ in SQUARE]
+    link(mesh("Tent", corners, [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7)], grey()))
+
+
+@pytest.mark.parametrize("build", [rugs, roof, bricks, tent])
+def test_sheets_and_faces_that_nearly_touch(build: Callable[[], None]) -> None:
+    build()
+    world().nodes["Background"].inputs["Strength"].default_value = 0.3
+    lamp("SUN", 3.0).rotation_euler = (0.6, 0.2, 0.3)
+    look_from((2.5, -3.5, 2.5), (0.0, 0.0, 0.4))
+    assert_right()
+
+
+def test_a_closed_tent_is_dark_inside() -> None:
+    tent()
+    lamp("SUN", 5.0)
+    eye = look_from((0.0, -0.8, 0.4), (0.0, 1.0, 0.5))
+    eye.data.lens = 20.0
+    check = drain(verify_light(bpy.context, settings()))
+    assert check.cameras[0].octree.max() < 1e-3
+
+
+def scaled(eye: bpy.types.Object) -> None:
+    eye.scale.x = -1.0
+
+
+def of_a_mirrored_parent(eye: bpy.types.Object) -> None:
+    bpy.context.view_layer.update()
+    mirrored = eye.matrix_world @ Matrix.Scale(-1.0, 4, (1.0, 0.0, 0.0))
+    eye.parent = link(bpy.data.objects.new("Rig", None))
+    eye.parent.scale.y = -1.0
+    bpy.context.view_layer.update()
+    eye.matrix_world = mirrored
+
+
+def orthographic(eye: bpy.types.Object) -> None:
+    eye.data.type, eye.data.ortho_scale, eye.scale.y = "ORTHO", 4.0, -1.0
+
+
+@pytest.mark.parametrize("mirror", [scaled, of_a_mirrored_parent, orthographic])
+def test_mirrored_cameras(mirror: Callable[[bpy.types.Object], None]) -> None:
+    """Open sheets whose sides differ, which a camera decides."""
+    slab("Ground", low=(-2, -2), high=(2, 2))
+    for x, tilt in ((-0.8, 0.4), (0.5, -0.9)):
+        sheet("Card", 0.0, 0.5, paint("Card", 0.2, 0.5, 0.8)).matrix_world = Matrix.Translation(
+            (x, 0.0, 0.6)
+        ) @ Matrix.Rotation(tilt, 4, "X")
+    lamp("SUN", 3.0).rotation_euler = (0.6, 0.2, 0.3)
+    mirror(look_from((1.5, -4.0, 2.0), (0.0, 0.0, 0.4)))
+    assert_right()
+
+
+def settings() -> CheckSettings:
+    job = JobSettings.of(depth=7, size=(48, 48), max_samples=8, noise_threshold=1e-4)
+    return CheckSettings(job, render_samples=64, rays=4)
+
+
+def assert_right() -> None:
+    """Check the octree's light in the active camera against Cycles."""
+    (frame,) = drain(verify_light(bpy.context, settings())).report["cameras"]
+    assert frame["psnr_db"] > LEAST_PSNR_DB and abs(frame["mean_ratio"] - 1.0) < RATIO, frame
+    assert frame["both_hit_share"] > 0.3
