@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import chain
 
 import bpy
 from mathutils import Euler
@@ -24,16 +25,30 @@ EMISSION_INPUTS = {"EMISSION": ("Color", "Strength"), "BSDF_PRINCIPLED": ("Emiss
 
 
 def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether the evaluated scene has light: a lamp, the world, or an emitting material."""
+    """Return whether the evaluated scene has light: a lamp, the world, or an emitting material.
+
+    Viewports ask this while they draw, so that what only renders show is looked up without being evaluated.
+    """
     if _world_shines(depsgraph.scene.world):
         return True
     materials: set[bpy.types.Material] = set()
-    for instance in depsgraph.object_instances:
-        item = instance.object
+    hidden = () if depsgraph.mode == "RENDER" else _hidden(depsgraph.view_layer)
+    for item in chain((each.object for each in depsgraph.object_instances), hidden):
         if item.type == "LIGHT" and item.data.energy > 0 and max(item.data.color) > 0:
             return True
         materials.update(slot.material for slot in item.material_slots if slot.material)
     return any(emits(material) for material in materials if not is_own(material))
+
+
+def _hidden(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
+    """Objects that renders show and viewports hide, and those of instanced collections, in which these may hide."""
+    for item in layer.objects:
+        if item.hide_render:
+            continue
+        if not item.visible_get(view_layer=layer):
+            yield item
+        instanced = item.instance_collection.all_objects if item.instance_collection is not None else ()
+        yield from (each for each in instanced if not each.hide_render)
 
 
 def _world_shines(world: bpy.types.World | None) -> bool:

@@ -27,7 +27,7 @@ from ..cycles.pixel_renders import Chosen, pixel_renders
 from ..scene.images import ImageReader
 from ..scene.materials import is_partly_transparent, read_material
 from ..scene.read import LEFT_OUT, read_scene
-from ..scene.render_geometry import shown_instances, shows_itself
+from ..scene.render_geometry import render_geometry, shown_instances, shows_itself
 from ..scene.scene_mesh import SceneMesh
 from ..scene_access.blender_version import tree_in_use
 from ..schema.table import CYCLES, DIFFUSE, GLOSS_OFF, VISIBLE
@@ -114,20 +114,21 @@ class WantedSurface(NamedTuple):
 
 def wanted_surface(depsgraph: bpy.types.Depsgraph) -> WantedSurface:
     """Read the rendered surface of a scene; raises PatchNetError."""
-    source = read_scene(depsgraph, VISIBLE)
+    with render_geometry(depsgraph):
+        source = read_scene(depsgraph, VISIBLE)
+        boxes = [
+            np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+            for item, matrix in (
+                (each.object, np.array(each.matrix_world))
+                for each in shown_instances(depsgraph, VISIBLE)
+                if each.object.type in LEFT_OUT and shows_itself(each)
+            )
+        ]
     library = {material.name_full: material for material in bpy.data.materials}
     kinds = [_kind(library.get(name)) for name in source.material_names]
     glossy = np.array([gloss.is_glossy or gloss.is_clear for gloss in source.gloss], bool)
     there = np.array([item.alpha > 0.0 for item in source.materials], bool)
     unlike = np.array(kinds, bool)
-    boxes = [
-        np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
-        for item, matrix in (
-            (each.object, np.array(each.matrix_world))
-            for each in shown_instances(depsgraph, VISIBLE)
-            if each.object.type in LEFT_OUT and shows_itself(each)
-        )
-    ]
     return WantedSurface(source, there | unlike, glossy | unlike, np.array(boxes).reshape(-1, 8, 3))
 
 

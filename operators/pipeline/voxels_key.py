@@ -12,6 +12,7 @@ from ..cycles.bake.gloss_passes import with_view
 from ..cycles.daylight import has_light
 from ..scene.fingerprint import has_films, lights_hash, surface_hash
 from ..scene.read import read_scene
+from ..scene.render_geometry import render_geometry
 from ..schema.table import CODES, LIGHT, OCTREE, VISIBLE, result_fields
 from ..settings.job_settings import JobSettings
 from ..state.block_hashes import place_of_gloss
@@ -38,7 +39,8 @@ def surface_key(depsgraph: bpy.types.Depsgraph, settings: JobSettings) -> str:
     """
     values = settings.flat()
     scopes = dict.fromkeys((settings.surface.scope, VISIBLE))  # objects without voxels cast shadows too
-    parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
+    with render_geometry(depsgraph):
+        parts = [*(surface_hash(read_scene(depsgraph, scope)) for scope in scopes), lights_hash(depsgraph)]
     frame = depsgraph.scene.frame_current_final if has_films() else None
     return composed(*(values[name] for name in result_fields(OCTREE, LIGHT, CODES)), *parts, frame)
 

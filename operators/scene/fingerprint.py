@@ -57,7 +57,8 @@ def world_hash(world: bpy.types.World | None) -> str:
 def lights_hash(depsgraph: bpy.types.Depsgraph) -> str:
     """Hash all that light depends on beside the seen surface, as a graph evaluates it: 32 hex digits.
 
-    That is the world, lamps, materials, settings of renders, and objects that cast shadows but have no voxels.
+    That is the world, lamps, materials, settings of renders, and objects that cast shadows but have no voxels. Call
+    within `render_geometry`, so that what viewports hide counts.
     """
     digest, scene = Digest(), depsgraph.scene_eval  # `depsgraph.scene` keeps values of an earlier frame
     digest.block(scene.world)

@@ -30,7 +30,7 @@ from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read
 _NO_MATERIAL = ""
 _NOTHING = {
     SELECTED: "No selected object has a surface: select a mesh, curve or text, or choose all visible objects",
-    VISIBLE: "No visible object has a surface: show a mesh, curve or text and enable it for renders",
+    VISIBLE: "No visible object has a surface: add a mesh, curve or text, or enable it for renders",
 }
 LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import bpy
 
+from ..scene_access.frames import fcurves, kept_values
 from ..scene_access.own import is_own
 from ..schema.table import VISIBLE
 
@@ -32,7 +33,7 @@ def keep_hidden(texts: Sequence[str]) -> None:
         bpy.app.handlers.frame_change_post.append(lambda *_: hide_from_renders(texts))
 
 
-_OF_VIEWPORTS = (".show_viewport", ".levels", ".viewport_resolution")  # of modifiers
+_OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers
 
 
 @contextmanager
@@ -45,32 +46,48 @@ def render_geometry(depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
     if depsgraph.mode == "RENDER":
         yield
         return
-    before: list[tuple[Any, str, Any]] = []
-    try:
-        for owner, key, value in _render_values(depsgraph.scene.original):
-            if getattr(owner, key) != value:
-                before.append((owner, key, getattr(owner, key)))
+    wanted = _render_values(depsgraph.scene.original, depsgraph.view_layer)
+    changes = [(owner, key, before, value) for owner, key, value in wanted if (before := getattr(owner, key)) != value]
+    with kept_values() if any(key == "mute" for _, key, _, _ in changes) else nullcontext():
+        try:
+            for owner, key, _, value in changes:
                 setattr(owner, key, value)
-        if before:
-            depsgraph.update()
-        yield
-    finally:
-        for owner, key, value in reversed(before):
-            setattr(owner, key, value)
-        if before:
-            depsgraph.update()
+            if changes:
+                depsgraph.update()
+            yield
+        finally:
+            for owner, key, before, _ in reversed(changes):
+                setattr(owner, key, before)
+            if changes:
+                depsgraph.update()
 
 
-def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
+class _Eye:
+    """Eye icon of an object in a view layer."""
+
+    def __init__(self, item: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
+        self._item, self._layer = item, layer
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the object is hidden there."""
+        return self._item.hide_get(view_layer=self._layer)
+
+    @hidden.setter
+    def hidden(self, value: bool) -> None:
+        self._item.hide_set(value, view_layer=self._layer)
+
+
+def _render_values(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[tuple[Any, str, Any]]:
     """Viewport properties and the values that renders use instead."""
+    yield from _shown_in_renders(scene, layer)
     if scene.render.use_simplify:
         yield scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render
         yield scene.render, "simplify_child_particles", scene.render.simplify_child_particles_render
     for item in bpy.data.objects:
         yield item, "show_instancer_for_viewport", item.show_instancer_for_render
-        for driver in item.animation_data.drivers if item.animation_data else ():
-            if driver.data_path.endswith(_OF_VIEWPORTS):  # it would overwrite the value
-                yield driver, "mute", True
+        for curve in _overwriting(item):
+            yield curve, "mute", True
         for modifier in item.modifiers:
             yield modifier, "show_viewport", modifier.show_render
             if modifier.type in ("SUBSURF", "MULTIRES"):
@@ -84,9 +101,6 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
             yield particles, "display_step", particles.render_step
         if particles.child_type != "NONE":
             yield particles, "child_percent", particles.rendered_child_count
-    for collection in _apart(scene):
-        if collection.hide_render:
-            yield collection, "hide_viewport", True
     for curve in bpy.data.curves:
         for axis in ("u", "v"):
             if resolution := getattr(curve, f"render_resolution_{axis}"):
@@ -95,7 +109,29 @@ def _render_values(scene: bpy.types.Scene) -> Iterator[tuple[Any, str, Any]]:
         yield metaball, "resolution", metaball.render_resolution
 
 
-def _apart(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+def _shown_in_renders(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[tuple[Any, str, Any]]:
+    """Visibility in viewports of what renders show, and of collections that they hide."""
+    for item in layer.objects:
+        if not item.hide_render:
+            yield _Eye(item, layer), "hidden", False
+    for item in bpy.data.objects:  # others may be instanced
+        if not item.hide_render:
+            yield item, "hide_viewport", False
+    apart = _apart(scene)
+    for collection in bpy.data.collections:
+        if not collection.hide_render or collection in apart:
+            yield collection, "hide_viewport", collection.hide_render
+
+
+def _overwriting(item: bpy.types.Object) -> list[bpy.types.FCurve]:
+    """Drivers of an object that would overwrite the values, and keyframes, which muting a driver evaluates again."""
+    data = item.animation_data
+    drivers = [driver for driver in data.drivers if driver.data_path.endswith(_OF_VIEWPORTS)] if data else []
+    keyed = fcurves(data) if drivers else ()
+    return [*(curve for curve in keyed if curve.data_path.endswith(_OF_VIEWPORTS)), *drivers]
+
+
+def _apart(scene: bpy.types.Scene) -> set[bpy.types.Collection]:
     """Collections in no view layer of a scene, which objects may still instance.
 
     The render visibility of the others is known, and hiding one would lose the selection of its objects.
@@ -107,7 +143,7 @@ def _apart(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
         stack.extend(item.children)
         if not item.exclude:
             shown.add(item.collection)
-    return [collection for collection in bpy.data.collections if collection not in shown]
+    return set(bpy.data.collections) - shown
 
 
 def shown_instances(
@@ -115,10 +151,10 @@ def shown_instances(
 ) -> Iterator[bpy.types.DepsgraphObjectInstance]:
     """Instances that are visible to the camera, in the dependency graph's order.
 
-    SELECTED: selected objects, or those `chosen` by session_uid, and their instances. VISIBLE: all visible objects that
+    SELECTED: selected objects, or those `chosen` by session_uid, and their instances. VISIBLE: all objects that
     render. Each is valid until the next step of the iteration, as in Blender. Call within `render_geometry`.
     """
-    layer = depsgraph.view_layer.original if hasattr(depsgraph.view_layer, "original") else depsgraph.view_layer
+    layer = depsgraph.view_layer
     rendered = _rendered_objects(layer)
     for instance in depsgraph.object_instances:
         if not instance.show_particles and not shows_itself(instance):

@@ -44,7 +44,7 @@ _SURFACE = (
         choices=(
             (AUTO, "Automatic", "Selected objects in a window, all visible ones in background"),
             (SELECTED, "Selected", "Selected objects"),
-            (VISIBLE, "Visible", "All objects that are visible and rendered"),
+            (VISIBLE, "Visible", "All objects that render, hidden in viewports or not"),
         ),
     ),
     Setting(

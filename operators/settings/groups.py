@@ -35,7 +35,7 @@ _FLAT = "flat name"  # of a field whose own name is ambiguous among all settings
 class SurfaceSettings:
     """Settings of the voxelized surface and its resolution.
 
-    scope: SELECTED objects or all VISIBLE renderable ones.
+    scope: SELECTED objects, or VISIBLE for all that render.
     depth: of the octree. voxel_size_world: leaf side instead of a depth. Without both, leaves are as deep as cameras
     need (methods 4.1b). track: the cameras count at all frames of a track, not only at the current one. track_frames:
     first and last of them, (0, 0) for those of the scene. bounds: lower

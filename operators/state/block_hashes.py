@@ -20,7 +20,7 @@ _SKIPPED_OF_DATA = names("name name_full materials texspace_location texspace_si
 _SKIPPED_OF_STRANDS = _SKIPPED_OF_DATA | names("points curves position_data curve_offset_data normals attributes")
 _OF_OBJECTS = (
     "type", "parent_type", "parent_bone", "instance_type", "instance_faces_scale", "use_instance_faces_scale",
-    "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "hide_viewport", "visible_camera",
+    "use_instance_vertices_rotation", "show_instancer_for_render", "hide_render", "visible_camera",
     "is_holdout", "is_shadow_catcher", "pass_index",
 )  # fmt: skip
 OBJECT_RAYS = (

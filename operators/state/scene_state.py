@@ -71,10 +71,10 @@ class _Entry(NamedTuple):
 class SceneState:
     """State of a scene at a moment, by value: names do not count, nor do cameras.
 
-    entries: hashes by session_uid of the data-block. shown: visibility of each object in the view layer. layer: its
-    name. chosen: session_uids of the objects that have voxels, None for all. frame: the current one if something is
-    animated. seconds: time that reading the state took. gloss_from: place of the camera that gloss was baked for, empty
-    without one.
+    entries: hashes by session_uid of the data-block. shown: visibility of each object in renders of the view layer.
+    layer: its name. chosen: session_uids of the objects that have voxels, None for all. frame: the current one if
+    something is animated. seconds: time that reading the state took. gloss_from: place of the camera that gloss was
+    baked for, empty without one.
     """
 
     entries: dict[int, _Entry]
@@ -128,7 +128,7 @@ class SceneState:
             elif before is None:
                 verb = "was added"
             else:
-                verb = "changed" if before[1] == after[1] else "was hidden" if after[1] else "was shown"
+                verb = "changed"
             named = (entry and entry.named) if item is None else _named(item)
             found.append(Change((step,), _text(named or _SETTINGS, verb)))
         return found
@@ -200,20 +200,19 @@ def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
 def _shown(
     scene: bpy.types.Scene, layer: bpy.types.ViewLayer
 ) -> dict[int, tuple[bpy.types.Object, tuple[object, ...]]]:
-    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility."""
+    """Objects of a view layer that have voxels or light them, by session_uid, and their visibility in renders."""
     found: dict[int, tuple[bpy.types.Object, set[tuple[bool, ...]]]] = {}
-    stack = [(layer.layer_collection, (False,) * 3)]
+    stack = [(layer.layer_collection, (False,) * 2)]
     while stack:
         item, above = stack.pop()
         if item.exclude or item.collection.hide_render:
             continue
-        hidden = item.hide_viewport or item.collection.hide_viewport
-        flags = tuple(map(max, above, (item.holdout, item.indirect_only, hidden)))
+        flags = tuple(map(max, above, (item.holdout, item.indirect_only)))
         for each in item.collection.objects:
             if _counts(each):
                 found.setdefault(each.session_uid, (each, set()))[1].add(flags)
         stack.extend((child, flags) for child in item.children)
-    return {uid: (item, (sorted(flags), item.hide_get(view_layer=layer))) for uid, (item, flags) in found.items()}
+    return {uid: (item, tuple(sorted(flags))) for uid, (item, flags) in found.items()}
 
 
 def _settings(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> _Entry:

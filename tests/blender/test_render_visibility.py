@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Voxelize what Cycles renders, not what a viewport shows; the scene stays unchanged."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -8,17 +9,22 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from patchnet.operators.cycles.camera_render import render_reference
+from patchnet.operators.cycles.daylight import has_light
+from patchnet.operators.pipeline.voxels_key import surface_key
 from patchnet.operators.scene.cameras import choose_cameras, scene_cameras
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.session import results
+from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.image.exr import read_exr
 from patchnet.patchnet_addon.runtime.errors import EmptySelectionError
 from patchnet.tests.blender.engine_scene import build_for_engine
 from patchnet.tests.blender.job_scene import box, build
 from patchnet.tests.blender.objects import collection_instance, geometry_nodes, moved_to
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
+from patchnet.tests.blender.shaders import simple
 
 BOUNDS = np.array([[-1.0, -1, -1], [1, 1, 1]])
 
@@ -45,6 +51,116 @@ def read() -> dict[str, int]:
 def collection(name: str, *objects: bpy.types.Object) -> bpy.types.Collection:
     """A collection of its own with objects that are in no other."""
     return moved_to(bpy.data.collections.new(name), *objects)
+
+
+def keyed(item: bpy.types.Object) -> None:
+    item.hide_viewport = True
+    item.keyframe_insert("hide_viewport", frame=1)
+
+
+def driven(item: bpy.types.Object) -> None:
+    item.driver_add("hide_viewport").driver.expression = "True"
+
+
+def placed_by_nodes(item: bpy.types.Object, made: bpy.types.Collection) -> None:
+    tree, _, out = geometry_nodes(bpy.data.objects["Lath 0"])
+    info = tree.nodes.new("GeometryNodeCollectionInfo")
+    info.inputs["Collection"].default_value = made
+    tree.links.new(info.outputs[0], out)
+
+
+def placed_by_particles(item: bpy.types.Object, made: bpy.types.Collection) -> None:
+    slab = bpy.data.objects["Slab"]
+    slab.modifiers.new("Stones", "PARTICLE_SYSTEM")
+    settings = slab.particle_systems[0].settings
+    settings.type, settings.count, settings.particle_size = "HAIR", 9, 1.0
+    settings.render_type, settings.instance_collection = "COLLECTION", made
+
+
+def of_layer() -> bpy.types.LayerCollection:
+    return bpy.context.view_layer.layer_collection.children["Made"]
+
+
+Act = Callable[[bpy.types.Object, bpy.types.Collection], object]
+# How the collection of an object gets into the scene: linked into it, instanced, ...
+PLACES: dict[str, Act] = {
+    "linked": lambda item, made: bpy.context.scene.collection.children.link(made),
+    "instanced": lambda item, made: collection_instance(made),
+    "by geometry nodes": placed_by_nodes,
+    "by particles": placed_by_particles,
+}
+HIDING: dict[str, tuple[str, Act]] = {
+    "object": ("linked", lambda item, made: setattr(item, "hide_viewport", True)),
+    "eye": ("linked", lambda item, made: item.hide_set(True)),
+    "keyed": ("linked", lambda item, made: keyed(item)),
+    "driven": ("linked", lambda item, made: driven(item)),
+    "collection": ("linked", lambda item, made: setattr(made, "hide_viewport", True)),
+    "eye of the collection": ("linked", lambda item, made: setattr(of_layer(), "hide_viewport", True)),
+    "excluded": ("linked", lambda item, made: setattr(of_layer(), "exclude", True)),
+    "renders": ("linked", lambda item, made: setattr(item, "hide_render", True)),
+    "collection in renders": ("linked", lambda item, made: setattr(made, "hide_render", True)),
+    "source": ("instanced", lambda item, made: setattr(item, "hide_viewport", True)),
+    "source's collection": ("instanced", lambda item, made: setattr(made, "hide_viewport", True)),
+    "source in renders": ("instanced", lambda item, made: setattr(item, "hide_render", True)),
+    "instancer": ("instanced", lambda item, made: setattr(bpy.data.objects["Instance"], "hide_viewport", True)),
+    "source of nodes": ("by geometry nodes", lambda item, made: setattr(item, "hide_viewport", True)),
+    "object of nodes": (
+        "by geometry nodes", lambda item, made: setattr(bpy.data.objects["Lath 0"], "hide_viewport", True)),
+    "source of particles": ("by particles", lambda item, made: setattr(item, "hide_viewport", True)),
+}  # fmt: skip
+UNSEEN = {"excluded", "renders", "collection in renders", "source in renders"}
+
+
+def place(item: bpy.types.Object, kind: str) -> None:
+    """Put an object into the scene and hide it, as HIDING says."""
+    where, hide = HIDING[kind]
+    made = collection("Made", item)
+    PLACES[where](item, made)
+    bpy.context.view_layer.update()
+    hide(item, made)
+    bpy.context.view_layer.update()
+
+
+@pytest.mark.parametrize("kind", HIDING)
+def test_what_renders_show_is_voxelized_whatever_viewports_hide(small: bpy.types.Scene, kind: str) -> None:
+    """As Cycles shows it: a bright box around all other objects."""
+    bright = box("Bright", (-3, -3, -3), (3, 3, 3), 0.5)
+    bright.material_slots[0].material = simple("Emission", Strength=99.0)
+    place(bright, kind)
+    found = read()
+    (camera,) = choose_cameras(bpy.context.evaluated_depsgraph_get(), ("0 -9 0 > 0 0 0",), (8, 8), BOUNDS)
+    seen = render_reference(bpy.context, camera, 1, 0).luminance.max() > 50.0
+    assert ("Bright" in found) == seen == (kind not in UNSEEN)
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind, (where, _) in HIDING.items() if kind not in UNSEEN and " " not in where]
+)
+def test_hidden_lamps_count_as_light(small: bpy.types.Scene, kind: str) -> None:
+    """No daylight is added, and light is baked again after a change."""
+    lamp = bpy.data.objects["Lamp"]
+    place(lamp, kind)
+    before = scene_snapshot()
+    graph, settings = bpy.context.evaluated_depsgraph_get(), JobSettings.of()
+    key = surface_key(graph, settings)
+    assert has_light(graph)
+    assert_unchanged(before)
+    lamp.data.energy *= 2.0
+    bpy.context.view_layer.update()
+    assert surface_key(graph, settings) != key
+    lamp.data.energy = 0.0
+    bpy.context.view_layer.update()
+    assert not has_light(graph)
+
+
+def test_values_without_a_keyframe_stay(small: bpy.types.Scene) -> None:
+    """Muting a driver lets Blender evaluate all keyframes of its object."""
+    slab = bpy.data.objects["Slab"]
+    slab.keyframe_insert("location", frame=1)
+    keyed(slab)
+    slab.modifiers.new("Finer", "SUBSURF").driver_add("levels").driver.expression = "0"
+    slab.location.x = 0.25
+    assert "Slab" in read() and slab.location.x == 0.25
 
 
 def test_a_mist_box_is_no_wall() -> None:

@@ -112,8 +112,8 @@ def test_scope_follows_visibility() -> None:
         bpy.context.scene.collection.children.link(moved_to(bpy.data.collections.new(name), item))
     bpy.data.collections["Disabled"].hide_render = True
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
-    assert {name for part in read().parts for name in part.objects} == {"A"}
-    shown.hide_render = True
+    assert {name for part in read().parts for name in part.objects} == {"A", "B"}
+    shown.hide_render = hidden.hide_render = True
     with pytest.raises(EmptySelectionError, match="No visible object"):
         read()
 

@@ -200,7 +200,13 @@ TABLE: dict[str, tuple[Callable[[], Actions], Marks]] = {
     "an object that does not render moves": (lambda: of("objects", "Unrendered", "location", MOVED), {}),
     "an object that shades moves": (lambda: of("objects", "Shade", "location", MOVED), {LIGHT: "'Shade' changed"}),
     "a vertex moves": (lambda: vertex("Prototype"), {SURFACE: "'Prototype' changed"}),
-    "an object is hidden": (lambda: hidden("Lath 1"), {SURFACE: "'Lath 1' was hidden"}),
+    "an object is hidden in viewports": (lambda: hidden("Lath 1"), {}),
+    "an object is disabled in viewports": (lambda: of("objects", "Lath 1", "hide_viewport", True), {}),
+    "a collection is disabled in viewports": (lambda: of("collections", "Laths", "hide_viewport", True), {}),
+    "an object moves that renders alone show": (
+        lambda: of("objects", "Lath 2", "location", MOVED),
+        {SURFACE: "'Lath 2' changed"},
+    ),
     "an object is not rendered": (lambda: of("objects", "Lath 1", "hide_render", True), {SURFACE: "'Lath 1'"}),
     "an object is taken out": (lambda: unlinked("Lath 1"), {SURFACE: "'Lath 1' was removed"}),
     "an object is added": (lambda: added(lambda: box("New", (0, 0, 0), (1, 1, 1), 0.5)), {SURFACE: "'New' was added"}),
@@ -245,7 +251,7 @@ def full() -> None:
     for name in ("Shade", "Unrendered", "Ball"):
         box(name, (1.5, 0, 0), (1.7, 0.2, 0.2), 0.5)
     data.objects["Shade"].visible_camera = False
-    data.objects["Unrendered"].hide_render = True
+    data.objects["Unrendered"].hide_render = data.objects["Lath 2"].hide_viewport = True
     data.objects["Ball"].modifiers.new("Smooth", "SUBSURF")
     data.objects["Ball"].vertex_groups.new(name="Soft").add([0], 0.5, "REPLACE")
     bpy.context.view_layer.material_override = data.materials.new("Clay")
