@@ -10,6 +10,7 @@ from itertools import chain
 import bpy
 from mathutils import Euler
 
+from ..scene.render_geometry import rendered_collections
 from ..scene_access.blender_version import start_nodes, tree_in_use
 from ..scene_access.overrides import changed
 from ..scene_access.own import check_own_scene, is_own
@@ -42,13 +43,19 @@ def has_light(depsgraph: bpy.types.Depsgraph) -> bool:
 
 def _hidden(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
     """Objects that renders show and viewports hide, and those of instanced collections, in which these may hide."""
-    for item in layer.objects:
-        if item.hide_render:
-            continue
-        if not item.visible_get(view_layer=layer):
-            yield item
-        instanced = item.instance_collection.all_objects if item.instance_collection is not None else ()
-        yield from (each for each in instanced if not each.hide_render)
+    for each in rendered_collections(layer):
+        for item in each.collection.objects:
+            if not (item.hide_render or item.visible_get(view_layer=layer)):
+                yield item
+            if item.instance_collection is not None and not item.hide_render:
+                yield from _rendered_in(item.instance_collection)
+
+
+def _rendered_in(collection: bpy.types.Collection) -> Iterator[bpy.types.Object]:
+    if not collection.hide_render:
+        yield from (item for item in collection.objects if not item.hide_render)
+        for child in collection.children:
+            yield from _rendered_in(child)
 
 
 def _world_shines(world: bpy.types.World | None) -> bool:

@@ -111,9 +111,10 @@ def _render_values(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterat
 
 def _shown_in_renders(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[tuple[Any, str, Any]]:
     """Visibility in viewports of what renders show, and of collections that they hide."""
-    for item in layer.objects:
-        if not item.hide_render:
-            yield _Eye(item, layer), "hidden", False
+    for each in rendered_collections(layer):
+        for item in each.collection.objects:
+            if not item.hide_render:
+                yield _Eye(item, layer), "hidden", False
     for item in bpy.data.objects:  # others may be instanced
         if not item.hide_render:
             yield item, "hide_viewport", False
@@ -183,18 +184,23 @@ def shows_mesh(instance: bpy.types.DepsgraphObjectInstance) -> bool:
     return instance.object.type == "MESH" and shows_itself(instance)
 
 
-def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
-    """Names of the layer's objects that render and that the camera can see; objects of PatchNet are no surface."""
-    names: set[str] = set()
-    unseen: set[str] = set()  # in any collection with Holdout or Indirect Only
+def rendered_collections(layer: bpy.types.ViewLayer) -> Iterator[bpy.types.LayerCollection]:
+    """Collections of a view layer that render, whatever viewports hide."""
     stack = [layer.layer_collection]
     while stack:
         item = stack.pop()
         if item.collection.hide_render:
             continue
         stack.extend(item.children)
-        if item.exclude:
-            continue
+        if not item.exclude:
+            yield item
+
+
+def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
+    """Names of the layer's objects that render and that the camera can see; objects of PatchNet are no surface."""
+    names: set[str] = set()
+    unseen: set[str] = set()  # in any collection with Holdout or Indirect Only
+    for item in rendered_collections(layer):
         found = {
             each.name_full
             for each in item.collection.objects

@@ -153,6 +153,13 @@ def test_hidden_lamps_count_as_light(small: bpy.types.Scene, kind: str) -> None:
     assert not has_light(graph)
 
 
+def test_a_lamp_that_nothing_shows_is_no_light(small: bpy.types.Scene) -> None:
+    place(bpy.data.objects["Lamp"], "collection in renders")
+    bpy.data.collections["Made"].hide_viewport = True
+    bpy.context.view_layer.update()
+    assert not has_light(bpy.context.evaluated_depsgraph_get())
+
+
 def test_values_without_a_keyframe_stay(small: bpy.types.Scene) -> None:
     """Muting a driver lets Blender evaluate all keyframes of its object."""
     slab = bpy.data.objects["Slab"]
