@@ -33,14 +33,14 @@ def key_of_job(context: bpy.types.Context, settings: JobSettings) -> str:
 def voxels_before(context: bpy.types.Context, settings: JobSettings, key: str = "") -> Before | None:
     """Voxels whose grid a job can reuse, with their light and codes if they fit; None if voxels have to be made.
 
-    key: `key_of_job`, under which the cache folder is searched last; computed if it is not given.
+    key: `key_of_job`, under which the cache folder is searched last; without it only if there is no such grid.
     """
     scene = context.scene
     result = _checked(results.result_of(scene), scene)
     if result is None or result.stale:  # an earlier state of the scene may be back
         result = _checked(found_on_disk(scene, network=settings.network), scene) or result
     before = None if result is None else _reusable(context, settings, result)
-    if before is not None and before.lit:
+    if before is not None and (before.lit or not key):
         return before
     return before_on_disk(context, settings, key or key_of_job(context, settings)) or before
 
