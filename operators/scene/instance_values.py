@@ -13,8 +13,8 @@ import bpy
 import numpy as np
 
 from ..scene_access.blender_version import tree_in_use
-from ..state.digest import ATTRIBUTE_KINDS, composed, values_of
-from .layer_names import all_nodes
+from ..state.digest import ATTRIBUTE_KINDS, values_of
+from .layer_names import all_nodes, own_name
 
 _MASK = 0xFFFFFFFF
 _NO_ID = 2**31 - 1
@@ -34,8 +34,8 @@ class Asked(NamedTuple):
 
     @property
     def layer(self) -> str:
-        """Name of the layer of baked triangles that holds it, hashed: Blender 4.5 truncates long ones."""
-        return f"patchnet {composed(self.kind, self.key)}"
+        """Name of the layer that holds it."""
+        return own_name(self.kind, self.key)
 
 
 def asked_by(node: bpy.types.Node, output: str) -> Asked | None:

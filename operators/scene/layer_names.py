@@ -8,11 +8,18 @@ from collections.abc import Iterator
 import bpy
 
 from ..scene_access.blender_version import tree_in_use
+from ..state.digest import composed, names
+
+
+def own_name(*parts: str) -> str:
+    """Name of a layer of ours, hashed: no layer of the user's is equal, and Blender 4.5 truncates long names."""
+    return f"patchnet {composed(*parts)}"
+
 
 # Layer of generated coordinates, which depend on the texture space of a mesh.
-GENERATED = "patchnet_generated"
+GENERATED = own_name("generated")
 # Layer of a mesh's default colour attribute, which a Color Attribute node without a name reads.
-DEFAULT_COLOR = "patchnet_default_color"
+DEFAULT_COLOR = own_name("default color")
 # Textures that use generated coordinates without a link.
 GENERATED_BY_DEFAULT = frozenset(
     {
@@ -28,6 +35,15 @@ _NAME_PROPERTY = {
     "VERTEX_COLOR": "layer_name",
     "ATTRIBUTE": "attribute_name",
 }
+# Names that Cycles does not look up in the mesh: it computes their values, or has none.
+_STANDARD = {"generated": GENERATED, "vertex_color": DEFAULT_COLOR} | dict.fromkeys(
+    names(
+        """N uv tangent tangent_sign generated_transform undeformed undisplaced motion_P motion_N particle pointiness
+        random_per_island density color flame heat temperature velocity velocity_x velocity_y velocity_z
+        curve_intercept curve_length curve_random point_random ptex_face_id ptex_uv shadow_transparency"""
+    ),
+    "",
+)
 
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
@@ -35,20 +51,24 @@ def layer_names(material: bpy.types.Material) -> frozenset[str]:
     tree = tree_in_use(material)
     if tree is None:
         return frozenset()
-    names = set()
-    for node in all_nodes(tree):
-        if node.type in _NAME_PROPERTY:
-            names.add(getattr(node, _NAME_PROPERTY[node.type]))
-        if needs_generated(node):
-            names.add(GENERATED)
-        elif asks_default_color(node):
-            names.add(DEFAULT_COLOR)
-    return frozenset(names - {""})
+    nodes = list(all_nodes(tree))
+    generated = {GENERATED} if any(map(needs_generated, nodes)) else set()
+    return frozenset(({layer_of(node) for node in nodes} | generated) - {""})
 
 
-def asks_default_color(node: bpy.types.Node) -> bool:
-    """Return whether a node reads the mesh's default colour attribute."""
-    return node.type == "VERTEX_COLOR" and not node.layer_name
+def layer_of(node: bpy.types.Node) -> str:
+    """Layer that a node reads by its name, DEFAULT_COLOR without a name, or GENERATED; "" if it reads none."""
+    if node.type not in _NAME_PROPERTY or (node.type == "ATTRIBUTE" and node.attribute_type != "GEOMETRY"):
+        return ""
+    name: str = getattr(node, _NAME_PROPERTY[node.type])
+    if node.type not in ("ATTRIBUTE", "VERTEX_COLOR"):
+        return name
+    return _STANDARD.get(name, name) or (DEFAULT_COLOR if node.type == "VERTEX_COLOR" and not name else "")
+
+
+def name_layer(node: bpy.types.Node, name: str) -> None:
+    """Make a node with a layer read the layer `name`."""
+    setattr(node, _NAME_PROPERTY[node.type], name)
 
 
 def needs_generated(node: bpy.types.Node) -> bool:

@@ -2,7 +2,7 @@
 """Object data that materials read, stored as mesh attributes when triangles of many objects are joined.
 
 In copies of the materials, links from nodes that read the object (`asked_by`), and from generated and object
-coordinates, lead to Attribute nodes.
+coordinates, lead to Attribute nodes. Layers have names of ours there, since a mesh has some of its own, such as "id".
 """
 
 from __future__ import annotations
@@ -12,16 +12,10 @@ from collections.abc import Iterator, Sequence
 import bpy
 
 from ...scene.instance_values import asked_by
-from ...scene.layer_names import (
-    DEFAULT_COLOR,
-    GENERATED,
-    all_nodes,
-    asks_default_color,
-    needs_generated,
-)
+from ...scene.layer_names import GENERATED, all_nodes, layer_of, name_layer, needs_generated, own_name
 from ...scene_access.blender_version import tree_in_use
 
-OBJECT = "patchnet_object"
+OBJECT = own_name("object")
 _BY_ANGLE = ("LAYER_WEIGHT", "FRESNEL")
 _KINDS = {"RGBA": "Color", "VECTOR": "Vector", "VALUE": "Fac"}  # type of a socket -> output of the Attribute node
 # Outputs by node type that joining changes, or that depend on the view; None: all outputs.
@@ -85,7 +79,7 @@ def needs_redirect(material: bpy.types.Material) -> bool:
     """Return whether `redirect` changes anything in a material."""
     return any(
         node.type in ("NEW_GEOMETRY", *_BY_ANGLE) or _own_coordinates(node) or _scatters(node) or needs_generated(node)
-        or asks_default_color(node) or any(asked_by(node, socket.name) for socket in node.outputs)
+        or layer_of(node) or any(asked_by(node, socket.name) for socket in node.outputs)
         for node in _nodes([material])
     )  # fmt: skip
 
@@ -109,8 +103,8 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique:
             _replace(tree, node.outputs["Object"], OBJECT, "Vector")
         elif node.type == "OBJECT_INFO":
             _replace_constant(tree, node.outputs["Material Index"], float(material_index))
-        elif asks_default_color(node):
-            node.layer_name = DEFAULT_COLOR
+        elif layer := layer_of(node):
+            name_layer(node, own_name(layer))
         elif needs_generated(node):
             tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
         if oblique and node.type in _BY_ANGLE and not node.inputs["Normal"].is_linked:
@@ -177,7 +171,7 @@ def _nodes(materials: Sequence[bpy.types.Material]) -> Iterator[bpy.types.Node]:
 
 def _attribute(tree: bpy.types.NodeTree, name: str) -> bpy.types.Node:
     node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_name = name
+    node.attribute_name = own_name(name)
     return node
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
+from ...scene.layer_names import own_name
 from ...scene.scene_mesh import Run, SceneMesh
 from ...scene_access.polygons import add_polygons
 from .object_data import OBJECT
@@ -193,7 +194,7 @@ def fill_mesh(
     mesh.uv_layers[SURFACE_LAYER].active_render = True
     _add_layer(mesh, TEXEL_LAYER, part.texel_uvs)
     for name, values in part.layers.items():
-        _add_layer(mesh, name, values)
+        _add_layer(mesh, own_name(name), values)
     normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
     normals.data.foreach_set("vector", np.ascontiguousarray(part.normals_world, np.float32).ravel())
 
