@@ -83,7 +83,7 @@ class Run:
         return self.wound(np.broadcast_to(part, (self.hi - self.lo, *part.shape)))
 
     def uvs(self, materials: tuple[Material, ...]) -> np.ndarray:
-        """Texture coordinates (N, 3, 2) float32, of the UV map of each triangle's material."""
+        """Texture coordinates (N, 3, 2) float32, of the UV map of each triangle's material; those not finite are 0."""
         mesh = self.instances.mesh
         uvs = np.zeros((len(self), 3, 2), np.float32) if mesh.uvs is None else self.per_corner(mesh.uvs)
         used = np.unique(self.instances.materials[self.lo : self.hi]).tolist()
@@ -91,7 +91,7 @@ class Run:
             uvs = uvs.copy()  # the array may be the mesh's own
             mine = np.array([material.uv_map == name for material in materials])[self.materials()]
             uvs[mine] = self.per_corner(mesh.layers[name][..., :2])[mine] if name in mesh.layers else 0.0
-        return uvs
+        return np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
 
     def wound(self, values: np.ndarray) -> np.ndarray:
         """Values (P, T, 3, C) with corners 1 and 2 exchanged where the placement is mirrored, as (N, 3, C)."""

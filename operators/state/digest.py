@@ -255,7 +255,7 @@ class Digest:
 
     def faces(self, data: Any) -> None:
         """Hash the vertex indices of a mesh's faces and where each begins, or the first points of strands of hair."""
-        if isinstance(data, bpy.types.Curves):
+        if isinstance(data, bpy.types.Curves) and len(data.curves):  # without any, offsets cannot be read
             self.array("strands", values_of(data.curve_offset_data, "value", 1, np.int32))
         if not isinstance(data, bpy.types.Mesh):
             return
