@@ -215,7 +215,8 @@ def light_octree(
         thin = thin_warnings(source, choice.grid, choice.cameras)
         own_color = () if surface.is_baked else source.color_warnings
         assumed = (NO_LIGHT,) if surface.is_baked and settings.light.daylight else ()
-        warnings = (*source.warnings, *own_color, *choice.warnings, *thin, *coarse, *lit.warnings, *assumed)
+        read = *source.warnings, *surface.state.warnings
+        warnings = (*read, *own_color, *choice.warnings, *thin, *coarse, *lit.warnings, *assumed)
         kind = UNLIT if overrides.unlit else settings.light.kind
         layers = layers_of(clipped.expected, octree.leaf_count)
         return LitOctree(octree, choice.layout, kind, source, surface.state, warnings, layers, lit.reused)

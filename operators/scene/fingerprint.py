@@ -9,6 +9,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ...patchnet_addon.runtime.omissions import Omissions
 from ..scene_access.own import is_own
 from ..state.block_hashes import FILMS, OBJECT_RAYS
 from ..state.digest import Digest, names
@@ -60,25 +61,32 @@ def lights_hash(depsgraph: bpy.types.Depsgraph) -> str:
     That is the world, lamps, materials, settings of renders, and objects that cast shadows but have no voxels. Call
     within `render_geometry`, so that what viewports hide counts.
     """
-    digest, scene = Digest(), depsgraph.scene_eval  # `depsgraph.scene` keeps values of an earlier frame
+    digest, unread = Digest(), Omissions()
+    scene = depsgraph.scene_eval  # `depsgraph.scene` keeps values of an earlier frame
     digest.block(scene.world)
     digest.text(settings_of_light(scene))
     for instance in depsgraph.object_instances:
         item = instance.object
         if is_own(item):
             continue
-        if item.type != "LIGHT":  # what shadows and reflections show of it may be keyed
-            digest.text(*(getattr(item, name) for name in OBJECT_RAYS))
-        if not item.hide_render and (item.type in _WITHOUT_VOXELS or not item.visible_camera):
-            digest.text(item.name_full)
-            digest.array("matrix", np.array(instance.matrix_world, np.float64))
-            digest.block(item.data)
-            if item.type == "VOLUME":
-                digest.file(item.data.grids.frame_filepath)
-        for slot in item.material_slots:
-            if slot.material is not None and not is_own(slot.material):
-                digest.block(slot.material)
+        with unread.leaving_out(item.name):
+            _add_instance(digest, instance)
     return digest.hexdigest()
+
+
+def _add_instance(digest: Digest, instance: bpy.types.DepsgraphObjectInstance) -> None:
+    item = instance.object
+    if item.type != "LIGHT":  # what shadows and reflections show of it may be keyed
+        digest.text(*(getattr(item, name) for name in OBJECT_RAYS))
+    if not item.hide_render and (item.type in _WITHOUT_VOXELS or not item.visible_camera):
+        digest.text(item.name_full)
+        digest.array("matrix", np.array(instance.matrix_world, np.float64))
+        digest.block(item.data)
+        if item.type == "VOLUME":
+            digest.file(item.data.grids.frame_filepath)
+    for slot in item.material_slots:
+        if slot.material is not None and not is_own(slot.material):
+            digest.block(slot.material)
 
 
 def cameras_hash(depsgraph: bpy.types.Depsgraph) -> str:

@@ -61,9 +61,9 @@ def layer_of(node: bpy.types.Node) -> str:
     if node.type not in _NAME_PROPERTY or (node.type == "ATTRIBUTE" and node.attribute_type != "GEOMETRY"):
         return ""
     name: str = getattr(node, _NAME_PROPERTY[node.type])
-    if node.type not in ("ATTRIBUTE", "VERTEX_COLOR"):
-        return name
-    return _STANDARD.get(name, name) or (DEFAULT_COLOR if node.type == "VERTEX_COLOR" and not name else "")
+    if node.type == "VERTEX_COLOR":
+        return DEFAULT_COLOR if not name else "" if name in _STANDARD else name
+    return _STANDARD.get(name, name) if node.type == "ATTRIBUTE" else name
 
 
 def name_layer(node: bpy.types.Node, name: str) -> None:

@@ -27,6 +27,7 @@ class LocalMesh:
         4 for colours.
     origin: hash of the sources of UVs and layers, if their last bits vary between evaluations; otherwise "".
     thickness: mean diameter of the strands or points that it represents, 0 for a mesh.
+    damaged: faces are left out, whose vertices are not finite numbers.
     """
 
     name: str
@@ -38,6 +39,7 @@ class LocalMesh:
     layers: dict[str, np.ndarray] = field(default_factory=dict)
     origin: str = ""
     thickness: float = 0.0
+    damaged: bool = False
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -52,21 +54,26 @@ def read_local_mesh(
 ) -> LocalMesh | None:
     """Arrays of an evaluated mesh, or None if it has no faces; `name` is the object's, for messages.
 
-    layer_names: UV maps and colour attributes that materials read by name. origin: see `LocalMesh`.
-    Raises GeometryError if a coordinate is not finite.
+    layer_names: UV maps and colour attributes that materials read by name. origin: see `LocalMesh`. No triangle is left
+    if all are damaged. Raises GeometryError if vertices of faces do not exist.
     """
     mesh.calc_loop_triangles()
     if not len(mesh.loop_triangles):
         return None
     loops = values_of(mesh.loop_triangles, "loops", 3, np.int32).reshape(-1, 3)
-    vertices = values_of(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
-    vertices, triangles = _used(vertices, _vertex_of_loop(mesh)[loops])
-    if not np.isfinite(vertices).all():
+    vertices, corners = values_of(mesh.vertices, "co", 3, np.float32).reshape(-1, 3), _vertex_of_loop(mesh)
+    if corners.max() >= len(vertices):  # Cycles reads what lies behind them, and crashes
         raise GeometryError(
-            f"Object '{name}' has vertices that are not finite numbers (NaN or infinite): "
-            "repair or remove them, or leave the object out of the selection"
+            f"The mesh of object '{name}' has faces without vertices, with which Cycles crashes: delete the object, or "
+            f"repair it in the Python console by bpy.data.meshes['{mesh.original.name}'].validate()"
         )
+    kept = np.ones(len(loops), bool)
+    if not np.isfinite(vertices).all():  # Cycles leaves out triangles with these
+        kept = np.isfinite(vertices).all(axis=1)[corners[loops]].all(axis=1)
+        loops = loops[kept]
+    vertices, triangles = _used(vertices, corners[loops])
     slots = values_of(mesh.loop_triangles, "material_index", 1, np.int32).astype(np.int16)
+    slots = slots if kept.all() else slots[kept]
     uv_layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     return LocalMesh(
         name=name,
@@ -74,9 +81,10 @@ def read_local_mesh(
         triangles=triangles,
         uvs=_uvs(uv_layer)[loops] if uv_layer else None,
         slots=slots if slots.any() else None,
-        normals=_normals(mesh, loops),
+        normals=_normals(mesh, loops, kept),
         layers={key: values[loops] for key in sorted(layer_names) if (values := _layer(mesh, key)) is not None},
         origin=origin,
+        damaged=not kept.all(),
     )
 
 
@@ -91,15 +99,20 @@ def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _uvs(layer: bpy.types.MeshUVLoopLayer) -> np.ndarray:
-    """(L, 2) float32; coordinates that are not finite become 0."""
-    return np.nan_to_num(values_of(layer.uv, "vector", 2, np.float32).reshape(-1, 2), posinf=0.0, neginf=0.0)
+    """(L, 2) float32; Cycles has rules of its own for those that are not finite."""
+    return values_of(layer.uv, "vector", 2, np.float32).reshape(-1, 2)
 
 
-def _normals(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | None:
-    """(T, 3, 3) int16 shading normals, or None if every face is flat."""
+def _normals(mesh: bpy.types.Mesh, loops: np.ndarray, kept: np.ndarray) -> np.ndarray | None:
+    """(T, 3, 3) int16 shading normals, or None if every face is flat; kept: of all triangles, those of `loops`."""
     if mesh.normals_domain == "FACE":
         return None
-    return packed_normals(values_of(mesh.corner_normals, "vector", 3, np.float32).reshape(-1, 3))[loops]
+    normals = packed_normals(values_of(mesh.corner_normals, "vector", 3, np.float32).reshape(-1, 3))[loops]
+    if mesh.normals_domain == "POINT" and "custom_normal" in mesh.attributes:  # flat faces stay flat in Cycles
+        flat = ~values_of(mesh.loop_triangles, "use_smooth", 1, np.bool_)[kept]
+        of_faces = values_of(mesh.loop_triangles, "normal", 3, np.float32).reshape(-1, 3)[kept]
+        normals[flat] = packed_normals(of_faces[flat])[:, None]
+    return normals
 
 
 def packed_normals(normals: np.ndarray) -> np.ndarray:

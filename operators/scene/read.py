@@ -10,7 +10,8 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import EmptySelectionError, GeometryError
+from ...patchnet_addon.runtime.errors import EmptySelectionError
+from ...patchnet_addon.runtime.omissions import Omissions
 from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
@@ -32,6 +33,7 @@ _NOTHING = {
     SELECTED: "No selected object has a surface: select a mesh, curve or text, or choose all visible objects",
     VISIBLE: "No visible object has a surface: add a mesh, curve or text, or enable it for renders",
 }
+_NOT_FINITE = "that are not finite numbers (NaN or infinite)"
 LEFT_OUT = {"GREASEPENCIL": "Grease pencil is", "VOLUME": "Volumes are"}  # by type of object
 
 
@@ -39,7 +41,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     """Read the surface of the objects in scope ("SELECTED" or "VISIBLE") in world units, with their materials.
 
     chosen: session_uids of objects that count as selected. Raises EmptySelectionError if nothing in scope has
-    a surface, GeometryError if the surface has no area or coordinates that are not finite.
+    a surface, GeometryError if it has no area, or faces without vertices.
     """
     layer = depsgraph.view_layer
     reader = _Reader(depsgraph.scene.frame_current_final, hair=layer.use_strand, solid=layer.use_solid)
@@ -62,6 +64,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     if unknown := named_list(sorted(reader.instance_reader.unknown)):
         warnings.append(f"Materials read attribute {unknown}, which no object or instance has: it counts as 0")
     warnings += [reading.note for reading in readings if reading.note]
+    warnings += reader.unread_materials.sentences("Material", "read as plain gray")
     links = tuple(reader.light_links.distinct)
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
@@ -117,7 +120,7 @@ class _Placed(NamedTuple):
 class _Reader:
     """Collector of instances; each mesh and each material once.
 
-    hair, solid: whether the view layer shows strands, and meshes.
+    hair, solid: whether the view layer shows strands, and meshes. unread_materials: those that cannot be read.
     """
 
     def __init__(self, frame: float, *, hair: bool = True, solid: bool = True) -> None:
@@ -129,9 +132,17 @@ class _Reader:
         self._needs: dict[str, tuple[frozenset[str], frozenset[Asked]]] = {}
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
         self._left_out: dict[str, set[str]] = {}
+        self._damaged: dict[str, set[str]] = {}
+        self._unread, self.unread_materials = Omissions(), Omissions()
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
-        """Read mesh, strands or points, and hair of an instance."""
+        """Read mesh, strands or points, and hair of an instance; unexpected errors leave out its object."""
+        name = instance.object.name
+        if name not in self._unread:
+            with self._unread.leaving_out(name):
+                self._add_all(instance)
+
+    def _add_all(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         item = instance.object
         layers = self._needs_of(item)[0]
         shared = item.data and item.data.as_pointer(), layers  # objects with the same key share a mesh
@@ -157,22 +168,24 @@ class _Reader:
         item = instance.object
         matrix = np.array(instance.matrix_world, np.float64)
         if not np.isfinite(matrix).all():
-            raise GeometryError(
-                f"Object '{item.name}' has a transform that is not finite: repair its position or scale"
-            )
+            self._damaged.setdefault("Objects with positions or scales", set()).add(item.name)
+            return
         if key not in self._meshes:
-            self._meshes[key] = read()
+            mesh = read()
+            if mesh is not None and mesh.damaged:
+                kind = "Hair and points with coordinates" if isinstance(mesh, Strands) else "Faces with vertices"
+                self._damaged.setdefault(kind, set()).add(item.name)
+            self._meshes[key] = mesh if mesh is not None and len(mesh) else None
         if self._meshes[key] is not None:
             slots = tuple(self._material(slot.material) for slot in item.material_slots)
-            self._placed.setdefault(key, []).append(
-                _Placed(
-                    item.name,
-                    matrix,
-                    slots or (self._material(None),),
-                    {asked: self.instance_reader.value(instance, asked) for asked in self._needs_of(item)[1]},
-                    self.light_links.number(instance),
-                )
+            placed = _Placed(
+                item.name,
+                matrix,
+                slots or (self._material(None),),
+                {asked: self.instance_reader.value(instance, asked) for asked in self._needs_of(item)[1]},
+                self.light_links.number(instance),
             )
+            self._placed.setdefault(key, []).append(placed)
 
     def _needs_of(self, item: bpy.types.Object) -> tuple[frozenset[str], frozenset[Asked]]:
         """Layers and values that the materials of an object request."""
@@ -191,17 +204,25 @@ class _Reader:
         return self.material_names.setdefault(name, len(self.material_names))
 
     def left_out(self) -> list[str]:
-        """Sentences about rendered objects without a surface."""
+        """Sentences about rendered objects without a surface, and about what cannot be read."""
+        damaged = [
+            f"{what} {_NOT_FINITE} are left out: repair {named_list(sorted(names))}"
+            for what, names in self._damaged.items()
+        ]
         return [
-            f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes, or "
-            "use Refine with Cycles, Passes: Combined"
-            for kind, names in self._left_out.items()
+            *self._unread.sentences("Object", "left out"),
+            *damaged,
+            *(
+                f"{LEFT_OUT[kind]} left out, though renders show {named_list(sorted(names))}: convert them to meshes, "
+                "or use Refine with Cycles, Passes: Combined"
+                for kind, names in self._left_out.items()
+            ),
         ]
 
     def parts(self) -> tuple[tuple[MeshInstances, ...], list[str]]:
         """All MeshInstances, in order of first appearance, and sentences for users."""
         parts = []
-        read = {key: mesh for key, mesh in self._meshes.items() if mesh is not None}
+        read = {key: mesh for key in self._placed if (mesh := self._meshes[key]) is not None}
         meshes, notes = finished(read, {key: len(placed) for key, placed in self._placed.items()})
         for key, placed in self._placed.items():
             mesh = meshes[key]
@@ -223,8 +244,12 @@ class _Reader:
         """Materials in the order of their indices."""
         images, default = ImageReader(), MaterialReading(Material("default"), gloss=DIFFUSE)
         library = {material.name_full: material for material in bpy.data.materials}
-        used = [library.get(name) for name in self.material_names]
-        return [read_material(each, images) if each else default for each in used]
+        readings = [default] * len(self.material_names)
+        for number, name in enumerate(self.material_names):
+            if name in library:
+                with self.unread_materials.leaving_out(name):
+                    readings[number] = read_material(library[name], images)
+        return readings
 
 
 def _values(placed: Sequence[_Placed]) -> dict[str, np.ndarray]:

@@ -16,7 +16,6 @@ from itertools import chain
 import bpy
 import numpy as np
 
-from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.surface.tubes import curve_middles, segments, sphere_triangles, spheres, tube_triangles, tubes
 from ..scene_access.blender_version import POLYLINES_ARE_STRAIGHT
@@ -43,6 +42,7 @@ class Strands:
     points: (P, 3) float32. radii: (P,) float32. first: (S + 1,) int64, strand s has points first[s] to first[s + 1].
     uvs: (P, 2) float32 or None. layers: (P, C) float32, see `LocalMesh`. slot: of the material.
     spheres: each point is a sphere, and a strand of its own. straight: strands have no curve between their points.
+    damaged: strands are left out, whose points are not finite numbers.
     """
 
     name: str
@@ -54,6 +54,10 @@ class Strands:
     slot: int = 0
     spheres: bool = False
     straight: bool = False
+    damaged: bool = False
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
 
     def triangle_count(self, detail: int) -> int:
         """Count of triangles of `mesh`."""
@@ -150,7 +154,7 @@ def finished(read: dict[Key, LocalMesh | Strands], places: dict[Key, int]) -> tu
 def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | None:
     """Strands of an evaluated object of hair curves, or its points; None if there are none.
 
-    names: attributes that materials read. Raises GeometryError if a coordinate is not finite.
+    names: attributes that materials read.
     """
     data, spheres = item.data, item.type == "POINTCLOUD"
     count = len(data.points)
@@ -176,13 +180,14 @@ def read_strands(item: bpy.types.Object, names: frozenset[str]) -> Strands | Non
 
 
 def _checked(strands: Strands) -> Strands | None:
-    """Strands that Cycles shows: of at least two points, or spheres."""
-    if not (np.isfinite(strands.points).all() and np.isfinite(strands.radii).all()):
-        raise GeometryError(
-            f"Hair or points of object '{strands.name}' are not finite numbers (NaN or infinite): repair or remove them"
-        )
-    shown = np.flatnonzero(np.diff(strands.first) >= (1 if strands.spheres else 2))
-    return strands.only(shown).divided().divided() if len(shown) else None
+    """Strands that Cycles shows: of at least two points, or spheres, all finite; none if all are damaged."""
+    shown = np.diff(strands.first) >= (1 if strands.spheres else 2)
+    valid = np.isfinite(strands.points).all(axis=1) & np.isfinite(strands.radii)
+    damaged = np.diff(np.append(0, np.cumsum(~valid))[strands.first]) > 0
+    if not shown.any():
+        return None
+    left = replace(strands.only(np.flatnonzero(shown & ~damaged)), damaged=bool((shown & damaged).any()))
+    return left.divided().divided() if len(left) else left
 
 
 def _attribute(data: bpy.types.ID, name: str, lengths: np.ndarray) -> np.ndarray | None:
@@ -217,7 +222,7 @@ def read_hair(
 ) -> Strands | None:
     """Hair of a particle system of an evaluated object; only the children if there are any, as in Cycles.
 
-    Reading takes 2 us per point. For names, errors and None see `read_strands`.
+    Reading takes 2 us per point. For names and None see `read_strands`.
     """
     system, settings = modifier.particle_system, modifier.particle_system.settings
     parents, children = len(system.particles), len(system.child_particles)

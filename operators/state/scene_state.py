@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import bpy
 
+from ...patchnet_addon.runtime.omissions import Omissions
 from .block_hashes import LAMPS, BlockReader, OwnDigest, Part, may_appear, passed_over
 from .digest import composed
 
@@ -38,6 +39,7 @@ _OF_CYCLES = (
 )  # fmt: skip
 _OVERRIDES = "material_override", "world_override"  # of a view layer
 _SETTINGS = "world or render settings", ""
+_UNREAD = Part("", ())
 _NEIGHBOURS = 4  # references that are followed, to tell data-blocks with the same values apart
 
 
@@ -74,7 +76,7 @@ class SceneState:
     entries: hashes by session_uid of the data-block. shown: visibility of each object in renders of the view layer.
     layer: its name. chosen: session_uids of the objects that have voxels, None for all. frame: the current one if
     something is animated. seconds: time that reading the state took. gloss_from: place of the camera that gloss was
-    baked for, empty without one.
+    baked for, empty without one. warnings: sentences about what cannot be read.
     """
 
     entries: dict[int, _Entry]
@@ -84,6 +86,7 @@ class SceneState:
     frame: int | None
     seconds: float
     gloss_from: str = ""
+    warnings: tuple[str, ...] = ()
 
     def identity(self, *more: object) -> str:
         """32 hex digits over all of it and `more`; the same in each process."""
@@ -153,7 +156,7 @@ def scene_state(
     found = _shown(scene, view_layer)
     if selected:
         chosen = frozenset(uid for uid, (item, _) in found.items() if item.select_get(view_layer=view_layer))
-    reader = BlockReader(keys=keys)
+    reader, unread = BlockReader(keys=keys), Omissions()
     entries = {_SCENE: _settings(scene, view_layer)}
     waiting: dict[str, list[tuple[bpy.types.ID, int]]] = {SURFACE: [], LIGHT: []}
     for item, _ in found.values():
@@ -171,14 +174,19 @@ def scene_state(
                 continue
             owner = uid if isinstance(block, bpy.types.Object) else owner
             mine = LIGHT if isinstance(block, _LIGHT_TYPES) else step
-            main, look, (references, lit_references) = reader.parts(block)
+            main = look = _UNREAD
+            references: list[bpy.types.ID] = []
+            lit_references: list[bpy.types.ID] = []
+            with unread.leaving_out(found[owner][0].name if owner in found else block.name):
+                main, look, (references, lit_references) = reader.parts(block)
             entries[uid] = _Entry(_named(block), owner, mine, main, look)
             animated |= reader.animated
             waiting[mine] += [(other, owner) for other in references]
             waiting[LIGHT] += [(other, owner) for other in lit_references]
     frame = scene.frame_current if animated else None
     shown = {uid: how for uid, (_, how) in found.items()}
-    return SceneState(entries, shown, view_layer.name, chosen, frame, time.perf_counter() - begun)
+    warnings = tuple(unread.sentences("Object", "not watched for changes"))
+    return SceneState(entries, shown, view_layer.name, chosen, frame, time.perf_counter() - begun, warnings=warnings)
 
 
 def _named(block: bpy.types.ID) -> Named | None:

@@ -84,6 +84,12 @@ def unexpected(error: BaseException, **fields: Any) -> None:
     event("error", f"{type(error).__name__}: {error}", logging.ERROR, traceback=text, **fields)
 
 
+def omitted(error: BaseException, message: str) -> None:
+    """Log a warning about an unexpected error that a job goes on after, with its traceback."""
+    text = "".join(traceback.format_exception(error))
+    LOG.warning(message, exc_info=error, extra={"fields": {"traceback": text}})
+
+
 def json_line(name: str, message: str, level: int = logging.INFO, /, **fields: Any) -> str:
     """Format an event as a line of JSON without a newline."""
     values = {

@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
+from ....patchnet_addon.runtime.omissions import Omissions
 from ...scene_access.blender_version import start_nodes, tree_in_use
 from ...scene_access.temporary import temporary
 from .object_data import needs_redirect, redirect
@@ -16,12 +17,19 @@ from .one_sided import is_translucent, keep_sides
 
 @contextmanager
 def bake_materials(
-    names: Sequence[str], image: bpy.types.Image, back: bool, through: bool = False, *, oblique: bool = False
+    names: Sequence[str],
+    image: bpy.types.Image,
+    back: bool,
+    through: bool = False,
+    *,
+    oblique: bool = False,
+    unread: Omissions | None = None,
 ) -> Iterator[list[bpy.types.Material]]:
     """Copy each named material, "" for the default one, with `image` as the active node, within the block.
 
     The copies read attributes instead of the object. back: the mesh shows back sides. through: they show only
     translucent light, else all but that. oblique: nodes that depend on the angle of view use the mean of all views.
+    unread: gets the names of materials that cannot be adapted.
     """
     library = {material.name_full: material for material in bpy.data.materials}
     copies: list[bpy.types.Material] = []
@@ -42,8 +50,9 @@ def bake_materials(
             original = library[name] if name else None
             new = original.copy() if original else bpy.data.materials.new("PatchNet Default")
             copies.append(stack.enter_context(temporary(new)))
-            if original and (needs_redirect(original) or is_translucent(original)):
-                adapt(new.node_tree, original.pass_index, {})
+            with (unread or Omissions()).leaving_out(name):
+                if original and (needs_redirect(original) or is_translucent(original)):
+                    adapt(new.node_tree, original.pass_index, {})
             aim(new, image, plain=original is None)
         yield copies
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from ....patchnet_addon.runtime.omissions import Omissions
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.worker import computed
 from ....patchnet_addon.surface.chroma import REC709
@@ -52,8 +53,7 @@ class SurfelBaker:
     """Baker of surfels; between two calls it holds no data of Blender but the context.
 
     channels: of baked light: luminance, with colour red, green and blue, all times opacity, opacity, and half the
-    difference of luminance times opacity in its two texels. warnings: sentences about inputs that cannot be baked.
-    paths_traced: so far.
+    difference of luminance times opacity in its two texels. paths_traced: so far.
     """
 
     def __init__(
@@ -84,9 +84,14 @@ class SurfelBaker:
             for material in used
             for node in lost_inputs(material, material.name_full in transformed)
         ]
-        self.warnings = (*_lost(lost), *gloss_warnings(source, light))
+        self._warnings, self._unread = (*_lost(lost), *gloss_warnings(source, light)), Omissions()
         # Far below a voxel, far above the rounding of coordinates; equal for all depths, so that light can be kept.
         self._lift_world = max(_LIFT_SHARE * side_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about inputs that cannot be baked."""
+        return (*self._warnings, *self._unread.sentences("Material", "baked without values of objects"))
 
     def bake(self, surfels: np.ndarray, samples: int, seed: int, at: Progress) -> Steps[np.ndarray]:
         """Baked light (N, channels) float32 of surfels (N,) SURFEL, means over `samples` paths each; reports are `at`.
@@ -149,7 +154,8 @@ class SurfelBaker:
             materials: list[bpy.types.Material] = []
             for back in (False, True):
                 own = [names[number % count] for number in used if (number >= count) == back]
-                views = bake_materials(own, image, back, what.through, oblique=not self._light.from_camera)
+                oblique = not self._light.from_camera
+                views = bake_materials(own, image, back, what.through, oblique=oblique, unread=self._unread)
                 materials += stack.enter_context(views)
             mesh = stack.enter_context(temporary(bpy.data.meshes.new("PatchNet Bake")))
             fill_mesh(mesh, part, materials, -self._lift_world if what.through else self._lift_world)
