@@ -16,6 +16,7 @@ from ...patchnet_addon.runtime.quantities import named_list, subject
 from ...patchnet_addon.surface.mesh import Material
 from ..schema.table import SELECTED, VISIBLE
 from ..state.digest import origin_of_corners
+from .coincident import coincidence_warnings
 from .files import missing_files, missing_libraries
 from .gloss import DIFFUSE
 from .images import ImageReader
@@ -69,7 +70,9 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     materials = tuple(as_cut_out(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
     gloss = tuple(reading.gloss for reading in readings)
-    return SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
+    source = SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)
+    warnings += coincidence_warnings(source)
+    return source
 
 
 def _unlike_renders(depsgraph: bpy.types.Depsgraph, names: set[str]) -> list[str]:
