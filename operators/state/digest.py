@@ -142,7 +142,7 @@ class Digest:
     def modifier(self, modifier: bpy.types.Modifier, depth: int = _DEPTH) -> None:
         """Hash a modifier, with its inputs of geometry nodes."""
         self.struct(modifier, _SKIPPED_OF_MODIFIERS, depth)
-        if modifier.type != "NODES":
+        if modifier.type != "NODES" or modifier.node_group is None:
             return
         inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
         if inputs is None:  # custom properties until Blender 5.1
