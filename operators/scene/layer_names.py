@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..scene_access.blender_version import tree_in_use
+from ..scene_access.blender_version import CYCLES_NAMES_ARE_RESERVED, tree_in_use
 from ..state.digest import composed, names
 
 
@@ -36,14 +36,16 @@ _NAME_PROPERTY = {
     "ATTRIBUTE": "attribute_name",
 }
 # Names that Cycles does not look up in the mesh: it computes their values, or has none.
-_STANDARD = {"generated": GENERATED, "vertex_color": DEFAULT_COLOR} | dict.fromkeys(
-    names(
-        """N uv tangent tangent_sign generated_transform undeformed undisplaced motion_P motion_N particle pointiness
-        random_per_island density color flame heat temperature velocity velocity_x velocity_y velocity_z
-        curve_intercept curve_length curve_random point_random ptex_face_id ptex_uv shadow_transparency"""
-    ),
-    "",
-)
+_STANDARD = {"generated": GENERATED} | dict.fromkeys(names("N uv tangent pointiness random_per_island"), "")
+if CYCLES_NAMES_ARE_RESERVED:
+    _STANDARD |= {"vertex_color": DEFAULT_COLOR} | dict.fromkeys(
+        names(
+            """tangent_sign generated_transform undeformed undisplaced motion_P motion_N particle density color
+            flame heat temperature velocity velocity_x velocity_y velocity_z curve_intercept curve_length
+            curve_random point_random ptex_face_id ptex_uv shadow_transparency"""
+        ),
+        "",
+    )
 
 
 def layer_names(material: bpy.types.Material) -> frozenset[str]:
