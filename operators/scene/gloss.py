@@ -74,10 +74,9 @@ def gloss_of(found: Output, silent: NodeValues) -> Gloss:
     def number(name: str) -> float:
         """Evaluate a number; a texture counts as 0.5, and so does a node without a rule."""
         try:
-            term = silent.number(found.input(name))
+            return silent.number(found.input(name)).middle
         except NotUnderstoodError:
             return 0.5
-        return float(term.offset + 0.5 * term.scale * (not term.constant))
 
     def color(name: str) -> float:
         """Mean luminance of a colour; 0.5 if it depends on a node without a rule."""

@@ -9,8 +9,12 @@ import numpy as np
 from ...patchnet_addon.surface.chroma import REC709
 
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
+WEIGHTS = {"Y": REC709, "MEAN": np.full(3, 1.0 / 3.0, np.float32)}
 _SQUARES_SIDE = 512  # largest side of enlarged images with square texels; they reach at least half of it
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
+# Pixels whose bilinear value at `RAMP_TRANSFORM` of (u, v, 1) is u.
+RAMP = np.linspace(0.0, 1.0, 256, dtype=np.float32).reshape(1, 256, 1)
+RAMP_TRANSFORM = ((255 / 256, 0.0, 0.5 / 256), (0.0, 0.0, 0.5))
 
 
 class ImageReader:
@@ -27,14 +31,16 @@ class ImageReader:
             self._read(image)
         return self._colors[image.name_full]
 
-    def channel(self, image: bpy.types.Image, channel: str) -> np.ndarray:
-        """(H, W, 1) float32: "A", or linear "R", "G", "B", or luminance "Y"."""
+    def channel(self, image: bpy.types.Image | None, channel: str) -> np.ndarray:
+        """(H, W, 1) float32: "A", or linear "R", "G", "B", luminance "Y", or "MEAN"; `RAMP` without an image."""
+        if image is None:
+            return RAMP
         key = image.name_full, channel
         if key not in self._channels and channel == "A":
             self._read(image)
         if key not in self._channels:
             color = self.color(image)
-            values = color @ REC709 if channel == "Y" else color[..., CHANNELS[channel]]
+            values = color @ WEIGHTS[channel] if channel in WEIGHTS else color[..., CHANNELS[channel]]
             self._channels[key] = np.ascontiguousarray(values[..., None])
         return self._channels[key]
 

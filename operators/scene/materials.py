@@ -14,9 +14,10 @@ from ...patchnet_addon.surface.mesh import Material, Texture
 from ..scene_access.blender_version import tree_in_use
 from .gloss import DIFFUSE, Gloss, gloss_of
 from .images import ImageReader
-from .node_terms import ColorTerm, Input, NotUnderstoodError, NumberTerm, Output, Rgb, TextureUse, source
+from .node_terms import CUT_OUT, ColorTerm, Input, NotUnderstoodError, NumberTerm, Output, Rgb, TextureUse, source
 from .node_values import NodeValues
 
+_CLEAR = NumberTerm(0.0)
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)
 _BLACK: Rgb = (0.0, 0.0, 0.0)
 _Term = TypeVar("_Term", ColorTerm, NumberTerm)
@@ -27,12 +28,11 @@ _PARTLY, _MUCH = (0.1, 0.9), 0.25  # partly transparent opacities, and the least
 
 @dataclass(frozen=True)
 class _Surface:
-    """Surface of a shader socket; `transparent` surfaces have no colour of their own."""
+    """Surface of a shader socket: opacity as Cycles' alpha; colours are those of the opaque part."""
 
     base: ColorTerm = ColorTerm(_BLACK)  # noqa: RUF009
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
     emission: Rgb = _BLACK
-    transparent: bool = False
     gloss: Gloss = Gloss()  # noqa: RUF009
 
 
@@ -63,16 +63,17 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
     if output is None:
         note = f"Material '{name}' is black, as in Cycles: no Material Output has Target Cycles or All"
         return MaterialReading(Material(name, base_color=_BLACK), note)
-    walk = _Walk(images)
+    walk, clear_side = _Walk(images), None
     if output.inputs["Volume"].is_linked:
         walk.values.notes.append("its volume is left out (Refine with Cycles, Passes: Combined renders it)")
     if output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked:  # only a volume: no surface
-        surface = _Surface(transparent=True, alpha=NumberTerm(0.0))
+        surface = _Surface(alpha=_CLEAR)
     else:
-        surface = walk.surface(Input(output.inputs["Surface"]))
+        surface, clear_side = walk.sides(Input(output.inputs["Surface"]))
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
             walk.values.notes.append("its displacement is left out, unlike that of a Displace modifier")
-    result = replace(_material(name, surface, walk.colors), base_is_known=not walk.colors.notes)
+    result = _material(name, surface, walk.colors)
+    result = replace(result, base_is_known=not walk.colors.notes, clear_side=clear_side)
     gloss = replace(surface.gloss, shines=max(surface.emission) > 0.0)
     return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes), gloss)
 
@@ -87,27 +88,33 @@ def is_partly_transparent(material: Material) -> bool:
         return False
     low, high = _PARTLY
     if material.alpha_texture is None:
-        return low < material.alpha < high
+        own = material.base_texture is not None or max(*material.base_color, *material.emission) > 0.0
+        return low < material.alpha < high or (material.alpha == 0.0 and own)  # light is added to what is behind
     alpha = material.alpha * material.alpha_texture.pixels
     partly = np.count_nonzero((alpha > low) & (alpha < high))
     return bool(partly > _MUCH * max(np.count_nonzero(alpha > low), 1))
 
 
-def as_cut_out(material: Material) -> Material:
-    """Make the surface opaque where its opacity is at least 0.5, and leave out the rest."""
+def at_least_half_opaque(material: Material) -> Material:
+    """Leave out what is less than half opaque, as voxels are there or not, and harden soft edges of cut-outs."""
+    texture = material.alpha_texture
     if material.alpha_threshold is not None:
         return material
-    if material.alpha_texture is None:
-        return replace(material, alpha=float(material.alpha >= _HALF))
-    return replace(material, alpha_threshold=_HALF)
+    if texture is None:
+        return material if material.alpha >= _HALF else replace(material, alpha=0.0)
+    if not is_partly_transparent(material):
+        return replace(material, alpha_threshold=_HALF)
+    kept = np.where(material.alpha * texture.pixels >= _HALF, texture.pixels, np.float32(0.0))
+    return replace(material, alpha_texture=replace(texture, pixels=kept))
 
 
 def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
     alpha, base, images = surface.alpha, surface.base, colors.images
     maps = {term.texture.uv_map for term in (alpha, base) if term.texture} - {""}  # "" is nearly always the same map
-    if len(maps) > 1 and alpha.texture and base.texture:
-        image = base.texture.image.name
-        colors.notes.append(f"image '{image}' counts by its mean color, since the opacity uses another UV map")
+    of_layer = alpha.texture is not None and alpha.texture.image is None
+    if base.texture and alpha.texture and (len(maps) > 1 or of_layer):
+        why = "since the opacity uses another UV map or attribute"
+        colors.notes.append(f"image '{base.texture.name}' counts by its mean color, {why}")
         base, maps = ColorTerm(colors.constant_color(base)), {alpha.texture.uv_map}
     threshold = alpha.threshold
     opacity = alpha.offset
@@ -118,6 +125,9 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
         opacity = 1.0
         if (alpha.scale, alpha.offset) != (1.0, 0.0):
             pixels = np.clip(pixels * np.float32(alpha.scale) + np.float32(alpha.offset), 0.0, 1.0)
+        if threshold is not None and alpha.levels != CUT_OUT:
+            low, high = np.clip(np.array(alpha.levels, np.float32), 0.0, 1.0)
+            pixels, threshold = np.where(pixels >= threshold, high, low), None
         texture = _texture(alpha.texture, pixels, images)
     base_texture = None
     if base.texture is not None:
@@ -131,12 +141,20 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
         alpha_threshold=None if alpha.constant else threshold,
         emission=surface.emission,
         uv_map=next(iter(maps), ""),
+        uv_channel=alpha.channel if of_layer else "",
     )
 
 
 def _texture(use: TextureUse, pixels: np.ndarray, images: ImageReader) -> Texture:
-    """Texture of an image's pixels (H, W, C)."""
-    return Texture(use.image.name, images.squares(pixels) if use.closest else pixels, use.wrap, use.transform)
+    """Texture of an image's pixels (H, W, C), or of a layer's."""
+    transform = use.transform
+    if use.closest:
+        pixels, small = images.squares(pixels), pixels
+        if pixels is not small:  # at the border of two texels Cycles takes the upper one
+            (a, b, c), (d, e, f) = transform or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+            height, width = pixels.shape[:2]
+            transform = (a, b, c + 0.5 / width), (d, e, f + 0.5 / height)
+    return Texture(use.name, pixels, use.wrap, transform)
 
 
 class _Walk:
@@ -146,8 +164,27 @@ class _Walk:
     gloss has none.
     """
 
-    def __init__(self, images: ImageReader) -> None:
-        self.values, self.colors, self._silent = NodeValues(images), NodeValues(images), NodeValues(images)
+    def __init__(self, images: ImageReader, is_back: bool = False) -> None:
+        self.values, self.colors, self._silent = (NodeValues(images, is_back) for _ in range(3))
+
+    def sides(self, at: Input) -> tuple[_Surface, int | None]:
+        """Evaluate the surface of a shader input, and the side that is see-through if the other is not: 1 is the back.
+
+        Two visible sides count as the front.
+        """
+        front = self.surface(at)
+        if not (self.values.asks_side or self.colors.asks_side):
+            return front, None
+        back = _Walk(self.values.images, is_back=True).surface(at)
+        clear = [side.alpha.constant and side.alpha.offset < _HALF for side in (front, back)]
+        if clear[0] != clear[1]:
+            self.values.notes.append("its see-through side is solid in previews and on the graphics card")
+            return (front, 1) if clear[1] else (back, 0)
+        if front.alpha != back.alpha:
+            self.values.notes.append("the opacity of its backs counts as that of its fronts")
+        if front.base != back.base:
+            self.colors.notes.append("the color of its backs counts as that of its fronts")
+        return front, None
 
     def surface(self, at: Input) -> _Surface:
         """Evaluate the surface of a shader input; unlinked it is black."""
@@ -164,8 +201,10 @@ class _Walk:
             return self._principled(found)
         if node.type == "EMISSION":
             return _Surface(emission=self._emission(found, "Color", "Strength"))
-        if node.type in ("BSDF_TRANSPARENT", "HOLDOUT"):
-            return _Surface(alpha=NumberTerm(0.0), transparent=True)
+        if node.type == "HOLDOUT":
+            return _Surface(alpha=_CLEAR)
+        if node.type == "BSDF_TRANSPARENT":
+            return _Surface(alpha=self._closed(found.input("Color")))
         if "Color" in node.inputs:  # diffuse, glossy, sheen, translucent, glass, ...
             return _Surface(base=self._base(found.input("Color")))
         if "Base Color" in node.inputs:
@@ -176,10 +215,20 @@ class _Walk:
         self.colors.notes.append(f"shader '{node.name}' is not supported and counts as gray")
         return _Surface(base=ColorTerm(_DEFAULT_COLOR))
 
+    def _closed(self, at: Input) -> NumberTerm:
+        """Opacity of a Transparent shader of that colour."""
+        values = self.values
+        color = _understood(values, lambda: values.color(at), "its transparency", ColorTerm())
+        passed = min(max(sum(color.factor) / 3.0, 0.0), 1.0)
+        return NumberTerm(1.0, -passed, color.texture, "MEAN") if color.texture else NumberTerm(1.0 - passed)
+
     def _principled(self, output: Output) -> _Surface:
+        alpha = self._number(self.values, output.input("Alpha"), "opacity", 1.0)
+        if alpha.constant and alpha.offset <= 0.0:
+            return _Surface(alpha=_CLEAR)
         return _Surface(
             base=self._base(output.input("Base Color")),
-            alpha=self._number(self.values, output.input("Alpha"), "opacity", 1.0),
+            alpha=alpha,
             emission=self._emission(output, "Emission Color", "Emission Strength"),
         )
 
@@ -193,7 +242,7 @@ class _Walk:
         factor = self._number(self.colors, output.input(strength), "emission strength", 1.0)
         if not factor.constant:
             self.colors.notes.append("the texture of its emission strength is left out")
-            factor = NumberTerm(factor.offset + 0.5 * factor.scale)
+            factor = NumberTerm(factor.middle)
         if factor.offset <= 0.0:
             return _BLACK
         colors = self.colors
@@ -204,40 +253,35 @@ class _Walk:
         return r, g, b
 
     def _mix(self, output: Output) -> _Surface:
-        factor = self._number(self.values, output.input(0), "shader mix", 0.5)
         first, second = self.surface(output.input(1)), self.surface(output.input(2))
-        weight = min(max(factor.offset + 0.5 * factor.scale * (not factor.constant), 0.0), 1.0)
-        return replace(self._mixed(first, second, factor), gloss=first.gloss.mixed(second.gloss, weight))
-
-    def _mixed(self, first: _Surface, second: _Surface, factor: NumberTerm) -> _Surface:
-        if factor.constant and factor.offset <= 0.0:
-            return first
-        if factor.constant and factor.offset >= 1.0:
-            return second
-        if first.transparent and second.transparent:
-            return first
-        if first.transparent:
-            return replace(second, alpha=self._alpha(second.alpha, factor))
-        if second.transparent:
-            return replace(first, alpha=self._alpha(first.alpha, factor.affine(-1.0, 1.0)))
-        if not factor.constant:
+        values = self.colors if first.alpha == second.alpha else self.values
+        factor = self._number(values, output.input(0), "shader mix", 0.5)
+        weight = min(max(factor.middle, 0.0), 1.0)
+        if factor.constant and weight in (0.0, 1.0):
+            return second if weight else first
+        one, two = (1.0 - weight) * first.alpha.middle, weight * second.alpha.middle
+        if one > 0.0 < two and first.base != second.base and not (factor.constant and first.alpha == second.alpha):
             self.colors.notes.append("the texture that mixes its shaders is left out")
-        return self._blend(first, second, factor.offset if factor.constant else 0.5)
+        surface = self._blend(first, second, two / (one + two) if one + two > 0.0 else weight)
+        gloss = first.gloss.mixed(second.gloss, weight)
+        return replace(surface, alpha=self._alpha(first.alpha, second.alpha, factor), gloss=gloss)
 
-    def _alpha(self, alpha: NumberTerm, factor: NumberTerm) -> NumberTerm:
-        if alpha.constant and alpha.offset == 1.0:
-            return factor
-        if factor.constant:
-            alpha, factor = factor, alpha
-        if not alpha.constant:
+    def _alpha(self, first: NumberTerm, second: NumberTerm, factor: NumberTerm) -> NumberTerm:
+        try:
+            return first.mixed(second, factor)
+        except NotUnderstoodError:
             self.values.notes.append("one of the two textures of its opacity is left out")
-            return factor
-        return factor.affine(alpha.offset, 0.0) if factor.threshold is None else factor
+        if factor.constant:
+            return second if factor.offset > 0.5 else first
+        one, two = (each if each.constant else NumberTerm(1.0) for each in (first, second))
+        return one.mixed(two, factor)
 
     def _blend(self, first: _Surface, second: _Surface, weight: float) -> _Surface:
-        """Blend two surfaces with constant weights; of two textures, that of the larger weight is kept."""
+        """Blend colours with constant weights; of two textures, that of the larger weight is kept."""
         r, g, b = (a + weight * (c - a) for a, c in zip(first.emission, second.emission, strict=True))
-        if first.base.texture is None and second.base.texture is None:
+        if first.base == second.base or weight in (0.0, 1.0):
+            base = second.base if weight else first.base
+        elif first.base.texture is None and second.base.texture is None:
             x, y, z = (a + weight * (c - a) for a, c in zip(first.base.factor, second.base.factor, strict=True))
             base = ColorTerm((x, y, z))
         else:
@@ -247,18 +291,19 @@ class _Walk:
                 base = base.scaled((share,) * 3)
             else:
                 self.colors.notes.append("the mixed shader of the smaller weight is left out")
-        return replace(first if weight < 0.5 else second, base=base, emission=(r, g, b))
+        return _Surface(base=base, emission=(r, g, b))
 
     def _add(self, output: Output) -> _Surface:
-        """Add two surfaces, each with weight 1."""
+        """Add two surfaces, each with weight 1, and what both let through."""
         first, second = self.surface(output.input(0)), self.surface(output.input(1))
         half = first.gloss.mixed(second.gloss, 0.5)
         gloss = Gloss(2.0 * half.diffuse, 2.0 * half.glossy, 2.0 * half.clear, half.roughness)
         r, g, b = (a + c for a, c in zip(first.emission, second.emission, strict=True))
-        if first.transparent:
-            return replace(second, emission=(r, g, b), gloss=gloss)
-        if second.transparent:
-            return replace(first, emission=(r, g, b), gloss=gloss)
+        try:
+            alpha = first.alpha.plus(second.alpha).affine(1.0, -1.0)
+        except NotUnderstoodError:
+            self.values.notes.append("one of the two textures of its opacity is left out")
+            alpha = first.alpha
         lesser, base = (first, second.base) if first.base.factor == _BLACK else (second, first.base)
         if lesser.base.factor != _BLACK:
             if lesser.base.texture is None and base.texture is None:
@@ -266,7 +311,7 @@ class _Walk:
                 base = ColorTerm((x, y, z))
             else:
                 self.colors.notes.append("one of its added shaders is left out")
-        return replace(first, base=base, emission=(r, g, b), gloss=gloss)
+        return _Surface(base=base, alpha=alpha, emission=(r, g, b), gloss=gloss)
 
 
 def _understood(values: NodeValues, read: Callable[[], _Term], what: str, default: _Term) -> _Term:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Terms that sockets of a shader tree evaluate to: a constant times, or affine in, one image; links between sockets.
+"""Terms of sockets of a shader tree: a constant times, or affine in, an image or layer; links between sockets.
 
 Links lead through reroutes, muted nodes and groups.
 """
@@ -18,6 +18,7 @@ Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 MISSING: Rgb = (1.0, 0.0, 1.0)  # color of a missing image in Cycles
 Transform = tuple[tuple[float, float, float], tuple[float, float, float]]
+CUT_OUT = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -25,13 +26,19 @@ class TextureUse:
     """Image and its mapping: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
 
     uv_map: name of the UV map or attribute, "" for the one that renders. closest: texels are squares of one colour.
+    Without an image it is the number itself that layer `uv_map` holds, in [0, 1].
     """
 
-    image: bpy.types.Image
+    image: bpy.types.Image | None
     wrap: str = "REPEAT"
     transform: Transform | None = None
     uv_map: str = ""
     closest: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the image or layer."""
+        return self.image.name if self.image else self.uv_map
 
 
 @dataclass(frozen=True)
@@ -49,29 +56,61 @@ class ColorTerm:
 
 @dataclass(frozen=True)
 class NumberTerm:
-    """Number term: scale * channel of a texture + offset, or offset alone; 1 or 0 by `threshold` if there is one."""
+    """Number term: scale * channel of a texture + offset, or offset alone.
+
+    With a threshold it is levels[1] where that reaches it, and levels[0] elsewhere.
+    """
 
     offset: float = 1.0
     scale: float = 0.0
     texture: TextureUse | None = None
     channel: str = "A"
     threshold: float | None = None
+    levels: tuple[float, float] = CUT_OUT
 
     @property
     def constant(self) -> bool:
         """Return whether it has no texture."""
         return self.texture is None
 
+    @property
+    def middle(self) -> float:
+        """Value of the term where its texture is 0.5, or between its two levels."""
+        return self.offset + 0.5 * self.scale if self.threshold is None else 0.5 * sum(self.levels)
+
     def affine(self, scale: float, offset: float) -> NumberTerm:
-        """Affine map of this term: scale * this + offset; after a threshold only the complement is possible."""
-        if self.threshold is not None:
-            if (scale, offset) == (1.0, 0.0):
-                return self
-            if (scale, offset) == (-1.0, 1.0):
-                turned = replace(self, threshold=None).affine(-1.0, 1.0)
-                return replace(turned, threshold=1.0 - self.threshold)
-            raise NotUnderstoodError("arithmetic after an alpha threshold")
-        return replace(self, offset=scale * self.offset + offset, scale=scale * self.scale)
+        """Affine map of this term: scale * this + offset."""
+        if scale == 0.0:
+            return NumberTerm(offset)
+        if self.threshold is None:
+            return replace(self, offset=scale * self.offset + offset, scale=scale * self.scale)
+        low, high = (scale * level + offset for level in self.levels)
+        if (low, high) != CUT_OUT[::-1]:
+            return replace(self, levels=(low, high))
+        complement = replace(self, threshold=None).affine(-1.0, 1.0)
+        return replace(complement, threshold=1.0 - self.threshold, levels=CUT_OUT)
+
+    def plus(self, other: NumberTerm) -> NumberTerm:
+        """Sum of two terms; raises NotUnderstoodError for two textures."""
+        if other.constant:
+            return self.affine(1.0, other.offset)
+        if self.constant:
+            return other.affine(1.0, self.offset)
+        alike = (self.texture, self.channel) == (other.texture, other.channel)
+        if not alike or self.threshold is not None or other.threshold is not None:
+            raise NotUnderstoodError("a sum of two textures")
+        return replace(self, offset=self.offset + other.offset, scale=self.scale + other.scale)
+
+    def mixed(self, other: NumberTerm, weight: NumberTerm) -> NumberTerm:
+        """Mix with another term of that weight; raises NotUnderstoodError for a product of two textures."""
+        if self == other:
+            return self
+        if weight.constant:
+            share = min(max(weight.offset, 0.0), 1.0)
+            return self.affine(1.0 - share, 0.0).plus(other.affine(share, 0.0))
+        if self.constant and other.constant:
+            return weight.affine(other.offset - self.offset, self.offset)
+        raise NotUnderstoodError("a product of two textures")
 
 
 class NotUnderstoodError(Exception):

@@ -9,8 +9,11 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from .images import ImageReader, usable
+from .images import RAMP_TRANSFORM, ImageReader, usable
+from .instance_values import asked_by
+from .layer_names import DEFAULT_COLOR
 from .node_terms import (
+    CUT_OUT,
     MISSING,
     REC709,
     WHITE,
@@ -30,10 +33,15 @@ from .node_terms import (
 
 @dataclass
 class NodeValues:
-    """Evaluator of sockets; `notes` collects clauses on what is left out or simplified."""
+    """Evaluator of sockets; `notes` collects clauses on what is left out or simplified.
+
+    is_back: of the back side of the surface. asks_side: whether a node asked for the side.
+    """
 
     images: ImageReader
+    is_back: bool = False
     notes: list[str] = field(default_factory=list)
+    asks_side: bool = False
 
     def color(self, at: Input) -> ColorTerm:
         """Evaluate a colour input; raises NotUnderstoodError."""
@@ -141,7 +149,7 @@ def _image_color(values: NodeValues, output: Output) -> ColorTerm:
         return ColorTerm(WHITE if output.socket.name == "Alpha" else MISSING)
     texture = _texture_use(values, output)
     if output.socket.name == "Alpha":
-        raise NotUnderstoodError(f"the alpha of image '{texture.image.name}' as a color")
+        raise NotUnderstoodError(f"the alpha of image '{texture.name}' as a color")
     return ColorTerm(WHITE, texture)
 
 
@@ -173,7 +181,7 @@ def _mix_inputs(output: Output, kind: str) -> list[Input]:
 def _mean(values: NodeValues, term: ColorTerm) -> Rgb:
     """Mean of a colour; a note names its image."""
     if term.texture is not None:
-        values.notes.append(f"image '{term.texture.image.name}' counts by its mean color")
+        values.notes.append(f"image '{term.texture.name}' counts by its mean color")
     return values.constant_color(term)
 
 
@@ -224,9 +232,30 @@ _COLOR_RULES: dict[str, Callable[[NodeValues, Output], ColorTerm]] = {
 }
 
 
-def _vertex_number(values: NodeValues, output: Output) -> NumberTerm:
-    values.notes.append("vertex colors are left out")
-    return NumberTerm(1.0)
+def _layer_number(values: NodeValues, output: Output, channel: str = "") -> NumberTerm:
+    """Number from a layer of the mesh, or a value of the object, that a node reads."""
+    node, socket = output.node, output.socket
+    if asked := asked_by(node, socket.name):
+        name = asked.layer
+    elif node.type == "VERTEX_COLOR":
+        name = node.layer_name or DEFAULT_COLOR
+    elif node.type == "ATTRIBUTE" and node.attribute_type == "GEOMETRY":
+        name = node.attribute_name
+    else:
+        raise NotUnderstoodError(f"node '{node.name}'")
+    if socket.name == "Alpha" and node.type != "OBJECT_INFO":
+        channel = "A" if asked or node.type == "VERTEX_COLOR" else "A1"
+    if not name:
+        return NumberTerm(float(channel == "A1"))
+    channel = channel or ("Y" if socket.type == "RGBA" else "MEAN")
+    return NumberTerm(0.0, 1.0, TextureUse(None, "EXTEND", RAMP_TRANSFORM, name), channel)
+
+
+def _geometry(values: NodeValues, output: Output) -> NumberTerm:
+    if output.socket.name != "Backfacing":
+        raise NotUnderstoodError(f"node '{output.node.name}'")
+    values.asks_side = True
+    return NumberTerm(float(values.is_back))
 
 
 def _image_number(values: NodeValues, output: Output) -> NumberTerm:
@@ -241,6 +270,9 @@ def _separated(values: NodeValues, output: Output) -> NumberTerm:
     if getattr(node, "mode", "RGB") != "RGB":
         raise NotUnderstoodError(f"node '{node.name}'")
     channel = list(node.outputs).index(output.socket)
+    found = source(output.input(0))
+    if isinstance(found, Output) and found.node.type in _LAYER_NODES:
+        return _layer_number(values, found, "RGB"[channel])
     color = values.color(output.input(0))
     if color.texture is None:
         return NumberTerm(color.factor[channel])
@@ -251,15 +283,10 @@ def _mix_number(values: NodeValues, output: Output) -> NumberTerm:
     if output.node.data_type != "FLOAT":
         raise NotUnderstoodError(f"node '{output.node.name}'")
     factor, a, b = _mix_inputs(output, "Float")
-    weight = values.constant_number(factor)
-    if weight in (0.0, 1.0):
-        return values.number(b if weight else a)
-    first, second = values.number(a), values.number(b)
-    if second.constant:
-        return first.affine(1.0 - weight, weight * second.offset)
-    if first.constant:
-        return second.affine(weight, (1.0 - weight) * first.offset)
-    raise NotUnderstoodError(f"two textures in node '{output.node.name}'")
+    weight = values.number(factor)
+    if weight.constant and weight.offset in (0.0, 1.0):
+        return values.number(b if weight.offset else a)
+    return values.number(a).mixed(values.number(b), weight)
 
 
 def _math(values: NodeValues, output: Output) -> NumberTerm:
@@ -269,9 +296,9 @@ def _math(values: NodeValues, output: Output) -> NumberTerm:
         return _clamped(_step(a, 0.5, above=True), node)
     b = values.number(output.input(1))
     rules: dict[str, Callable[[], NumberTerm]] = {
-        "MULTIPLY": lambda: _multiply(values, a, b),
-        "ADD": lambda: _add(a, b, 1.0),
-        "SUBTRACT": lambda: _add(a, b, -1.0),
+        "MULTIPLY": lambda: b.affine(a.offset, 0.0) if a.constant else a.affine(_constant(b), 0.0),
+        "ADD": lambda: a.plus(b),
+        "SUBTRACT": lambda: a.plus(b.affine(-1.0, 0.0)),
         "DIVIDE": lambda: a.affine(1.0 / _constant(b), 0.0),
         "GREATER_THAN": lambda: _compare(a, b, above=True),
         "LESS_THAN": lambda: _compare(a, b, above=False),
@@ -293,21 +320,6 @@ def _constant(term: NumberTerm) -> float:
     return term.offset
 
 
-def _multiply(values: NodeValues, a: NumberTerm, b: NumberTerm) -> NumberTerm:
-    if a.constant:
-        a, b = b, a
-    if b.constant and a.threshold is not None and b.offset != 1.0:
-        values.notes.append("the factor of cut-out alpha is left out")
-        return a if b.offset > 0.0 else NumberTerm(0.0)
-    return a.affine(_constant(b), 0.0)
-
-
-def _add(a: NumberTerm, b: NumberTerm, sign: float) -> NumberTerm:
-    if b.constant:
-        return a.affine(1.0, sign * b.offset)
-    return b.affine(sign, _constant(a))
-
-
 def _compare(a: NumberTerm, b: NumberTerm, above: bool) -> NumberTerm:
     if b.constant:
         return _step(a, b.offset, above)
@@ -316,8 +328,9 @@ def _compare(a: NumberTerm, b: NumberTerm, above: bool) -> NumberTerm:
 
 def _step(term: NumberTerm, threshold: float, above: bool) -> NumberTerm:
     """1 where the term is at least the threshold (`above`) or below it, else 0."""
-    if term.threshold is not None:  # already 0 or 1
-        return term if above else term.affine(-1.0, 1.0)
+    if term.threshold is not None:
+        low, high = (float((level >= threshold) == above) for level in term.levels)
+        return replace(term, levels=CUT_OUT).affine(high - low, low)
     if term.constant:
         return NumberTerm(float((term.offset >= threshold) == above))
     if above:
@@ -325,6 +338,7 @@ def _step(term: NumberTerm, threshold: float, above: bool) -> NumberTerm:
     return replace(term.affine(-1.0, 1.0), threshold=1.0 - threshold)
 
 
+_LAYER_NODES = ("VERTEX_COLOR", "ATTRIBUTE", "OBJECT_INFO", "PARTICLE_INFO")
 _NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "TEX_IMAGE": _image_number,
     "VALUE": lambda values, output: NumberTerm(float(output.socket.default_value)),
@@ -332,7 +346,7 @@ _NUMBER_RULES: dict[str, Callable[[NodeValues, Output], NumberTerm]] = {
     "MIX": _mix_number,
     "SEPARATE_COLOR": _separated,
     "SEPRGB": _separated,
-    "VERTEX_COLOR": _vertex_number,
-    "ATTRIBUTE": _vertex_number,
+    **dict.fromkeys(_LAYER_NODES, _layer_number),
+    "NEW_GEOMETRY": _geometry,
     "LIGHT_PATH": lambda values, output: NumberTerm(float(output.socket.name == "Is Camera Ray")),
 }

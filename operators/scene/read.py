@@ -24,9 +24,9 @@ from .instance_values import Asked, InstanceReader, asked_values
 from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
-from .materials import MaterialReading, as_cut_out, is_partly_transparent, read_material
+from .materials import MaterialReading, at_least_half_opaque, is_partly_transparent, read_material
 from .render_geometry import render_geometry, shown_instances, shows_itself, shows_mesh
-from .scene_mesh import MeshInstances, SceneMesh
+from .scene_mesh import MeshInstances, SceneMesh, with_opacities
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
 
 _NO_MATERIAL = ""
@@ -58,8 +58,11 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     readings = reader.materials()
     in_use = [material for material in bpy.data.materials if material.name_full in reader.material_names]
     warnings = missing_files(in_use, depsgraph.scene.world)
-    if partly := [each.material.name for each in readings if is_partly_transparent(each.material)]:
-        what = "partly transparent: solid where at least half opaque, left out elsewhere; Refine with Cycles shows it"
+    opacities = [with_opacities(each.material, number, parts) for number, each in enumerate(readings)]
+    if partly := [each.name for each in opacities if is_partly_transparent(each)]:
+        what = (
+            "partly transparent: left out where less than half opaque, solid in previews; Refine with Cycles shows it"
+        )
         warnings.append(f"{subject('Material', partly)} {what}")
     warnings += notes + _unlike_renders(depsgraph, {name for part in parts for name in part.objects})
     if unknown := named_list(sorted(reader.instance_reader.unknown)):
@@ -67,7 +70,7 @@ def read_scene(depsgraph: bpy.types.Depsgraph, scope: str = VISIBLE, chosen: fro
     warnings += [reading.note for reading in readings if reading.note]
     warnings += reader.unread_materials.sentences("Material", "read as plain gray")
     links = tuple(reader.light_links.distinct)
-    materials = tuple(as_cut_out(reading.material) for reading in readings)
+    materials = tuple(at_least_half_opaque(reading.material) for reading in readings)
     color_warnings = tuple(reading.color_note for reading in readings if reading.color_note)
     gloss = tuple(reading.gloss for reading in readings)
     source = SceneMesh(parts, materials, tuple(reader.material_names), warnings, links, gloss, color_warnings)

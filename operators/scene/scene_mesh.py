@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.surface.mesh import Material, TriangleBatch
 from .gloss import Gloss
+from .images import CHANNELS, WEIGHTS
 from .light_links import Links
 from .local_mesh import LocalMesh
 
@@ -87,11 +88,21 @@ class Run:
         mesh = self.instances.mesh
         uvs = np.zeros((len(self), 3, 2), np.float32) if mesh.uvs is None else self.per_corner(mesh.uvs)
         used = np.unique(self.instances.materials[self.lo : self.hi]).tolist()
-        for name in sorted({materials[number].uv_map for number in used} - {""}):
-            uvs = uvs.copy()  # the array may be the mesh's own
-            mine = np.array([material.uv_map == name for material in materials])[self.materials()]
-            uvs[mine] = self.per_corner(mesh.layers[name][..., :2])[mine] if name in mesh.layers else 0.0
+        for name, channel in sorted({(materials[number].uv_map, materials[number].uv_channel) for number in used}):
+            if name:
+                uvs = uvs.copy()  # the array may be the mesh's own
+                chosen = [(material.uv_map, material.uv_channel) == (name, channel) for material in materials]
+                mine = np.array(chosen)[self.materials()]
+                uvs[mine] = _coordinates(self._layer(name, 1 if channel == "A1" else 4), channel)[mine]
         return np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def _layer(self, name: str, width: int) -> np.ndarray:
+        """Layer of the mesh, or values of the objects, at each corner (N, 3, C); `width` zeros if there are none."""
+        mesh, values = self.instances.mesh, self.instances.values
+        if name in mesh.layers:
+            return self.per_corner(mesh.layers[name])
+        own = values[name][self.lo : self.hi] if name in values else np.zeros((self.hi - self.lo, width), np.float32)
+        return np.repeat(own, self.last - self.first, axis=0)[:, None].repeat(3, axis=1)
 
     def wound(self, values: np.ndarray) -> np.ndarray:
         """Values (P, T, 3, C) with corners 1 and 2 exchanged where the placement is mirrored, as (N, 3, C)."""
@@ -194,6 +205,33 @@ class SceneMesh:
                 count += len(run)
         if group:
             yield tuple(group)
+
+
+def with_opacities(material: Material, number: int, parts: Sequence[MeshInstances]) -> Material:
+    """Replace the texels of an opacity from a layer by the opacities that meshes with the material have."""
+    texture, name = material.alpha_texture, material.uv_map
+    if texture is None or not material.uv_channel:
+        return material
+    used = [part for part in parts if (part.materials == number).any()]
+    layers = [part.mesh.layers[name] for part in used if name in part.mesh.layers]
+    layers += [part.values[name][:, None] for part in used if name in part.values]
+    values = [_coordinates(layer, material.uv_channel).ravel() for layer in layers] or [np.zeros(1, np.float32)]
+    ramp = texture.pixels[0, :, 0]
+    found = np.interp(np.concatenate(values), np.linspace(0.0, 1.0, len(ramp)), ramp)
+    return replace(material, alpha_texture=replace(texture, pixels=found.reshape(1, -1, 1)))
+
+
+def _coordinates(values: np.ndarray, channel: str) -> np.ndarray:
+    """Texture coordinates (N, 3, 2 or 1) of a layer's values (N, 3, C): the first two, or the number of a channel."""
+    if not channel:
+        return values[..., :2]
+    if channel in ("A", "A1"):
+        return values[..., 3:] if values.shape[-1] == 4 else np.ones_like(values[..., :1])
+    if values.shape[-1] == 1:
+        return values
+    colors = values[..., :3]
+    weights = WEIGHTS.get(channel, np.eye(3, dtype=np.float32)[CHANNELS.get(channel, 0)])
+    return (colors @ weights[: colors.shape[-1]])[..., None]
 
 
 def _runs(part: MeshInstances) -> Iterator[Run]:

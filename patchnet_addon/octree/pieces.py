@@ -14,7 +14,7 @@ import numpy as np
 
 from ..surface.hit_textures import NO_TEXTURES, HitTextures
 
-PIECES_VERSION = 1  # of the arrays of files
+PIECES_VERSION = 2  # of the arrays of files
 MOST_PIECES = 32  # of a leaf; with more, as of a bush far away, it stays a box
 NO_PIECES = np.uint32(0xFFFFFFFF)  # first piece of a leaf without pieces
 LAST, HOLES, TRIANGLE = np.uint32(1 << 31), np.uint32(1 << 30), np.uint32((1 << 30) - 1)

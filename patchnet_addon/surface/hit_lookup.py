@@ -14,6 +14,12 @@ from .textures import BLACK, LEAST_BASE, MIRROR, REPEAT
 
 
 @device
+def is_clear(textures, triangles, row, side):  # type: ignore[no-untyped-def]
+    """Return whether one side of a triangle is see-through, 0 the front and 1 the back. triangles: as in `Pieces`."""
+    return textures.materials[np.int64(triangles[row, 7])].clear_side == side
+
+
+@device
 def base_at_hit(textures, triangles, row, one, two, pixel):  # type: ignore[no-untyped-def]
     """Base colour, red, green and blue, and opacity of a point of a triangle, means over a footprint.
 

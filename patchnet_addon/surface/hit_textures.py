@@ -17,10 +17,10 @@ CHAIN = np.dtype(
     + [("four", "<f4"), ("five", "<f4"), ("six", "<f4"), ("detail", "<f4")]
 )
 # A material: chain and color_chain as in `MaterialTable`; linear colour without texture, gray without colour; opacity
-# and threshold; whether colour multiplies light, and whether it is not opaque everywhere.
+# and threshold; whether colour multiplies light, and whether it is not opaque everywhere; clear_side as there.
 MATERIAL = np.dtype(
     [("chain", "<i4"), ("color_chain", "<i4"), ("red", "<f4"), ("green", "<f4"), ("blue", "<f4")]
-    + [("opacity", "<f4"), ("threshold", "<f4"), ("reflects", "<i4"), ("holes", "<i4")]
+    + [("opacity", "<f4"), ("threshold", "<f4"), ("reflects", "<i4"), ("holes", "<i4"), ("clear_side", "<i4")]
 )
 
 
@@ -70,10 +70,10 @@ def _materials(table: TextureTable, reflects: np.ndarray, *, color: bool) -> np.
     """Materials (M,) MATERIAL of a table."""
     given = table.materials
     materials = np.empty(len(given.chain), MATERIAL)
-    for name in ("chain", "color_chain", "opacity", "threshold"):
+    for name in ("chain", "color_chain", "opacity", "threshold", "clear_side"):
         materials[name] = getattr(given, name)
     for channel, name in enumerate(("red", "green", "blue")):
         materials[name] = given.base_color[:, channel] if color else given.luminance
     solid = np.append(table.chains.solid, True)[given.chain]  # the last: no texture
-    materials["reflects"], materials["holes"] = reflects, ~solid | (given.opacity < 1.0)
+    materials["reflects"], materials["holes"] = reflects, ~solid | (given.opacity < 1.0) | (given.clear_side >= 0)
     return materials

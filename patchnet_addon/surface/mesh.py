@@ -42,6 +42,9 @@ class Material:
     alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     uv_map: str = ""  # that its textures lie on; "" is the one that renders
+    # Both coordinates are this number of the map: "R", "G", "B", "A", "Y", "MEAN", or "A1", which is 1 without a map.
+    uv_channel: str = ""
+    clear_side: int | None = None  # see-through side, 0 the front and 1 the back, to rays that end on the surface
     base_is_known: bool = True  # base colour and its texture are all that a renderer reads
 
 

@@ -60,6 +60,7 @@ class MaterialTable(NamedTuple):
     color_chain: (M,) int64, that of the base colour if its layout differs from the opacity's, otherwise -1.
     luminance: (M,) float32, without texture. base_color: (M, 3) float32, the colour of that luminance.
     opacity: (M,) float32, a factor on the texture's. threshold: (M,) float32, NaN for none.
+    clear_side: (M,) int64, see-through side, -1 for none.
     emission: (M,) float32. glow: (M, 3) float32, the colour of that luminance.
     """
 
@@ -69,6 +70,7 @@ class MaterialTable(NamedTuple):
     base_color: np.ndarray
     opacity: np.ndarray
     threshold: np.ndarray
+    clear_side: np.ndarray
     emission: np.ndarray
     glow: np.ndarray
 
@@ -111,6 +113,7 @@ class TextureTable:
             threshold=np.array(
                 [np.nan if m.alpha_threshold is None else m.alpha_threshold for m in materials], np.float32
             ),
+            clear_side=np.array([-1 if m.clear_side is None else m.clear_side for m in materials], np.int64),
             emission=luminance(np.array([m.emission for m in materials])),
             glow=np.array([m.emission for m in materials], np.float32),
         )

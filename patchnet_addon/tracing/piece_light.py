@@ -11,7 +11,7 @@ from ..cells.hashing import mixed
 from ..octree.pieces import EXPONENT_BIAS, HOLES, MANTISSA, TRIANGLE
 from ..runtime.kernels import device
 from ..surface.chroma import BLUE, GREEN, RED
-from ..surface.hit_lookup import base_at_hit
+from ..surface.hit_lookup import base_at_hit, is_clear
 from .tile import PICTURE, PIECE, WEIGHTS
 
 
@@ -26,6 +26,8 @@ def see_piece(pieces, tile, ray, pixel):  # type: ignore[no-untyped-def]
     word = np.int64(pieces.triangle[index])
     row = word & np.int64(TRIANGLE)
     one, two = tile.numbers[WEIGHTS, ray], tile.numbers[WEIGHTS + 1, ray]
+    if word & np.int64(HOLES) and is_clear(pieces.textures, pieces.uvs, row, side):
+        return -1.0, 0.0, 0.0, 0.0
     red, green, blue, opacity = base_at_hit(pieces.textures, pieces.uvs, row, one, two, pixel)
     if word & np.int64(HOLES) and opacity < 1.0 and opacity <= _drawn(tile.numbers, ray, index):
         return -1.0, 0.0, 0.0, 0.0
