@@ -56,7 +56,8 @@ def clear(tree: Tree, *color: float) -> Socket:
 
 
 def paint(tree: Tree, alpha: float = 1.0) -> Socket:
-    return shader(tree, "BsdfPrincipled", Alpha=alpha)
+    """Darker than the ground, so that no part of a pixel is clamped at white."""
+    return shader(tree, "BsdfPrincipled", Alpha=alpha, Base_Color=(0.3, 0.2, 0.1, 1.0), Specular_IOR_Level=0.0)
 
 
 def both(tree: Tree, first: Socket, second: Socket) -> Socket:
@@ -213,7 +214,7 @@ def test_values_of_zero_and_one_are_no_partial_opacity() -> None:
 
 def facing(tree: Tree) -> Socket:
     backs = number(tree, "NewGeometry").node.outputs["Backfacing"]
-    return over(tree, backs, shader(tree, "BsdfDiffuse", Color=(0.7, 0.3, 0.2, 1.0)), clear(tree))
+    return over(tree, backs, paint(tree), clear(tree))
 
 
 PICTURES: dict[str, Callable[[Tree], Socket]] = {

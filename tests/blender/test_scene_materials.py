@@ -285,15 +285,16 @@ def test_gltf_importers_materials(tmp_path: Path) -> None:
     assert warning.startswith("Materials 'Plain', 'Blend' are partly transparent") and source.color_warnings == ()
     found = {material.name: material for material in source.materials}
     color, alpha = decoded(pixels[::-1, :, :3] / 255.0), pixels[::-1, :, 3] / 255.0
-    assert found["Plain"].base_color == pytest.approx((0.1, 0.2, 0.3)) and found["Plain"].alpha == 1.0
+    assert found["Plain"].base_color == pytest.approx((0.1, 0.2, 0.3)) and found["Plain"].alpha == 0.5
     for name in ("Opaque", "Tinted", "Mask", "Blend", "Half mask"):
         np.testing.assert_allclose(found[name].base_texture.pixels, color, atol=1e-5)
     assert found["Opaque"].alpha_texture is None and found["Opaque"].alpha == 1.0
     assert found["Tinted"].base_color == pytest.approx((0.5, 1.0, 0.25))
     np.testing.assert_allclose(found["Mask"].alpha_texture.pixels[..., 0], alpha, atol=1e-5)
     assert found["Mask"].alpha_threshold == pytest.approx(0.3)
-    assert found["Blend"].alpha_threshold == 0.5
-    np.testing.assert_allclose(found["Blend"].alpha_texture.pixels[..., 0], alpha * 0.5, atol=1e-5)
+    assert found["Blend"].alpha_threshold is None
+    kept = np.where(alpha * 0.5 >= 0.5, 0.5, 0.0)
+    np.testing.assert_allclose(found["Blend"].alpha_texture.pixels[..., 0], kept, atol=1e-5)
     half = found["Half mask"]
     cut = half.alpha_texture.pixels[..., 0] * half.alpha >= half.alpha_threshold
     np.testing.assert_array_equal(cut, alpha * 0.5 >= 0.25)
