@@ -147,14 +147,8 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
 
 def _texture(use: TextureUse, pixels: np.ndarray, images: ImageReader) -> Texture:
     """Texture of an image's pixels (H, W, C), or of a layer's."""
-    transform = use.transform
-    if use.closest:
-        pixels, small = images.squares(pixels), pixels
-        if pixels is not small:  # at the border of two texels Cycles takes the upper one
-            (a, b, c), (d, e, f) = transform or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-            height, width = pixels.shape[:2]
-            transform = (a, b, c + 0.5 / width), (d, e, f + 0.5 / height)
-    return Texture(use.name, pixels, use.wrap, transform)
+    squares = (pixels.shape[1], pixels.shape[0]) if use.closest else None
+    return Texture(use.name, images.squares(pixels) if use.closest else pixels, use.wrap, use.transform, squares)
 
 
 class _Walk:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...patchnet_addon.runtime.errors import GeometryError
 from ...patchnet_addon.runtime.quantities import named_list
-from ...patchnet_addon.surface.mesh import Material, TriangleBatch
+from ...patchnet_addon.surface.mesh import Material, Texture, TriangleBatch
 from .gloss import Gloss
 from .images import CHANNELS, WEIGHTS
 from .light_links import Links
@@ -94,7 +94,12 @@ class Run:
                 chosen = [(material.uv_map, material.uv_channel) == (name, channel) for material in materials]
                 mine = np.array(chosen)[self.materials()]
                 uvs[mine] = _coordinates(self._layer(name, 1 if channel == "A1" else 4), channel)[mine]
-        return np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
+        uvs = np.nan_to_num(uvs, nan=0.0, posinf=0.0, neginf=0.0)
+        for number in used:
+            texture = materials[number].alpha_texture or materials[number].base_texture
+            if texture is not None and texture.squares is not None:
+                uvs = np.where((self.materials() == number)[:, None, None], _within_texels(uvs, texture), uvs)
+        return uvs
 
     def _layer(self, name: str, width: int) -> np.ndarray:
         """Layer of the mesh, or values of the objects, at each corner (N, 3, C); `width` zeros if there are none."""
@@ -205,6 +210,19 @@ class SceneMesh:
                 count += len(run)
         if group:
             yield tuple(group)
+
+
+def _within_texels(uvs: np.ndarray, texture: Texture) -> np.ndarray:
+    """UVs (N, 3, 2), of triangles that lie on one point of square texels the centre of the texel that Cycles takes."""
+    matrix = np.array(texture.transform or np.eye(2, 3))
+    point = (uvs == uvs[:, :1]).all(axis=(1, 2))
+    if not point.any() or not np.linalg.det(matrix[:, :2]):
+        return uvs
+    at = (uvs[point, 0] @ matrix[:, :2].T + matrix[:, 2]) * texture.squares
+    centre = (np.floor(at) + 0.5) / texture.squares - matrix[:, 2]
+    uvs = uvs.copy()
+    uvs[point] = (centre @ np.linalg.inv(matrix[:, :2]).T)[:, None]
+    return uvs
 
 
 def with_opacities(material: Material, number: int, parts: Sequence[MeshInstances]) -> Material:

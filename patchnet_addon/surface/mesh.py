@@ -22,12 +22,14 @@ class Texture:
     pixels: (H, W, C) float32, row 0 at v = 0, C = 1 (alpha) or 3 (colour).
     wrap: what is outside the image: "REPEAT", "EXTEND", "MIRROR" or "CLIP" (nothing), as Blender names them.
     transform: image coordinates are this (2, 3) matrix times (u, v, 1); None for (u, v) themselves.
+    squares: columns and rows of texels that are squares of one colour; None for bilinear interpolation.
     """
 
     name: str
     pixels: np.ndarray
     wrap: str = "REPEAT"
     transform: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    squares: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
