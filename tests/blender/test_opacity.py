@@ -31,16 +31,17 @@ Tree, Socket = bpy.types.NodeTree, bpy.types.NodeSocket
 
 
 def checks(tree: Tree, output: str = "Alpha") -> Socket:
-    """An output of an image of 16 x 16 texels: squares of alpha 0 and 1, a column of alpha 1 on the right."""
-    if "Checks" not in bpy.data.images:
+    """An output of an image of 16 x 16 texels: squares of 0 and 1, a column of 1 on the right, in it alone."""
+    if output not in bpy.data.images:
         y, x = np.mgrid[0:16, 0:16]
-        alpha = ((x // 4 + y // 4) % 2 == 1) | (x > 11)
-        made = bpy.data.images.new("Checks", 16, 16, alpha=True, float_buffer=True)
-        pixels = np.dstack([np.full((16, 16), 0.8), np.full((16, 16), 0.6), np.full((16, 16), 0.1), alpha])
+        filled = ((x // 4 + y // 4) % 2 == 1) | (x > 11)
+        made = bpy.data.images.new(output, 16, 16, alpha=True, float_buffer=True)
+        values = {"Alpha": (0.5, 0.5, 0.5, filled), "Color": (0.8 * filled, 0.6 * filled, 0.1 * filled, 1.0)}[output]
+        pixels = np.dstack([np.broadcast_to(value, (16, 16)) for value in values])
         made.pixels.foreach_set(pixels.astype(np.float32).ravel())
         made.pack()
     node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation = bpy.data.images["Checks"], "Closest"
+    node.image, node.interpolation = bpy.data.images[output], "Closest"
     return node.outputs[output]
 
 
