@@ -7,11 +7,13 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.surface.chroma import REC709
+from .node_terms import TextureUse
 
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
 WEIGHTS = {"Y": REC709, "MEAN": np.full(3, 1.0 / 3.0, np.float32)}
 _SQUARES_SIDE = 512  # largest side of enlarged images with square texels; they reach at least half of it
 _RAW_SPACES = frozenset({"Non-Color", "Raw"})
+_ALPHA_COVERS = frozenset({"STRAIGHT", "PREMUL"})  # alpha modes in which Cycles multiplies colours by alpha
 # Pixels whose bilinear value at `RAMP_TRANSFORM` of (u, v, 1) is u.
 RAMP = np.linspace(0.0, 1.0, 256, dtype=np.float32).reshape(1, 256, 1)
 RAMP_TRANSFORM = ((255 / 256, 0.0, 0.5 / 256), (0.0, 0.0, 0.5))
@@ -21,25 +23,26 @@ class ImageReader:
     """Reader that reads each image once; materials that share an image share its array."""
 
     def __init__(self) -> None:
-        self._colors: dict[str, np.ndarray] = {}
-        self._channels: dict[tuple[str, str], np.ndarray] = {}
+        self._colors: dict[tuple[str, bool], np.ndarray] = {}
+        self._channels: dict[tuple[str, bool, str], np.ndarray] = {}
         self._squares: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
-    def color(self, image: bpy.types.Image) -> np.ndarray:
-        """(H, W, 3) float32, linear; row 0 at v = 0."""
-        if image.name_full not in self._colors:
-            self._read(image)
-        return self._colors[image.name_full]
+    def color(self, use: TextureUse) -> np.ndarray:
+        """(H, W, 3) float32, linear; row 0 at v = 0. Alpha counts as in Cycles, see `TextureUse`."""
+        key = use.image.name_full, use.straight
+        if key not in self._colors:
+            self._read(use)
+        return self._colors[key]
 
-    def channel(self, image: bpy.types.Image | None, channel: str) -> np.ndarray:
+    def channel(self, use: TextureUse, channel: str) -> np.ndarray:
         """(H, W, 1) float32: "A", or linear "R", "G", "B", luminance "Y", or "MEAN"; `RAMP` without an image."""
-        if image is None:
+        if use.image is None:
             return RAMP
-        key = image.name_full, channel
+        key = use.image.name_full, use.straight, channel
         if key not in self._channels and channel == "A":
-            self._read(image)
+            self._read(use)
         if key not in self._channels:
-            color = self.color(image)
+            color = self.color(use)
             values = color @ WEIGHTS[channel] if channel in WEIGHTS else color[..., CHANNELS[channel]]
             self._channels[key] = np.ascontiguousarray(values[..., None])
         return self._channels[key]
@@ -52,12 +55,12 @@ class ImageReader:
             self._squares[id(pixels)] = pixels, large
         return self._squares[id(pixels)][1]
 
-    def mean(self, image: bpy.types.Image) -> np.ndarray:
+    def mean(self, use: TextureUse) -> np.ndarray:
         """Mean colour (3,), linear."""
-        return self.color(image).mean(axis=(0, 1), dtype=np.float64)
+        return self.color(use).mean(axis=(0, 1), dtype=np.float64)
 
-    def _read(self, image: bpy.types.Image) -> None:
-        width, height = image.size
+    def _read(self, use: TextureUse) -> None:
+        image, (width, height) = use.image, use.image.size
         pixels = np.empty(width * height * image.channels, np.float32)
         was_loaded = image.has_data
         image.pixels.foreach_get(pixels)
@@ -65,12 +68,25 @@ class ImageReader:
         if not was_loaded and not image.is_dirty:
             image.buffers_free()
         color = pixels[..., :3] if image.channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
-        if image.channels == 4:
-            alpha = pixels[..., 3:]
+        if image.channels == 4 and image.alpha_mode != "NONE":
+            alpha = np.clip(np.nan_to_num(pixels[..., 3:]), 0.0, 1.0)
         else:
             alpha = np.ones((height, width, 1), np.float32)
-        self._colors[image.name_full] = _linear(np.ascontiguousarray(color), image)
-        self._channels[image.name_full, "A"] = np.clip(np.nan_to_num(alpha), 0.0, 1.0)
+        if image.alpha_mode in _ALPHA_COVERS and image.colorspace_settings.name not in _RAW_SPACES:
+            color = _covered(color, alpha, use)
+        key = image.name_full, use.straight
+        self._colors[key] = _linear(np.ascontiguousarray(color), image)
+        self._channels[*key, "A"] = alpha
+
+
+def _covered(color: np.ndarray, alpha: np.ndarray, use: TextureUse) -> np.ndarray:
+    """Colour times alpha, or straight: Blender stores float images multiplied, and 8 bit images straight, as encoded.
+
+    Cycles multiplies the encoded colours of the latter.
+    """
+    if use.image.is_float:
+        return color / np.where(alpha > 0.0, alpha, 1.0) if use.straight else color
+    return color if use.straight else color * alpha
 
 
 def usable(image: bpy.types.Image | None) -> bool:

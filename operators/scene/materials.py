@@ -121,7 +121,7 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
     texture = None
     if not alpha.constant:
         assert alpha.texture is not None
-        pixels = images.channel(alpha.texture.image, alpha.channel)
+        pixels = images.channel(alpha.texture, alpha.channel)
         opacity = 1.0
         if (alpha.scale, alpha.offset) != (1.0, 0.0):
             pixels = np.clip(pixels * np.float32(alpha.scale) + np.float32(alpha.offset), 0.0, 1.0)
@@ -131,7 +131,7 @@ def _material(name: str, surface: _Surface, colors: NodeValues) -> Material:
         texture = _texture(alpha.texture, pixels, images)
     base_texture = None
     if base.texture is not None:
-        base_texture = _texture(base.texture, images.color(base.texture.image), images)
+        base_texture = _texture(base.texture, images.color(base.texture), images)
     return Material(
         name=name,
         base_color=base.factor,

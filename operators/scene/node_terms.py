@@ -26,7 +26,8 @@ class TextureUse:
     """Image and its mapping: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
 
     uv_map: name of the UV map or attribute, "" for the one that renders. closest: texels are squares of one colour.
-    Without an image it is the number itself that layer `uv_map` holds, in [0, 1].
+    straight: colours are not multiplied by alpha, as Cycles reads an image whose alpha is used, too. Without an image it
+    is the number itself that layer `uv_map` holds, in [0, 1].
     """
 
     image: bpy.types.Image | None
@@ -34,6 +35,7 @@ class TextureUse:
     transform: Transform | None = None
     uv_map: str = ""
     closest: bool = False
+    straight: bool = False
 
     @property
     def name(self) -> str:

@@ -78,7 +78,7 @@ class NodeValues:
         """Mean of the colour over its texture."""
         if term.texture is None:
             return term.factor
-        mean = self.images.mean(term.texture.image)
+        mean = self.images.mean(term.texture)
         r, g, b = (float(one * other) for one, other in zip(term.factor, mean, strict=True))
         return r, g, b
 
@@ -91,8 +91,8 @@ def _texture_use(values: NodeValues, output: Output) -> TextureUse:
         raise NotUnderstoodError(f"image '{node.image.name}', which is tiled")
     if node.projection != "FLAT":
         raise NotUnderstoodError(f"the {node.projection.lower()} projection of image '{node.image.name}'")
-    closest = node.interpolation == "Closest"
-    return TextureUse(node.image, node.extension, *_uv_transform(output.input("Vector")), closest)
+    closest, straight = node.interpolation == "Closest", node.outputs["Alpha"].is_linked
+    return TextureUse(node.image, node.extension, *_uv_transform(output.input("Vector")), closest, straight)
 
 
 def _uv_transform(at: Input) -> tuple[Transform | None, str]:

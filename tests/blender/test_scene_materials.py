@@ -12,8 +12,15 @@ import pytest
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.images import ImageReader
 from patchnet.operators.scene.materials import read_material
+from patchnet.operators.scene.node_terms import TextureUse
 from patchnet.operators.scene.read import read_scene
+from patchnet.patchnet_addon.surface.chroma import REC709
 from patchnet.patchnet_addon.surface.mesh import Material
+from patchnet.tests.blender.light_scene import picture as rendered
+from patchnet.tests.blender.objects import SQUARE, mesh
+from patchnet.tests.blender.objects import link as put
+from patchnet.tests.blender.shaders import material as bare
+from patchnet.tests.blender.shaders import shader, shown
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -67,12 +74,38 @@ def decoded(values: np.ndarray) -> np.ndarray:
 def test_images_become_linear(kind: str) -> None:
     material, node = principled()
     picture = image("Picture", PIXELS, float_buffer=kind == "float", data=kind == "data")
+    picture.alpha_mode = "CHANNEL_PACKED"
     link(material, texture(material, picture).outputs["Color"], node.inputs["Base Color"])
     result, warning = read(material)
     assert warning is None and result.base_texture is not None
     expected = decoded(PIXELS[..., :3]) if kind == "byte" else PIXELS[..., :3]
     np.testing.assert_allclose(result.base_texture.pixels, expected, atol=1e-5)
     assert result.base_texture.pixels.dtype == np.float32
+
+
+@pytest.mark.parametrize("is_used", [False, True])
+@pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
+@pytest.mark.parametrize("kind", ["byte", "float", "data"])
+def test_alpha_of_images_counts_as_in_cycles(kind: str, mode: str, is_used: bool) -> None:
+    """Cycles shows the colours of an image, times its alpha where that `is_used`; each texel has 4 x 4 pixels."""
+    pixels = np.full((4, 4, 4), 0.5)
+    pixels[..., 0], pixels[..., 3] = PIXELS[:, :4, 0], [0.0, 0.25, 0.75, 1.0]
+    picture = image("Picture", pixels, float_buffer=kind == "float", data=kind == "data")
+    picture.alpha_mode = mode
+    glow, tree = bare("Glow")
+    used = texture(glow, picture)
+    used.interpolation = "Closest"
+    shown(tree, shader(tree, "Emission"))
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    link(glow, used.outputs["Color"], emission.inputs["Color"])
+    if is_used:
+        link(glow, used.outputs["Alpha"], emission.inputs["Strength"])
+    item = put(mesh("Square", SQUARE, [(0, 1, 2, 3)], glow))
+    item.data.uv_layers.new().uv.foreach_set("vector", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
+    use, reader = TextureUse(picture, straight=is_used), ImageReader()
+    found = reader.color(use) @ REC709 * (reader.channel(use, "A")[..., 0] if is_used else 1.0)
+    expected = rendered(1, 1)[0].reshape(4, 4, 4, 4)[:, 1:3, :, 1:3].mean(axis=(1, 3))
+    np.testing.assert_allclose(found, expected, atol=0.005)  # Cycles multiplies bytes
 
 
 def test_image_times_factor_in_a_node_of_old_files() -> None:
@@ -192,7 +225,8 @@ def test_color_and_opacity_on_their_uv_maps(other: str) -> None:
     assert (result.base_texture is None) == bool(other) == (warning is not None)
     if other:
         assert "image 'Color' counts by its mean color" in warning
-        assert result.base_color == pytest.approx(tuple(decoded(PIXELS[..., :3]).mean(axis=(0, 1))), abs=1e-4)
+        mean = decoded(PIXELS[..., :3] * PIXELS[..., 3:]).mean(axis=(0, 1))
+        assert result.base_color == pytest.approx(tuple(mean), abs=1e-3)
 
 
 def test_what_is_not_understood_is_said_once() -> None:
