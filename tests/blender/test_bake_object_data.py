@@ -12,7 +12,7 @@ from patchnet.operators.scene.read import read_scene
 from patchnet.tests.blender.light_scene import BakedSurfels, assert_agrees, bake, bake_surfels, compare, picture
 from patchnet.tests.blender.objects import SQUARE, collection_instance, geometry_nodes, link, mesh, moved_to, slab
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
-from patchnet.tests.blender.shaders import material, shader, shown
+from patchnet.tests.blender.shaders import material, shader, shown, world
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -323,3 +323,30 @@ def test_what_depends_on_the_angle_is_the_mean_of_all_views() -> None:
     light, alpha = picture(16, 1, height=1.5)
     assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)
     assert np.ptp(found.luminance) < 0.01 * found.luminance.mean() and len(found.warnings) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs"),
+    [
+        ("BsdfDiffuse", {"Color": (0.2, 0.2, 0.2, 1.0), "Roughness": 1.0}),
+        ("BsdfPrincipled", {"Base Color": (0.8, 0.6, 0.4, 1.0), "Diffuse Roughness": 0.6, "Specular IOR Level": 0.0}),
+        ("BsdfPrincipled", {"Sheen Weight": 0.8, "Sheen Roughness": 0.7, "Specular IOR Level": 0.0}),
+        ("BsdfSheen", {"Roughness": 0.6}),
+    ],
+)
+def test_cloth_is_the_mean_of_all_views(kind: str, inputs: dict) -> None:
+    """Against Cycles' picture of a ball under an even sky, on whose disc all angles are seen as often."""
+    world().nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    paint, tree = material("Cloth")
+    cloth = tree.nodes.new(f"ShaderNode{kind}")
+    for name, value in inputs.items():
+        cloth.inputs[name].default_value = value
+    shown(tree, cloth.outputs[0])
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.98)
+    bpy.context.object.data.materials.append(paint)
+    bpy.ops.object.shade_smooth()
+    found = bake_surfels(16)
+    light, alpha = picture(64, 1, height=1.5)
+    assert found.luminance.mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.05)
+    (warning,) = found.warnings
+    assert f"'{cloth.name}' of material 'Cloth'" in warning

@@ -11,6 +11,7 @@ import bpy
 from ....patchnet_addon.runtime.omissions import Omissions
 from ...scene_access.blender_version import start_nodes, tree_in_use
 from ...scene_access.temporary import temporary
+from .mean_view import needs_mean_view, use_mean_view
 from .object_data import needs_redirect, redirect
 from .one_sided import is_translucent, keep_sides
 
@@ -28,15 +29,17 @@ def bake_materials(
     """Copy each named material, "" for the default one, with `image` as the active node, within the block.
 
     The copies read attributes instead of the object. back: the mesh shows back sides. through: they show only
-    translucent light, else all but that. oblique: nodes that depend on the angle of view use the mean of all views.
-    unread: gets the names of materials that cannot be adapted.
+    translucent light, else all but that. oblique: what depends on the view is the mean of all views. unread: gets the
+    names of materials that cannot be adapted.
     """
     library = {material.name_full: material for material in bpy.data.materials}
     copies: list[bpy.types.Material] = []
     with ExitStack() as stack:
 
         def adapt(tree: bpy.types.NodeTree, material_index: int, known: dict[str, bpy.types.NodeTree]) -> None:
-            redirect(tree, material_index, back, oblique)
+            redirect(tree, material_index, back)
+            if oblique:
+                use_mean_view(tree)
             keep_sides(tree, through)
             for node in tree.nodes:
                 if node.type == "GROUP" and node.node_tree:
@@ -51,7 +54,7 @@ def bake_materials(
             new = original.copy() if original else bpy.data.materials.new("PatchNet Default")
             copies.append(stack.enter_context(temporary(new)))
             with (unread or Omissions()).leaving_out(name):
-                if original and (needs_redirect(original) or is_translucent(original)):
+                if original and any(changes(original) for changes in (needs_redirect, needs_mean_view, is_translucent)):
                     adapt(new.node_tree, original.pass_index, {})
             aim(new, image, plain=original is None)
         yield copies

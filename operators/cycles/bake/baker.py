@@ -29,12 +29,17 @@ from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import bake_image, bake_object, bake_scene, lit_as, most_paths, set_cycles
-from .gloss_passes import baked_with_gloss, gloss_warnings
+from .gloss_passes import REFINE, baked_with_gloss, gloss_warnings
+from .mean_view import nodes_by_view
 from .object_data import lost_inputs, needs_coordinates
 from .one_sided import shows, translucent_materials
 from .surfel_mesh import BLOCK, PARTS, SurfelTriangles, fill_mesh, surfel_triangles
 
-_MOST_LOST = 12  # nodes in a sentence
+_MOST_NAMED = 12  # nodes in a sentence
+_BY_VIEW = (
+    "Diffuse roughness and sheen are baked as the mean of all views: {}: choose Gloss: From Camera for one view, or "
+    f"{REFINE}"
+)
 _MOST_TRIANGLES = 1 << 22  # a call
 _LIFT_SHARE = 2e-6  # of the octree's cube
 
@@ -84,7 +89,12 @@ class SurfelBaker:
             for material in used
             for node in lost_inputs(material, material.name_full in transformed)
         ]
-        self._warnings, self._unread = (*_lost(lost), *gloss_warnings(source, light)), Omissions()
+        by_view = [f"node '{node}' of material '{item.name}'" for item in used for node in nodes_by_view(item)]
+        self._warnings, self._unread = (
+            *_named("What depends on the view or on whole objects is not baked: {}", lost),
+            *_named(_BY_VIEW, [] if light.from_camera else by_view),
+            *gloss_warnings(source, light),
+        ), Omissions()
         # Far below a voxel, far above the rounding of coordinates; equal for all depths, so that light can be kept.
         self._lift_world = max(_LIFT_SHARE * side_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
 
@@ -183,9 +193,9 @@ def _light_of(image: bpy.types.Image, channels: int) -> np.ndarray:
     return light
 
 
-def _lost(nodes: Sequence[str]) -> tuple[str, ...]:
-    """Sentence that names nodes that a bake cannot evaluate, if there are any."""
+def _named(sentence: str, nodes: Sequence[str]) -> tuple[str, ...]:
+    """Sentence that names nodes, if there are any."""
     if not nodes:
         return ()
-    more = f" and {len(nodes) - _MOST_LOST} more" if len(nodes) > _MOST_LOST else ""
-    return (f"What depends on the view or on whole objects is not baked: {', '.join(nodes[:_MOST_LOST])}{more}",)
+    more = f" and {len(nodes) - _MOST_NAMED} more" if len(nodes) > _MOST_NAMED else ""
+    return (sentence.format(", ".join(nodes[:_MOST_NAMED]) + more),)

@@ -15,7 +15,7 @@ from ...scene.scene_mesh import SceneMesh
 from ...schema.table import GLOSS_AUTO, GLOSS_CAMERA, GLOSS_OFF
 from ...settings.groups import LightSettings
 
-_REFINE = "use Refine with Cycles, Passes: Combined"
+REFINE = "use Refine with Cycles, Passes: Combined"
 _TINTED = 0.2  # share of transmitted light from which on materials other than clear glass are mentioned
 
 
@@ -74,16 +74,16 @@ def gloss_warnings(source: SceneMesh, light: LightSettings) -> tuple[str, ...]:
         return _named(dark, "baked without gloss, and black: choose Gloss: Automatic")
     sharp = [name for name, gloss in rest if gloss.is_glossy and gloss.is_sharp and name not in tinted]
     if light.from_camera:
-        mirrors = f"baked with reflections as the active camera sees them, wrong from elsewhere: there {_REFINE}"
+        mirrors = f"baked with reflections as the active camera sees them, wrong from elsewhere: there {REFINE}"
     else:
         mirrors = (
             "baked with reflections as seen from above the surface, not as cameras see them: choose Gloss: From Camera "
-            f"for one view, or {_REFINE}"
+            f"for one view, or {REFINE}"
         )
     return (
         *_named(sharp, mirrors),
-        *_named(clear, f"see-through, without reflections and refraction: {_REFINE} for these"),
-        *_named(tinted, f"baked as if opaque, with what shines through: {_REFINE} to see through"),
+        *_named(clear, f"see-through, without reflections and refraction: {REFINE} for these"),
+        *_named(tinted, f"baked as if opaque, with what shines through: {REFINE} to see through"),
     )
 
 

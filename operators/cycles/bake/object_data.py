@@ -16,7 +16,6 @@ from ...scene.layer_names import GENERATED, all_nodes, layer_of, name_layer, nee
 from ...scene_access.blender_version import tree_in_use
 
 OBJECT = own_name("object")
-_BY_ANGLE = ("LAYER_WEIGHT", "FRESNEL")
 _KINDS = {"RGBA": "Color", "VECTOR": "Vector", "VALUE": "Fac"}  # type of a socket -> output of the Attribute node
 # Outputs by node type that joining changes, or that depend on the view; None: all outputs.
 _LOST: dict[str, frozenset[str] | None] = {
@@ -78,18 +77,17 @@ def _asks_whole_object(node: bpy.types.Node, turned: bool) -> bool:
 def needs_redirect(material: bpy.types.Material) -> bool:
     """Return whether `redirect` changes anything in a material."""
     return any(
-        node.type in ("NEW_GEOMETRY", *_BY_ANGLE) or _own_coordinates(node) or _scatters(node) or needs_generated(node)
+        node.type == "NEW_GEOMETRY" or _own_coordinates(node) or _scatters(node) or needs_generated(node)
         or layer_of(node) or any(asked_by(node, socket.name) for socket in node.outputs)
         for node in _nodes([material])
     )  # fmt: skip
 
 
-def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique: bool = False) -> None:
+def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool) -> None:
     """Replace links of a tree from object data by links from attributes; groups in it are left to the caller.
 
-    back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1. oblique: nodes that depend on
-    the angle of view use the mean of all views, whose cosine is 2/3, instead of the view from above. Light that
-    scatters below the surface needs the whole object: it is baked as diffuse light.
+    back: the mesh shows its back sides as fronts, so that "Backfacing" is a constant 1. Light that scatters below the
+    surface needs the whole object: it is baked as diffuse light.
     """
     for node in list(tree.nodes):
         if _scatters(node):
@@ -107,8 +105,6 @@ def redirect(tree: bpy.types.NodeTree, material_index: int, back: bool, oblique:
             name_layer(node, own_name(layer))
         elif needs_generated(node):
             tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
-        if oblique and node.type in _BY_ANGLE and not node.inputs["Normal"].is_linked:
-            tree.links.new(_oblique_normal(tree), node.inputs["Normal"])
         if node.type == "NEW_GEOMETRY" and back:
             _replace_constant(tree, node.outputs["Backfacing"], 1.0)
 
@@ -134,27 +130,6 @@ def _make_diffuse(tree: bpy.types.NodeTree, node: bpy.types.Node) -> None:
             tree.links.new(link.from_socket, diffuse.inputs[name])
     diffuse.inputs["Color"].default_value = node.inputs["Color"].default_value
     _move_links(tree, node.outputs[0], diffuse.outputs[0])
-
-
-def _oblique_normal(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """Direction whose cosine to the normal is 2/3: the normal and 1.118 times a unit vector across it."""
-    normal = tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
-    across = _vector_math(tree, "NORMALIZE", _vector_math(tree, "CROSS_PRODUCT", normal, (0.48, 0.6, 0.64)))
-    both = _vector_math(tree, "MULTIPLY_ADD", across, (1.118,) * 3, normal)
-    return _vector_math(tree, "NORMALIZE", both)
-
-
-def _vector_math(
-    tree: bpy.types.NodeTree, operation: str, *inputs: bpy.types.NodeSocket | tuple[float, ...]
-) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeVectorMath")
-    node.operation = operation
-    for value, target in zip(inputs, node.inputs, strict=False):
-        if isinstance(value, tuple):
-            target.default_value = value
-        else:
-            tree.links.new(value, target)
-    return node.outputs[0]
 
 
 def _own_coordinates(node: bpy.types.Node) -> bool:
