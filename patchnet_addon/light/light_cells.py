@@ -27,7 +27,8 @@ class SurfelSurface(NamedTuple):
     """Surface of N surfels: places (N, 3) and unit normals (N, 3) of the lit side, float64, in the world.
 
     base: (N, 1) float32, luminance of the base colour, or (N, 4) with red, green and blue; 1 where light is not in
-    proportion to it: for emitters, and where it is not known. is_filtered: (N,) bool, where it is. material: (N,).
+    proportion to it: for emitters, and where it is not known. is_filtered: (N,) bool, where light varies slowly once it
+    is divided by that. material: (N,).
     """
 
     place: np.ndarray

@@ -54,8 +54,21 @@ class MaterialSides(NamedTuple):
     through: np.ndarray
 
 
+class BakedColors(NamedTuple):
+    """Base colours that were baked as light is: of leaves, as `cells`; materials: (M,) bool, those that have them."""
+
+    cells: LightCells
+    materials: np.ndarray
+
+
 def cells_shade(
-    cells: LightCells, table: TextureTable, sheets: Sheets, materials: MaterialSides, *, color: bool
+    cells: LightCells,
+    table: TextureTable,
+    sheets: Sheets,
+    materials: MaterialSides,
+    *,
+    color: bool,
+    colors: BakedColors | None = None,
 ) -> ShadingFn:
     """ShadingFn of light cells: that of the finest one above a fragment with its sheet and face, times its base colour.
 
@@ -73,9 +86,13 @@ def cells_shade(
         lights = np.zeros((len(fragments), 2, cells.light.shape[1]), np.float32)
         where = np.zeros((len(fragments), 2), np.uint8)
         places = fragments.keys, fragments.triangle, fragments.level
-        run_parts(_look_up, len(fragments), places, surface, cells, lights, where)
+        run_parts(_look_up, len(fragments), (*places, ABOVE_LEAVES), surface, cells, lights, where)
         material = batch.materials[fragments.triangle]
         lights *= base_of_fragments(base, batch, fragments, color=color)[:, None]
+        if colors is not None:
+            found = np.ones_like(lights)
+            run_parts(_look_up, len(fragments), (*places, 0), surface, colors.cells, found, np.empty_like(where))
+            lights *= np.where(colors.materials[material][:, None, None], found, np.float32(1.0))
         facing = surface.facing[fragments.triangle]
         mean = _mean(lights, _back_share(lights[..., 0], where, facing, materials.through[material]))
         return mean[:, 0], opacity, mean[:, 1:], lights
@@ -131,10 +148,13 @@ def _found(keys, slots, cell, face, sheet):  # type: ignore[no-untyped-def]
 
 @kernel
 def _look_up(first, last, places, surface, cells, lights, where):  # type: ignore[no-untyped-def]
-    """Write the light of both sides of fragments, and where it was found. places: their keys, triangles and level."""
-    key, triangle, level = places
+    """Write the light of both sides of fragments, and where it was found.
+
+    places: their keys, triangles and level, and the least levels of cells above leaves.
+    """
+    key, triangle, level, above_leaves = places
     keys, slots, light = cells.keys, cells.slots, cells.light
-    low, top = min(ABOVE_LEAVES, level), min(COARSE, level)
+    low, top = min(above_leaves, level), min(COARSE, level)
     above = np.uint64(3 * low)
     for f in range(first, last):
         t = triangle[f]

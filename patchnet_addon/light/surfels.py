@@ -59,7 +59,8 @@ class _Draw(NamedTuple):
 
 class _View(NamedTuple):
     """What cameras see: `SeenCells` with slots, and the coarsest level of a voxel that a ray ends in; eyes (E, 4):
-    position and 1, or direction to the eye and 0; units (L,) of area of a light cell of each level.
+    position and 1, or direction to the eye and 0; units (L,) of area of a light cell of each level; least levels
+    between leaves and light cells.
     """
 
     cells: np.ndarray
@@ -69,6 +70,7 @@ class _View(NamedTuple):
     coarsest: int
     eyes: np.ndarray
     units: np.ndarray
+    above: int
 
 
 class _Surface(NamedTuple):
@@ -92,18 +94,24 @@ def eyes_of(cameras: list[Camera] | tuple[Camera, ...]) -> np.ndarray:
 
 
 def choose_surfels(
-    clipped: ClippedSurface, opacity: ShadingFn, sheets: Sheets, seen: SeenCells, eyes: np.ndarray
+    clipped: ClippedSurface,
+    opacity: ShadingFn,
+    sheets: Sheets,
+    seen: SeenCells,
+    eyes: np.ndarray,
+    *,
+    above: int = ABOVE_LEAVES,
 ) -> Steps[np.ndarray]:
     """Surfels (N,) SURFEL of a surface, in the order of their light cells.
 
     opacity: of the lit surface; it is called in threads. seen: by cameras with `eyes` (E, 4); without eyes every side
-    that gets light is seen.
+    that gets light is seen. above: least levels of light cells above the leaves.
     """
     slots = slots_for(len(seen.cells))
     fill_slots(slots, seen.cells, np.arange(len(seen.cells)))
     coarsest = int((seen.cells & np.uint64((1 << LEVEL_BITS) - 1)).min(initial=(1 << LEVEL_BITS) - 1))
     cell_side = clipped.grid.side_world / 2.0 ** np.arange(clipped.grid.depth + 1)
-    view = _View(*seen, slots, coarsest, eyes, _FACE_UNITS / cell_side**2)
+    view = _View(*seen, slots, coarsest, eyes, _FACE_UNITS / cell_side**2, above)
     count, cores = clipped.source.triangle_count, [_draw_with_room(1 << 16) for _ in max(clipped.passes, key=len)]
     for number, ranges in enumerate(clipped.passes):
         shares = [
@@ -196,7 +204,7 @@ def _light_level(view, key, level):  # type: ignore[no-untyped-def]
         cell = ((key >> np.uint64(3 * up)) << np.uint64(LEVEL_BITS)) | np.uint64(level - up)
         row = row_of_key(view.slots, view.cells, cell)
         if row >= 0:
-            wanted = max(level - view.level[row], min(ABOVE_LEAVES, level))
+            wanted = max(level - view.level[row], min(view.above, level))
             return min(wanted, coarse), float(view.pixels[row]) * 0.25 ** max(wanted - coarse, 0)
     return coarse, 0.0
 

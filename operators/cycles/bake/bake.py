@@ -7,7 +7,7 @@ round gives all of them a few paths; further ones go where the picture would sti
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -31,12 +31,13 @@ from .black_views import black_views
 if TYPE_CHECKING:  # they bring numba, which nothing imports before it computes
     from ....patchnet_addon.light.light_cells import LightCells
     from ....patchnet_addon.light.rounds import Round
-    from ....patchnet_addon.light.surface_light import SurfaceLight
+    from ....patchnet_addon.light.surface_light import BakedColors, SurfaceLight
     from ....patchnet_addon.light.surfel_cache import SurfelCache
 
 # Triangles up to which a bake call has as many surfels: each reads the whole scene, so large scenes have few calls;
 # many give finer progress, and lose less when they are stopped.
 _CALL_SURFELS = ((200_000, 1 << 18), (1_000_000, 1 << 20), (np.inf, 1 << 22))
+_COLOR_SAMPLES = 16  # of a base colour
 LIGHT_PATHS = "light_paths"  # entry of the octree's file
 _code_hash = cache(lambda: source_hash("operators.cycles.bake.bake"))  # with its imports
 
@@ -56,16 +57,17 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[Surfa
     light = job.light
     baker = SurfelBaker(job.context, job.source, light, job.clipped.grid.side_world, device=job.device)
     chosen = yield from choose(job)
+    colors = yield from _baked_colors(job, baker, chosen)
     kept = None if not job.state else _opened(job)
     sums, reused = SurfelSums.zeros(len(chosen.surfels), baker.channels), 0
     now: Round | None = first_round(len(chosen.surfels), light.max_samples)
     while now is not None:
         baked, found = yield from _round(job, baker, now, chosen.surfels[now.surfels], kept)
-        sums.add(now.surfels, baked, now.samples)
+        sums.add(now.surfels, _times_base(baked, chosen, now.surfels), now.samples)
         reused += found
         cells = yield from computed(partial(chosen.grid.light, sums), Progress(0, 1, "Filtering light"))
         now = next_round(now, cells, light.noise_threshold, light.max_samples)
-        lit = yield from computed(partial(_lit, job, chosen, cells, baker), Progress(0, 1, "Reading textures"))
+        lit = yield from computed(partial(_lit, job, chosen, cells, colors, baker), Progress(0, 1, "Reading textures"))
         lit.notes[LIGHT_PATHS] = int(sums.samples.sum())
         if now is not None and each_round is not None:
             yield from each_round(lit)
@@ -88,11 +90,11 @@ def _round(
         if there.any():
             yield Progress(int(there.sum()), len(surfels), f"Resuming: {there.mean():.0%} of the light is there")
     left = np.flatnonzero(~there)
-    size = next(size for limit, size in _CALL_SURFELS if job.source.triangle_count <= limit)
     label = "Baking light" if now.number == 0 else f"Refining light, round {now.number + 1}"
-    for first in range(0, len(left), size):
-        mine = left[first : first + size]
-        at = Progress(first, len(left), label)
+    done = 0
+    for mine in _calls(job, left):
+        at = Progress(done, len(left), label)
+        done += len(mine)
         yield at
         baked[mine] = yield from baker.bake(surfels[mine], now.samples, now.number, at)
         check_unchanged()  # the cache must not get light of a changed scene
@@ -102,12 +104,56 @@ def _round(
     return baked, int(there.sum()) * now.samples
 
 
-def _lit(job: BakeJob, chosen: ChosenSurfels, cells: LightCells, baker: SurfelBaker) -> SurfaceLight:
+def _calls(job: BakeJob, surfels: np.ndarray) -> Iterator[np.ndarray]:
+    """Surfels (n,) of each bake call."""
+    size = next(size for limit, size in _CALL_SURFELS if job.source.triangle_count <= limit)
+    return (surfels[first : first + size] for first in range(0, len(surfels), size))
+
+
+def _baked_colors(job: BakeJob, baker: SurfelBaker, chosen: ChosenSurfels) -> Steps[BakedColors | None]:
+    """Base colours that are baked: of leaves, and of surfels, which get theirs as `base`; None if there are none."""
+    from ....patchnet_addon.light.light_cells import SurfelSums
+    from ....patchnet_addon.light.surface_light import BakedColors
+    from ....patchnet_addon.surface.textures import LEAST_BASE
+
+    if chosen.colored is None:
+        return None
+    mine = np.flatnonzero(chosen.has_baked_color[chosen.surface.material])
+    found = yield from _colors_of(job, baker, chosen.surfels[mine])
+    chosen.surface.base[mine] = np.maximum(found[:, :-2], LEAST_BASE)
+    leaves = chosen.colored.surfels
+    sums = SurfelSums.zeros(len(leaves), baker.channels)
+    sums.add(np.arange(len(leaves)), (yield from _colors_of(job, baker, leaves)), _COLOR_SAMPLES)
+    return BakedColors(chosen.colored.grid.light(sums), chosen.has_baked_color)
+
+
+def _colors_of(job: BakeJob, baker: SurfelBaker, surfels: np.ndarray) -> Steps[np.ndarray]:
+    """Base colours (n, channels) of surfels."""
+    found = np.zeros((len(surfels), baker.channels), np.float32)
+    for mine in _calls(job, np.arange(len(surfels))):
+        at = Progress(int(mine[0]), len(surfels), "Baking colors")
+        found[mine] = yield from baker.bake(surfels[mine], _COLOR_SAMPLES, 0, at, colors=True)
+    found[:, -2] = 1.0
+    return found
+
+
+def _times_base(baked: np.ndarray, chosen: ChosenSurfels, surfels: np.ndarray) -> np.ndarray:
+    """Baked light (n, channels) of surfels (n,), of which that over a baked base colour is multiplied by it."""
+    mine = chosen.has_baked_color[chosen.surface.material[surfels]]
+    base = chosen.surface.base[surfels[mine]]
+    baked[mine, :-2] *= base
+    baked[mine, -1] *= base[:, 0]
+    return baked
+
+
+def _lit(
+    job: BakeJob, chosen: ChosenSurfels, cells: LightCells, colors: BakedColors | None, baker: SurfelBaker
+) -> SurfaceLight:
     from ....patchnet_addon.light.rounds import usual_noise
     from ....patchnet_addon.light.surface_light import MaterialSides, SurfaceLight, cells_shade
 
     sides = MaterialSides(chosen.reflects, chosen.through)
-    shade = cells_shade(cells, chosen.table, chosen.sheets, sides, color=job.light.color)
+    shade = cells_shade(cells, chosen.table, chosen.sheets, sides, color=job.light.color, colors=colors)
     notes: dict[str, Any] = {FINE_LIGHT: round(chosen.fine, 4), LIGHT_NOISE: round(usual_noise(cells), 5)}
     return SurfaceLight(shade, chosen.sheets.facing, chosen.reflects, baker.warnings, notes)
 

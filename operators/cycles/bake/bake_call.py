@@ -23,7 +23,6 @@ _STOPPED = "Cycles stopped baking the light of the scene: start the bake again t
 _DIFFUSE = {"DIRECT", "INDIRECT", "DIFFUSE", "EMIT"}
 _GLOSSY = {"GLOSSY", "TRANSMISSION"}
 _ARGUMENTS: dict[str, Any] = {
-    "type": "COMBINED",
     "margin": 0,
     "use_clear": True,
     "use_selected_to_active": False,
@@ -37,7 +36,7 @@ _ARGUMENTS: dict[str, Any] = {
 class BakeTarget:
     """Object to bake into the active images of its materials, and the scene copy and view layer that light it.
 
-    gloss: bake reflected and transmitted light, too.
+    gloss: bake reflected and transmitted light, too. colors: bake diffuse colors instead of light.
     """
 
     scene: bpy.types.Scene
@@ -45,6 +44,7 @@ class BakeTarget:
     item: bpy.types.Object
     image: bpy.types.Image
     gloss: bool = False
+    colors: bool = False
 
 
 def bake_now(context: bpy.types.Context, target: BakeTarget) -> None:
@@ -73,6 +73,12 @@ def bake_as_job(context: bpy.types.Context, target: BakeTarget, at: Progress) ->
         raise SceneError("Cycles cannot bake the light of the scene: Blender's terminal says why")
 
 
+def _passes(target: BakeTarget) -> dict[str, Any]:
+    if target.colors:
+        return {"type": "DIFFUSE", "pass_filter": {"COLOR"}}
+    return {"type": "COMBINED", "pass_filter": _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE}
+
+
 def _start(how: dict[str, Any]) -> set[str]:
     return bpy.ops.patchnet.bake_beside_window("INVOKE_DEFAULT", OBJECT_OT_bake=how)
 
@@ -83,7 +89,7 @@ def _called(context: bpy.types.Context, target: BakeTarget, bake: Callable[[dict
     override |= {"active_object": item, "object": item, "selected_objects": [item]}
     try:
         with interrupts_wait(), context.temp_override(**override):
-            return bake({"pass_filter": _DIFFUSE | _GLOSSY if target.gloss else _DIFFUSE, **_ARGUMENTS})
+            return bake(_ARGUMENTS | _passes(target))
     except RuntimeError as cause:
         reason = str(cause).strip().removeprefix("Error: ")
         raise SceneError(f"Cycles cannot bake the light of the scene ({reason})") from cause

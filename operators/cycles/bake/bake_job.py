@@ -16,6 +16,7 @@ from ....patchnet_addon.tracing.camera import Camera
 from ...scene.scene_mesh import SceneMesh
 from ...schema.table import AUTO, SEEN_CELLS
 from ...settings.groups import LightSettings
+from .baked_colors import ColoredLeaves, color_is_baked, colored_leaves
 from .one_sided import one_sided_materials
 from .placed_sheets import placed_sheets
 
@@ -54,7 +55,10 @@ class BakeJob:
 
 @dataclass(frozen=True, eq=False)
 class ChosenSurfels:
-    """Surfels (N,) SURFEL with their surface and sheets, what cameras see, and the share of leaves that they do."""
+    """Surfels (N,) SURFEL with their surface and sheets, what cameras see, and the share of leaves that they do.
+
+    has_baked_color: (M,) bool, materials of which `colored` leaves are baked; None if there are none.
+    """
 
     surfels: np.ndarray
     surface: SurfelSurface
@@ -66,6 +70,8 @@ class ChosenSurfels:
     reflects: np.ndarray
     through: np.ndarray
     fine: float
+    has_baked_color: np.ndarray
+    colored: ColoredLeaves | None
 
 
 def choose(job: BakeJob) -> Steps[ChosenSurfels]:
@@ -94,9 +100,16 @@ def choose(job: BakeJob) -> Steps[ChosenSurfels]:
     )
 
     reflects = reflecting(table, [material.base_is_known for material in source.materials])
+    baked = color_is_baked(source, light.gloss)
     surfaces = partial(surface_of_surfels, surfels, source, table, reflects, color=light.color)
     at = yield from computed(surfaces, Progress(0, 1, "Choosing surfels"))
+    even = np.array([each.base_is_known and each.base_texture is None for each in source.materials], bool)
+    at = at._replace(is_filtered=(reflects | baked | even)[at.material])  # also emitters, if they are of one color
+    colored = None
+    if baked[at.material].any():
+        colored = yield from colored_leaves(clipped, opacity, sheets, seen, eyes_of(cameras), baked)
     cells = partial(CellGrid, surfels, at, clipped.grid, filtered=light.denoise)
     grid = yield from computed(cells, Progress(0, 1, "Filtering light"))
     fine = len(seen.cells) / max(sum(len(keys) for keys in leaves.keys.values()), 1)
-    return ChosenSurfels(surfels, at, grid, sheets, seen, leaves.nodes, table, reflects, through, min(fine, 1.0))
+    share = min(fine, 1.0)
+    return ChosenSurfels(surfels, at, grid, sheets, seen, leaves.nodes, table, reflects, through, share, baked, colored)

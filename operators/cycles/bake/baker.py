@@ -29,6 +29,7 @@ from ...settings.groups import LightSettings
 from .bake_call import BakeTarget, bake_as_job, bake_now
 from .bake_materials import bake_materials
 from .bake_scene import bake_image, bake_object, bake_scene, lit_as, most_paths, set_cycles
+from .baked_colors import color_is_baked
 from .gloss_passes import REFINE, baked_with_gloss, gloss_warnings
 from .mean_view import nodes_by_view
 from .object_data import lost_inputs, needs_coordinates
@@ -45,13 +46,18 @@ _LIFT_SHARE = 2e-6  # of the octree's cube
 
 
 class _Passes(NamedTuple):
-    """Passes of one bake: through: only translucent light from behind, or all but that. gloss: with it or without."""
+    """Passes of one bake: through: only translucent light from behind, or all but that. gloss: with it or without.
 
-    through: bool
-    gloss: bool
+    colors: colours instead of light.
+    """
+
+    through: bool = False
+    gloss: bool = False
+    colors: bool = False
 
 
-_DIFFUSE, _GLOSSY, _THROUGH = _Passes(False, False), _Passes(False, True), _Passes(True, False)
+_DIFFUSE, _GLOSSY, _THROUGH, _COLORS = _Passes(), _Passes(gloss=True), _Passes(through=True), _Passes(colors=True)
+_LEAST_COLOR = 1e-3  # of a baked base color: Cycles ends paths on darker ones
 
 
 class SurfelBaker:
@@ -78,6 +84,7 @@ class SurfelBaker:
         self.channels = 6 if light.color else 3
         self._on_gpu = bakes_on_gpu(context, device)
         self._with_gloss = baked_with_gloss(source, light.gloss)
+        self._color_is_baked = color_is_baked(source, light.gloss)
         self._shown = np.array([shows(material) for material in source.materials])
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._needs_coordinates = needs_coordinates(used)
@@ -103,8 +110,13 @@ class SurfelBaker:
         """Sentences about inputs that cannot be baked."""
         return (*self._warnings, *self._unread.sentences("Material", "baked without values of objects"))
 
-    def bake(self, surfels: np.ndarray, samples: int, seed: int, at: Progress) -> Steps[np.ndarray]:
+    def bake(
+        self, surfels: np.ndarray, samples: int, seed: int, at: Progress, *, colors: bool = False
+    ) -> Steps[np.ndarray]:
         """Baked light (N, channels) float32 of surfels (N,) SURFEL, means over `samples` paths each; reports are `at`.
+
+        Of materials whose colors are baked it is over the base color, without opacity where that is black. With
+        `colors` it is the base color instead of light.
 
         A surfel has two texels, each with half of its paths, so that their difference tells its noise. Equal
         surfels in an equal order have equal bits. Raises SceneError, StoppedError.
@@ -118,19 +130,36 @@ class SurfelBaker:
         baked = np.zeros((len(surfels), PARTS, self.channels - 1), np.float32)
         for number in np.unique(triangles.links):
             links = self._source.light_links[number]
-            for what in (_DIFFUSE, _GLOSSY, _THROUGH):
-                chosen = self._translucent if what.through else self._with_gloss == what.gloss
+            for what in (_COLORS,) if colors else (_DIFFUSE, _GLOSSY, _THROUGH):
+                chosen = self._translucent if what.through else what.colors | (self._with_gloss == what.gloss)
                 part = triangles.only((triangles.links == number) & chosen[triangles.materials])
                 for now in self._calls(part, samples):
-                    values = yield from self._call(now, size, links, what, (samples // PARTS, seed), at)
-                    values = values.reshape(size[1] // BLOCK, BLOCK, blocks, BLOCK, -1)[:, 0, :, :PARTS]
-                    values = values.reshape(-1, PARTS, self.channels - 1)[now.number]
+                    how = samples // PARTS, seed
+                    values = yield from self._parts(now, size, links, what, how, at)
+                    divided = self._color_is_baked[now.materials]
+                    if what == _DIFFUSE and divided.any():
+                        base = yield from self._parts(now.only(divided), size, links, _COLORS, how, at)
+                        values[divided] = _over(values[divided], base)
                     if what.through:
                         values[..., -1] = 0.0  # opacity counts once
                     baked[now.number] += values
                     self.paths_traced += samples * len(now)
         half = 0.5 * (baked[:, 0, 0] - baked[:, 1, 0])
         return np.concatenate([baked.mean(axis=1), half[:, None]], axis=1)
+
+    def _parts(
+        self,
+        part: SurfelTriangles,
+        size: tuple[int, int],
+        links: Links,
+        what: _Passes,
+        how: tuple[int, int],
+        at: Progress,
+    ) -> Steps[np.ndarray]:
+        """Light (n, PARTS, channels) of triangles, see `_call`."""
+        values = yield from self._call(part, size, links, what, how, at)
+        values = values.reshape(size[1] // BLOCK, BLOCK, size[0] // BLOCK, BLOCK, -1)[:, 0, :, :PARTS]
+        return np.asarray(values.reshape(-1, PARTS, self.channels - 1)[part.number])
 
     def _calls(self, part: SurfelTriangles, samples: int) -> Iterator[SurfelTriangles]:
         """Divide triangles into calls of at most `most_paths` paths and _MOST_TRIANGLES triangles.
@@ -171,12 +200,19 @@ class SurfelBaker:
             fill_mesh(mesh, part, materials, -self._lift_world if what.through else self._lift_world)
             item = stack.enter_context(bake_object(scene, mesh))
             stack.enter_context(lit_as(item, links))
-            target = BakeTarget(scene, scene.view_layers[layer], item, image, what.gloss)
+            target = BakeTarget(scene, scene.view_layers[layer], item, image, what.gloss, what.colors)
             if window_is_alive():
                 yield from bake_as_job(self._context, target, at)
             else:
                 bake_now(self._context, target)
             return _light_of(image, self.channels - 1)
+
+
+def _over(light: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Light (..., C) over the base colour that the same paths met; transparent where that is black."""
+    result = np.where(base > _LEAST_COLOR, light / np.maximum(base, _LEAST_COLOR), np.float32(0.0))
+    result[..., -1] = light[..., -1] * (base[..., 0] > _LEAST_COLOR)
+    return result
 
 
 def _light_of(image: bpy.types.Image, channels: int) -> np.ndarray:
