@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Surfaces whose normals point the wrong way, and those of which both sides are seen, against Cycles."""
 
+import math
 from collections.abc import Callable
 
 import bpy
@@ -11,7 +12,7 @@ from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.blender import objects, shaders
-from patchnet.tests.blender.light_scene import bake, mean_ratios
+from patchnet.tests.blender.light_scene import bake, bake_surfels, mean_ratios, picture
 from patchnet.tests.blender.objects import CUBE_FACES, link, look_from, mesh
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
@@ -210,3 +211,16 @@ def test_a_closed_surface_that_no_camera_has_seen_has_the_light_outside(closed: 
         light.append(own.mean)
         assert not own.sides[:, 0 if flip else 1].any()
     assert light[1] == pytest.approx(light[0], rel=0.1)
+
+
+@pytest.mark.parametrize("degrees", [89.0, 91.0, 120.0, 150.0])
+def test_custom_normals_that_point_below_the_surface(degrees: float) -> None:
+    """They see less of an even sky than half of it, as in Cycles, whose camera looks from above."""
+    start(1.0)
+    item = objects.slab()
+    item.data.shade_smooth()
+    angle = math.radians(degrees)
+    item.data.normals_split_custom_set([(math.sin(angle), 0.0, math.cos(angle))] * len(item.data.loops))
+    light, alpha = picture(64, 1)
+    found = bake_surfels(64)
+    assert found.luminance[found.place[:, 2] > -1e-4].mean() == pytest.approx(light.sum() / alpha.sum(), rel=0.1)

@@ -142,6 +142,8 @@ class SurfelBaker:
                         values[divided] = _over(values[divided], base)
                     if what.through:
                         values[..., -1] = 0.0  # opacity counts once
+                    if not colors:
+                        values[..., :-1] *= now.open[:, None, None]
                     baked[now.number] += values
                     self.paths_traced += samples * len(now)
         half = 0.5 * (baked[:, 0, 0] - baked[:, 1, 0])

@@ -21,6 +21,7 @@ BLOCK, PARTS = 2, 2
 _IN_BLOCK = np.array([[0.05, 0.05], [1.95, 0.05], [1.0, 1.45]])
 _EQUILATERAL = 3.0 * 3.0**0.5 / 4.0  # area of an equilateral triangle over its squared circumradius
 _LEAST_SHARE = 1e-6  # of a triangle's area: Cycles bakes nothing on slivers that a voxel cuts off
+_LEAST_COSINE = 0.05  # of shading normals to the front, which a bake looks at along them
 _LEAST_WEIGHT = 1e-4  # of a corner in a corner of a surfel: it stays within its triangle
 
 
@@ -30,8 +31,9 @@ class SurfelTriangles:
 
     number: (N,) int64, the surfel's place among those of the call. corners_world: (N, 3, 3) float64. normals_world:
     (N, 3, 3) float32. uvs: (N, 3, 2) float32. texel_uvs: (N, 3, 2) float32, on the image. materials: (N,) int32.
-    links: (N,) int32, index into the source's `light_links`. is_back: (N,) bool, the back is lit. layers: corner layers
-    by name, (N, 3, C) float32.
+    links: (N,) int32, index into the source's `light_links`. is_back: (N,) bool, the back is lit. open: (N,) float32,
+    share of the light on normals_world that reaches shading normals which point below the surface. layers: corner
+    layers by name, (N, 3, C) float32.
     """
 
     number: np.ndarray
@@ -42,6 +44,7 @@ class SurfelTriangles:
     materials: np.ndarray
     links: np.ndarray
     is_back: np.ndarray
+    open: np.ndarray
     layers: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -55,7 +58,7 @@ class SurfelTriangles:
         )
 
 
-_COLUMNS = ("number", "corners_world", "normals_world", "uvs", "texel_uvs", "materials", "links", "is_back")
+_COLUMNS = ("number", "corners_world", "normals_world", "uvs", "texel_uvs", "materials", "links", "is_back", "open")
 
 
 def joined(parts: Sequence[SurfelTriangles]) -> SurfelTriangles:
@@ -120,11 +123,10 @@ def _part(
         return np.einsum("nkc,ncx->nkx", weights, values[local])
 
     normals = run.normals_world()
-    if normals is None:
-        turned = np.repeat(triangle_areas_and_normals(corners)[1][:, None], 3, axis=1)
-    else:
-        turned = mean(normals)
-        turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30)
+    flat = np.repeat(triangle_areas_and_normals(corners)[1][:, None], 3, axis=1)
+    turned, opened = flat, np.ones(len(local), np.float32)
+    if normals is not None:
+        turned, opened = _in_front(mean(normals), flat)
     turned = np.where(is_back[:, None, None], -turned, turned)
     layers = {name: mean(run.per_corner(values)).astype(np.float32) for name, values in mesh.layers.items()}
     for name, values in run.instances.values.items():
@@ -145,8 +147,22 @@ def _part(
         materials=run.materials()[local],
         links=run.instances.links[run.lo + local // (run.last - run.first)],
         is_back=is_back,
+        open=opened,
         layers=layers,
     )
+
+
+def _in_front(normals: np.ndarray, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit shading normals (N, 3, 3), those that point below the surface turned to its horizon, and `open` (N,).
+
+    Cycles shades what a camera sees by the light from above the surface and around the normal: under an even sky half
+    of it at the horizon, less below. A bake, which looks along the normal, would take the surface for its back.
+    """
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
+    cosine = np.einsum("nkx,nkx->nk", normals, flat)[..., None]
+    normals = normals + np.maximum(_LEAST_COSINE - cosine, 0.0) * flat
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
+    return normals, np.clip(1.0 + cosine, 0.0, 1.0).mean(axis=(1, 2)).astype(np.float32)
 
 
 def _weights(corners: np.ndarray, surfels: np.ndarray) -> np.ndarray:
