@@ -29,9 +29,10 @@ class ImageReader:
 
     def color(self, use: TextureUse) -> np.ndarray:
         """(H, W, 3) float32, linear; row 0 at v = 0. Alpha counts as in Cycles, see `TextureUse`."""
+        assert use.image is not None
         key = use.image.name_full, use.straight
         if key not in self._colors:
-            self._read(use)
+            self._read(use.image, straight=use.straight)
         return self._colors[key]
 
     def channel(self, use: TextureUse, channel: str) -> np.ndarray:
@@ -40,7 +41,7 @@ class ImageReader:
             return RAMP
         key = use.image.name_full, use.straight, channel
         if key not in self._channels and channel == "A":
-            self._read(use)
+            self._read(use.image, straight=use.straight)
         if key not in self._channels:
             color = self.color(use)
             values = color @ WEIGHTS[channel] if channel in WEIGHTS else color[..., CHANNELS[channel]]
@@ -59,8 +60,8 @@ class ImageReader:
         """Mean colour (3,), linear."""
         return self.color(use).mean(axis=(0, 1), dtype=np.float64)
 
-    def _read(self, use: TextureUse) -> None:
-        image, (width, height) = use.image, use.image.size
+    def _read(self, image: bpy.types.Image, *, straight: bool) -> None:
+        width, height = image.size
         pixels = np.empty(width * height * image.channels, np.float32)
         was_loaded = image.has_data
         image.pixels.foreach_get(pixels)
@@ -73,20 +74,20 @@ class ImageReader:
         else:
             alpha = np.ones((height, width, 1), np.float32)
         if image.alpha_mode in _ALPHA_COVERS and image.colorspace_settings.name not in _RAW_SPACES:
-            color = _covered(color, alpha, use)
-        key = image.name_full, use.straight
+            color = _covered(color, alpha, is_float=image.is_float, straight=straight)
+        key = image.name_full, straight
         self._colors[key] = _linear(np.ascontiguousarray(color), image)
         self._channels[*key, "A"] = alpha
 
 
-def _covered(color: np.ndarray, alpha: np.ndarray, use: TextureUse) -> np.ndarray:
+def _covered(color: np.ndarray, alpha: np.ndarray, *, is_float: bool, straight: bool) -> np.ndarray:
     """Colour times alpha, or straight: Blender stores float images multiplied, and 8 bit images straight, as encoded.
 
     Cycles multiplies the encoded colours of the latter.
     """
-    if use.image.is_float:
-        return color / np.where(alpha > 0.0, alpha, 1.0) if use.straight else color
-    return color if use.straight else color * alpha
+    if is_float:
+        return color / np.where(alpha > 0.0, alpha, 1.0) if straight else color
+    return color if straight else color * alpha
 
 
 def usable(image: bpy.types.Image | None) -> bool:

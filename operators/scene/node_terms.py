@@ -26,8 +26,8 @@ class TextureUse:
     """Image and its mapping: uv' = transform (2, 3) of (u, v, 1); wrap: the node's `extension`.
 
     uv_map: name of the UV map or attribute, "" for the one that renders. closest: texels are squares of one colour.
-    straight: colours are not multiplied by alpha, as Cycles reads an image whose alpha is used, too. Without an image it
-    is the number itself that layer `uv_map` holds, in [0, 1].
+    straight: colours are not multiplied by alpha, as Cycles reads an image whose alpha is used, too. Without an image
+    it is the number itself that layer `uv_map` holds, in [0, 1].
     """
 
     image: bpy.types.Image | None

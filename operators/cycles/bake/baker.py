@@ -97,11 +97,12 @@ class SurfelBaker:
             for node in lost_inputs(material, material.name_full in transformed)
         ]
         by_view = [f"node '{node}' of material '{item.name}'" for item in used for node in nodes_by_view(item)]
-        self._warnings, self._unread = (
+        self._unread = Omissions()
+        self._warnings = (
             *_named("What depends on the view or on whole objects is not baked: {}", lost),
             *_named(_BY_VIEW, [] if light.from_camera else by_view),
             *gloss_warnings(source, light),
-        ), Omissions()
+        )
         # Far below a voxel, far above the rounding of coordinates; equal for all depths, so that light can be kept.
         self._lift_world = max(_LIFT_SHARE * side_world, LIFT_SHARE * float(np.abs(source.bounds_world).max()))
 
