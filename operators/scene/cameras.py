@@ -18,7 +18,7 @@ from ...patchnet_addon.runtime.quantities import named_list
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.runtime.worker import run_in_worker
 from ...patchnet_addon.surface.mesh import MeshSource
-from ...patchnet_addon.tracing.camera import ORTHOGRAPHIC, PERSPECTIVE, Camera
+from ...patchnet_addon.tracing.camera import FRAMING_DIRECTION, ORTHOGRAPHIC, PERSPECTIVE, Camera
 from ..scene_access.frames import kept_values
 from ..scene_access.temporary import sync_view_layers, temporary
 
@@ -26,7 +26,6 @@ ALL = "all"
 AUTO = "auto"
 # Distance of the framing cameras in units of the distance at which the scene's bounding sphere fills the picture.
 _AUTO_DISTANCES = {"Far": 2.2, "Middle": 1.0, "Close": 0.45}
-_AUTO_DIRECTION = np.array([0.62, -1.0, 0.48])  # from the scene to the camera: in front, to the right, above
 _AUTO_FOV = np.radians(50.0)
 _AUTO_INSIDE = ("View 1", "View 2", "View 3")  # names as in `viewpoints`
 
@@ -114,7 +113,7 @@ def framing_cameras(bounds_world: np.ndarray, size: tuple[int, int]) -> list[Cam
     """Cameras Far, Middle and Close that look at a box (2, 3); the scene stays unchanged."""
     low, high = np.asarray(bounds_world, np.float64)
     centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    direction = _AUTO_DIRECTION / np.linalg.norm(_AUTO_DIRECTION)
+    direction = FRAMING_DIRECTION / np.linalg.norm(FRAMING_DIRECTION)
     aspect = size[0] / size[1]
     half_angle = np.arctan(np.tan(_AUTO_FOV / 2) * min(aspect, 1.0))
     distance = radius / np.sin(half_angle)

@@ -33,7 +33,7 @@ class CheckSettings:
     """Settings of a light check.
 
     job: settings of the octree (depth and light), size and cameras; its `out` takes the results.
-    viewpoints: number of cameras placed in the free space of the scene; 0 takes the job's cameras. render_samples:
+    viewpoints: number of cameras placed in and around the scene; 0 takes the job's cameras. render_samples:
     paths per pixel of the Cycles reference, in two halves of different seeds. rays: per pixel side, of the octree's
     picture. difference: luminance at the ends of the pictures' legend.
     """
@@ -46,7 +46,7 @@ class CheckSettings:
 
 
 _COVERAGE_RAYS = 8
-_COARSE_DEPTH = 8  # of the voxels in whose free space cameras are placed
+_COARSE_DEPTH = 8  # of the voxels among which cameras are placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def verify_light(context: bpy.types.Context, settings: CheckSettings) -> Steps[L
 
 
 def _cameras(context: bpy.types.Context, surface: ReadSurface, settings: CheckSettings) -> Steps[list[Camera]]:
-    """Cameras to compare; those that are placed stand in the free space of coarse voxels."""
+    """Cameras to compare; those that are placed follow coarse voxels."""
     wanted, source = settings.job.view, surface.source
     bounds_world = settings.job.surface.bounds_world(source)
     if settings.viewpoints:

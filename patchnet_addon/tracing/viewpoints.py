@@ -1,37 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cameras in the free space of a lit octree that see much of it, for scenes without cameras.
+"""Cameras that show what is in an octree, for scenes without cameras.
 
-Framing from outside shows only the outer walls of an interior. So cells with free space around them are tried in
-several headings; each next camera shows the most surface, at middle distances, not shown by the previous ones. The
+Cameras in free space, and around a scene that is no interior, are tried. A view counts by the surface that it shows and
+other chosen views do not, half of it by area, half by detail: furniture counts more than the walls of its room. The
 choice is deterministic.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..octree.octree import Octree
 from ..runtime.errors import SceneError, SettingError
 from ..runtime.progress import Progress, Steps
-from .camera import Camera
+from .camera import FRAMING_DIRECTION, Camera
+from .detail import detailed_core, surface_detail
 from .render import Hits, first_hits
 
 FOV = float(np.radians(60.0))  # vertical
 MAX_VIEWPOINTS = 64
-_LEVEL = 6  # of cells for cameras, and of cells counted as seen
-_MAX_POSITIONS = 192
+_LEVEL = 6  # of cells for cameras, and around which detail is measured
+_SEEN_LEVEL = 4  # of cells counted as seen: two small pixels wide where the whole scene fills the picture
+_MAX_POSITIONS, _CORE_POSITIONS = 144, 48
 _HEADINGS = 8
-_PITCH = float(np.radians(-6.0))  # a little down, as at eye height
-_TRIAL_PX = (32, 24)
-_NEAR = 0.06  # of the surface's extent: nearer than that, voxels are larger than pixels
-_MIDDLE = 0.15
+_PITCH = float(np.radians(-12.0))  # a little down, on furniture more than on ceilings
+_ELEVATIONS = np.radians([15.0, 30.0, 45.0])  # of cameras around the scene
+_AIR, _CORE_AIR = 1.1, 1.6  # distance over the one at which the scene or its core fills the picture
+_TRIAL_PX = 768
+_SHARE_SEEN = 0.2  # of a scene that one picture can show well
 _BRIGHT = 0.1  # exposed luminance of a view that is bright enough
 _CLOSE_PX = (768, 576)  # voxels as fine as in a large picture
 _MIN_BRIGHTNESS = 0.5  # of the small picture
-_MIN_QUALITY = 0.25  # of the best view's
-_SEES_OUT = 0.02  # of the places; smaller shares may see through cracks
+_NEAR_BEST, _CHOICE = (0.35, 0.7), 4  # of the best view's worth; views to choose from for each camera, if possible
+_FROM_BEHIND = 0.9  # of the worth: objects face -y
+_GROUND, _UPWARD = 0.8, 0.5  # of the directions down from a place that has ground below; z of its normals
+_FEW = 0.02  # of the places: fewer see out through cracks, or stand on a ledge
 _ROUND = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _ROUND_POSITIONS, _ROUND_PX = 64, (8, 8)
 _ENCLOSED = 0.8  # of all directions in which a front face is hit: a room with windows
@@ -40,12 +45,13 @@ _INSIDE = 0.5  # of the free places: a room has 0.9, a hall without a roof 0.7, 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Tried camera: quality and brightness of its view, and the distinct cells (n,) int64 that it shows."""
+    """Tried camera: quality and brightness of its view, distinct cells (n,) int64 shown, and pixels of each (n,)."""
 
     camera: Camera
     quality: float
     brightness: float
     cells: np.ndarray
+    pixels: np.ndarray
 
 
 def encloses(octree: Octree) -> bool:
@@ -53,69 +59,104 @@ def encloses(octree: Octree) -> bool:
 
     A closed object, such as a ball, shows only backs to the free space in it.
     """
-    facing, _ = _surroundings(octree, free_positions(octree, _ROUND_POSITIONS))
-    return bool(np.mean(facing > _ENCLOSED) > _INSIDE)
+    return _is_interior(_surroundings(octree, free_positions(octree, _ROUND_POSITIONS))[0])
+
+
+def _is_interior(facing: np.ndarray) -> bool:
+    return len(facing) > 0 and bool(np.mean(facing.mean(axis=1) > _ENCLOSED) > _INSIDE)
 
 
 def _surroundings(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
-    """Shares (2, n) of all directions from positions (n, 3) in which a front face is hit, and in which nothing is."""
-    shares = np.zeros((2, len(positions_world), len(_ROUND)))
+    """Shares (3, n, 6) of directions to each side of positions (n, 3): a front face, nothing, surface that faces up."""
+    shares = np.zeros((3, len(positions_world), len(_ROUND)))
     for row, position in enumerate(positions_world):
         for column, side in enumerate(_ROUND):
             hits = first_hits(octree, Camera.look_at(position, position + side, fov=np.pi / 2, size_px=_ROUND_PX))
-            shares[:, row, column] = np.count_nonzero(_facing(octree, hits)) / len(hits.hit), 1.0 - hits.hit.mean()
-    return shares.mean(axis=2)
+            upward = octree.normal_float(hits.node[hits.hit])[:, 2] > _UPWARD
+            counts = np.count_nonzero(_facing(octree, hits)), np.count_nonzero(~hits.hit), np.count_nonzero(upward)
+            shares[:, row, column] = np.array(counts) / len(hits.hit)
+    return shares
 
 
-def _in_rooms(octree: Octree, positions_world: np.ndarray) -> np.ndarray:
+def _candidates(octree: Octree, core: np.ndarray, size_px: tuple[int, int]) -> list[Camera]:
+    """Cameras to try in an octree without light: in the rooms of an interior, else around the scene and above ground.
+
+    core: cells (n, 3) of level _LEVEL.
+    """
+    positions = free_positions(octree)
+    if len(core):
+        reach = (np.ptp(core, axis=0) + 1.0) / 2
+        box = np.stack([core.min(axis=0) - reach, core.max(axis=0) + 1 + reach]) / (1 << _level(octree))
+        positions = np.concatenate([positions, free_positions(octree, _CORE_POSITIONS, octree.grid.to_world(box))])
+    facing, empty, upward = _surroundings(octree, positions)
+    if _is_interior(facing):
+        return _within(positions[_in_rooms(facing, empty)], size_px)
+    above = np.flatnonzero(upward[:, -1] > _GROUND)
+    standing = positions[above] if len(above) > _FEW * len(positions) else positions[:0]
+    return [*_around(octree, core, size_px), *_within(standing, size_px)]
+
+
+def _in_rooms(facing: np.ndarray, empty: np.ndarray) -> np.ndarray:
     """(n,) bool: places inside that see out through a window or a hole in a roof, which excludes hollows in walls.
 
-    All places inside if hardly any sees out; all places if none is inside.
+    All places inside if hardly any sees out. facing, empty: as `_surroundings`.
     """
-    facing, empty = _surroundings(octree, positions_world)
-    inside = facing > _ENCLOSED
-    sees_out = inside & (empty > 0.0)
-    return sees_out if np.count_nonzero(sees_out) > _SEES_OUT * len(inside) else inside | (not inside.any())
+    inside = facing.mean(axis=1) > _ENCLOSED
+    sees_out = inside & empty.any(axis=1)
+    return sees_out if sees_out.mean() > _FEW else inside
+
+
+def _level(octree: Octree) -> int:
+    return min(_LEVEL, octree.depth)
 
 
 def viewpoints(octree: Octree, count: int, size_px: tuple[int, int], *, lit: bool = True) -> Steps[list[Camera]]:
-    """Choose `count` upright perspective cameras View 1, View 2, ... in free space, at least one cell from voxels.
+    """Choose `count` upright perspective cameras View 1, View 2, ...; fewer if no further one shows anything new.
 
-    lit: dark views count less; False for an octree without light, where cameras stand in rooms, see `_in_rooms`. Fewer
-    if no further camera shows new cells. Raises SettingError for a count outside 1 to 64, SceneError if no place is
-    free or sees the surface.
+    lit: in free space where light falls, at least one cell from voxels; False for an octree without light, where
+    cameras may also look at the scene from outside, see `_candidates`. Raises SettingError for a count outside 1 to 64,
+    SceneError if no lit place is free or sees the surface.
     """
     if not 1 <= count <= MAX_VIEWPOINTS:
         raise SettingError(f"{count} cameras are outside 1 to {MAX_VIEWPOINTS}: choose a number in this range")
-    positions = free_positions(octree)
-    if not lit:
-        positions = positions[_in_rooms(octree, positions)]
+    detail = surface_detail(octree, _level(octree))
+    core, trial_px = detailed_core(detail), _trial_px(size_px)
+    cameras = _within(free_positions(octree), trial_px) if lit else _candidates(octree, core, trial_px)
     trials: list[_Trial] = []
-    extent = float(np.ptp(_bounds(octree), axis=0).max())
-    for number, position in enumerate(positions):
-        yield Progress(number, len(positions), "Placing cameras")
-        trials += [_tried(octree, camera, extent, lit=lit) for camera in _around(position)]
-    chosen = _chosen(octree, [trial for trial in trials if trial.quality > 0.0 and len(trial.cells)], count, lit=lit)
+    for number, camera in enumerate(cameras):
+        if not number % _HEADINGS:
+            yield Progress(number, len(cameras), "Placing cameras")
+        trials.append(_tried(octree, camera, lit=lit))
+    chosen = _chosen(octree, trials, _worth(octree, detail), count, lit=lit)
+    if not (chosen or lit):
+        chosen = _around(octree, core, trial_px)[:1]
     if not chosen:
         raise SceneError("No place in the scene has room and a view: add cameras, or use the cameras 'auto'")
-    return [_named(trial.camera, index, size_px) for index, trial in enumerate(chosen, 1)]
+    return [_named(camera, index, size_px) for index, camera in enumerate(chosen, 1)]
 
 
-def free_positions(octree: Octree, most: int = _MAX_POSITIONS) -> np.ndarray:
-    """Centres (n, 3) float64, world units, of at most `most` evenly spread cells that touch no occupied cell."""
-    level = min(_LEVEL, octree.depth)
+def _trial_px(size_px: tuple[int, int]) -> tuple[int, int]:
+    """Size of a picture of the same aspect with about _TRIAL_PX pixels."""
+    width, height = np.maximum(np.round(np.array(size_px) * np.sqrt(_TRIAL_PX / np.prod(size_px))), 1).astype(int)
+    return int(width), int(height)
+
+
+def free_positions(octree: Octree, most: int = _MAX_POSITIONS, box_world: np.ndarray | None = None) -> np.ndarray:
+    """Centres (n, 3) float64, world units, of at most `most` evenly spread cells that touch no occupied cell.
+
+    box_world: (2, 3) around the centres; None for the bounds of the surface.
+    """
+    level = _level(octree)
     while True:
         occupied = occupied_cells(octree, level)
         free = _inside(occupied) & ~grown(occupied)
         if free.any() or level >= min(octree.depth, 8):
             break
         level += 1  # narrow spaces
-    cells = np.argwhere(free)
-    chosen = (
-        cells[np.unique(np.linspace(0, len(cells) - 1, min(most, len(cells))).astype(int))] if len(cells) else cells
-    )
-    side = octree.grid.side_world / (1 << level)
-    return np.asarray(octree.grid.origin_world) + (chosen + 0.5) * side
+    places = octree.grid.to_world((np.argwhere(free) + 0.5) / (1 << level))
+    if box_world is not None:
+        places = places[((places >= box_world[0]) & (places <= box_world[1])).all(axis=1)]
+    return places[np.unique(np.linspace(0, len(places) - 1, min(most, len(places))).astype(int))]
 
 
 def occupied_cells(octree: Octree, level: int) -> np.ndarray:
@@ -150,28 +191,40 @@ def grown(occupied: np.ndarray) -> np.ndarray:
     return occupied
 
 
-def _bounds(octree: Octree) -> np.ndarray:
-    """Box (2, 3) of the surface in world units, to the accuracy of a cell."""
-    level = min(_LEVEL, octree.depth)
-    where = np.argwhere(occupied_cells(octree, level))
-    side = octree.grid.side_world / (1 << level)
-    corners = np.stack([where.min(axis=0), where.max(axis=0) + 1])
-    return np.asarray(octree.grid.origin_world) + corners * side
-
-
-def _around(position_world: np.ndarray) -> list[Camera]:
-    """Small cameras at a position (3,), one for each heading."""
-    angles = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-    flat, drop = np.cos(_PITCH), np.sin(_PITCH)
+def _within(positions_world: np.ndarray, size_px: tuple[int, int]) -> list[Camera]:
+    """Cameras at positions (n, 3), one for each heading."""
+    directions = _directions(np.array([-_PITCH]))
     return [
-        Camera.look_at(
-            position_world,
-            position_world + np.array([flat * np.cos(angle), flat * np.sin(angle), drop]),
-            fov=FOV,
-            size_px=_TRIAL_PX,
-        )
-        for angle in angles
+        Camera.look_at(position, position - direction, fov=FOV, size_px=size_px)
+        for position in positions_world
+        for direction in directions
     ]
+
+
+def _around(octree: Octree, core: np.ndarray, size_px: tuple[int, int]) -> list[Camera]:
+    """Cameras that look at the whole surface, and at cells (n, 3) of its core, from outside of each."""
+    occupied = occupied_cells(octree, _level(octree))
+    return [
+        _framing(octree.grid.to_world((cells + 0.5) / len(occupied)), direction, size_px, air)
+        for cells, air in ((np.argwhere(occupied), _AIR), (core, _CORE_AIR))
+        if len(cells)
+        for direction in [FRAMING_DIRECTION, *_directions(_ELEVATIONS)]
+    ]
+
+
+def _framing(points_world: np.ndarray, direction: np.ndarray, size_px: tuple[int, int], air: float) -> Camera:
+    """Camera that looks from a direction (3,) at points (n, 3), which just fill its picture."""
+    centre = (points_world.min(axis=0) + points_world.max(axis=0)) / 2
+    camera = Camera.look_at(centre + direction, centre, fov=FOV, size_px=size_px)
+    x, y, z = np.stack([camera.right, camera.up, camera.forward]) @ (points_world - centre).T
+    distance = np.max(np.maximum(np.abs(x) / camera.half_x, np.abs(y) / camera.half_y) - z)
+    return replace(camera, position_world=centre - air * distance * camera.forward)
+
+
+def _directions(elevations: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 3), for each heading at each elevation."""
+    angle, up = (each.ravel() for each in np.meshgrid(2 * np.pi * np.arange(_HEADINGS) / _HEADINGS, elevations))
+    return np.stack([np.cos(up) * np.cos(angle), np.cos(up) * np.sin(angle), np.sin(up)], axis=1)
 
 
 def _facing(octree: Octree, hits: Hits) -> np.ndarray:
@@ -181,59 +234,70 @@ def _facing(octree: Octree, hits: Hits) -> np.ndarray:
     return facing
 
 
-def _tried(octree: Octree, camera: Camera, extent: float, *, lit: bool) -> _Trial:
+def _tried(octree: Octree, camera: Camera, *, lit: bool) -> _Trial:
     hits = first_hits(octree, camera)
-    hit = hits.hit
-    if not hit.any():
-        return _Trial(camera, 0.0, 0.0, np.empty(0, np.int64))
-    distance = hits.t_world[hit] / extent
-    brightness = float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if lit else 1.0
-    quality = (
-        float(hit.mean()) ** 2
-        * float(np.mean(distance > _NEAR)) ** 4
-        * float(np.clip(np.median(distance) / _MIDDLE, 0.0, 1.0))
-        * float(_facing(octree, hits).mean()) ** 2
-        * brightness**2
-    )
-    return _Trial(camera, quality, brightness, _cells_seen(hits))
+    facing, brightness = _facing(octree, hits), _brightness(hits) if lit else 1.0
+    front = np.flatnonzero(hits.hit)[facing]
+    cells, pixels = np.unique(_cells_seen(hits, front, min(_SEEN_LEVEL, octree.depth)), return_counts=True)
+    quality = (len(front) / max(len(facing), 1)) ** 2 * brightness**2
+    if camera.forward[1] < 0.0:
+        quality *= _FROM_BEHIND
+    return _Trial(camera, quality, brightness, cells, pixels)
 
 
-def _cells_seen(hits: Hits) -> np.ndarray:
-    """Distinct numbers of the cells of level 6 hit by rays; coarser voxels count as their first cell."""
-    hit = hits.hit
-    shift = hits.level[hit].astype(np.int64)[:, None] - _LEVEL
-    cells = hits.cell[hit].astype(np.int64)
+def _cells_seen(hits: Hits, pixels: np.ndarray, level: int) -> np.ndarray:
+    """Numbers (n,) int64 of cells of a level hit by rays of pixels (n,); coarser voxels count as their first cell."""
+    shift = hits.level[pixels].astype(np.int64)[:, None] - level
+    cells = hits.cell[pixels].astype(np.int64)
     cells = np.where(shift >= 0, cells >> np.maximum(shift, 0), cells << np.maximum(-shift, 0))
-    return np.unique((cells[:, 0] << 2 * _LEVEL) | (cells[:, 1] << _LEVEL) | cells[:, 2])
+    numbers: np.ndarray = (cells[:, 0] << 2 * level) | (cells[:, 1] << level) | cells[:, 2]
+    return numbers
 
 
-def _chosen(octree: Octree, trials: list[_Trial], count: int, *, lit: bool) -> list[_Trial]:
-    """Greedily choose the trials with the most new cells, weighted by quality, without those far below the best.
+def _chosen(octree: Octree, trials: list[_Trial], value: np.ndarray, count: int, *, lit: bool) -> list[Camera]:
+    """Greedily choose the trials that show most worth (cells,) not shown yet.
 
-    Trials whose finest voxels are dark are excluded: in a hollow wall, coarse voxels hold light of the outside.
+    A pixel shows a limited worth, so that a cell of much detail needs many of them. Trials whose finest voxels are dark
+    are excluded: in a hollow wall, coarse voxels hold light of the outside.
     """
-    best_quality = max((trial.quality for trial in trials), default=0.0)
-    trials = [trial for trial in trials if trial.quality >= _MIN_QUALITY * best_quality]
-    seen = np.zeros(1 << 3 * _LEVEL, bool)
-    chosen: list[_Trial] = []
-    dark: list[_Trial] = []
+    per_pixel = float(value.sum()) / (_SHARE_SEEN * _TRIAL_PX)
+    shown = np.zeros_like(value)
+    trials = _best(trials, np.array([_gain(trial, value, shown, per_pixel) for trial in trials]), count)
+    chosen: list[Camera] = []
+    dark: list[Camera] = []
     while trials and len(chosen) < count:
-        gains = [trial.quality * np.count_nonzero(~seen[trial.cells]) for trial in trials]
+        gains = [_gain(trial, value, shown, per_pixel) for trial in trials]
         best = int(np.argmax(gains))
         if not gains[best] > 0:
             break
         trial = trials.pop(best)
-        if lit and _brightness(octree, _named(trial.camera, 0, _CLOSE_PX)) < _MIN_BRIGHTNESS * trial.brightness:
-            dark.append(trial)
+        if lit and _close_brightness(octree, trial.camera) < _MIN_BRIGHTNESS * trial.brightness:
+            dark.append(trial.camera)
             continue
-        chosen.append(trial)
-        seen[trial.cells] = True
+        chosen.append(trial.camera)
+        shown[trial.cells] += per_pixel * trial.pixels
     return chosen or dark[:count]
 
 
-def _brightness(octree: Octree, camera: Camera) -> float:
-    """Mean luminance of a camera's view, 1 from _BRIGHT on; 0 if it sees nothing."""
-    hits = first_hits(octree, camera)
+def _best(trials: list[_Trial], worth: np.ndarray, count: int) -> list[_Trial]:
+    """Trials whose worth (n,) is near the best one's, and some more where these are few."""
+    enough = np.sort(worth)[-_CHOICE * count :].min(initial=np.inf)
+    least, most = np.array(_NEAR_BEST) * worth.max(initial=0.0)
+    return [trials[index] for index in np.flatnonzero(worth >= np.clip(enough, least, most))]
+
+
+def _gain(trial: _Trial, value: np.ndarray, shown: np.ndarray, per_pixel: float) -> float:
+    most, before = value[trial.cells], shown[trial.cells]
+    new = np.minimum(most, before + per_pixel * trial.pixels) - np.minimum(most, before)
+    return trial.quality * float(new.sum())
+
+
+def _close_brightness(octree: Octree, camera: Camera) -> float:
+    return _brightness(first_hits(octree, camera.with_size(*_CLOSE_PX)))
+
+
+def _brightness(hits: Hits) -> float:
+    """Mean luminance of a view, 1 from _BRIGHT on; 0 if it sees nothing."""
     hit = hits.hit
     return float(np.mean(np.clip(hits.luminance[hit] / _BRIGHT, 0.0, 1.0))) if hit.any() else 0.0
 
@@ -241,3 +305,14 @@ def _brightness(octree: Octree, camera: Camera) -> float:
 def _named(camera: Camera, number: int, size_px: tuple[int, int]) -> Camera:
     target = camera.position_world + camera.forward
     return Camera.look_at(camera.position_world, target, fov=FOV, size_px=size_px, name=f"View {number}")
+
+
+def _worth(octree: Octree, detail: np.ndarray) -> np.ndarray:
+    """Worth (n,) float64 of the cells counted as seen: shares of the surface and of its detail, half each."""
+    level = min(_SEEN_LEVEL, octree.depth)
+    blocks = (1 << level, len(detail) >> level) * 3
+    area, details = (
+        each.reshape(blocks).sum(axis=(1, 3, 5)).ravel() for each in (occupied_cells(octree, _level(octree)), detail)
+    )
+    worth: np.ndarray = area / area.sum() + details / max(float(details.sum()), 1e-9)
+    return worth

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Automatic cameras: in free space, inside rooms, deterministic."""
+"""Automatic cameras: in free space, inside rooms, around objects, on what is worth seeing; deterministic."""
 
 from collections.abc import Iterator
 
@@ -13,6 +13,7 @@ from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.runtime.threads import limit_threads
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
+from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.render import first_hits
 from patchnet.patchnet_addon.tracing.viewpoints import encloses, free_positions, viewpoints
 from patchnet.tests.engine.mesh_samples import box, even
@@ -101,3 +102,80 @@ def test_hollow_walls_are_no_place_for_a_camera() -> None:
     octree = drain(build_octree(mesh, Grid.around(mesh.bounds_world, 8), shade, exposure=1.0))
     cameras = drain(viewpoints(octree, 3, (32, 24)))
     assert cameras and all(camera.position_world[0] > 6 for camera in cameras)
+
+
+PLANE = np.array([[(-2, -2, 0), (2, -2, 0), (2, 2, 0)], [(-2, -2, 0), (2, 2, 0), (-2, 2, 0)]], float)
+UPRIGHT = PLANE @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
+CARDS = np.concatenate([PLANE * 0.1 @ turn + place for turn, place in zip(
+    np.linalg.qr(np.random.default_rng(0).normal(size=(40, 3, 3)))[0],
+    np.random.default_rng(1).normal(size=(40, 1, 1, 3)), strict=True)])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("triangles", "least"),
+    [
+        (PLANE, 0.3),
+        (UPRIGHT, 0.3),
+        (CARDS, 0.1),
+        (box((99, 50, 3), (99.001, 50.001, 3.001)), 0.2),
+        (box((0, 0, 0), (30, 0.02, 0.02)), 0.01),
+        (box((0, 0, 0), (4, 4, 0.1), inwards=True), 0.1),
+        (np.concatenate([PLANE, *(box((x, -1.5, 0), (x + 0.05, 1.5, 0.1)) for x in (-1.5, 0, 1))]), 0.3),
+    ],
+    ids=["plane", "upright plane", "cards", "tiny box", "rod", "backs alone", "floor plan"],
+)
+def test_an_object_is_seen_as_a_whole(triangles: np.ndarray, least: float) -> None:
+    octree = octree_of(triangles, luminance=0.0)
+    for camera in drain(viewpoints(octree, 2, (48, 36), lit=False)):
+        hit = first_hits(octree, camera).hit.reshape(36, 48)
+        assert hit.mean() > least and camera.up[2] > 0.5
+        assert not (hit[0].any() or hit[-1].any() or hit[:, 0].any() or hit[:, -1].any()), "within the picture"
+
+
+@pytest.mark.parametrize(
+    "size", [(0.0, 0.0, 2.6), (20.0, 0.0, 0.0), (3.0, 4.0, 0.0)], ids=["shaft", "corridor", "room"]
+)
+def test_an_empty_room_is_seen_from_inside(size: tuple[float, float, float]) -> None:
+    high = np.array([2.0, 2.0, 2.6]) + size
+    octree = octree_of(box((0, 0, 0), high, inwards=True), luminance=0.0)
+    (camera,) = drain(viewpoints(octree, 1, (48, 36), lit=False))
+    assert (camera.position_world > 0).all() and (camera.position_world < high).all()
+    assert first_hits(octree, camera).hit.all()
+
+
+def seen_within(octree: Octree, camera: Camera, low: tuple[float, ...], high: tuple[float, ...]) -> float:
+    """Share of the pixels that show surface in a box."""
+    hits = first_hits(octree, camera.with_size(96, 72))
+    places = camera.position_world + hits.t_world[hits.hit, None] * hits.direction[hits.hit]
+    return float(((places > low) & (places < high)).all(axis=1).sum() / len(hits.hit))
+
+
+def test_furniture_is_preferred_to_bare_walls() -> None:
+    parts = [box((0, 0, 0), (9, 6, 3), inwards=True), box((2.5, 2.3, 0.7), (6.5, 3.7, 0.76))]
+    for x in (2.8, 3.8, 4.8, 5.8):
+        for y in (1.7, 4.3):
+            parts += [
+                box((x, y - 0.2, 0.45), (x + 0.4, y + 0.2, 0.5)),
+                box((x + 0.2, y, 0), (x + 0.25, y + 0.05, 0.45)),
+            ]
+    octree = octree_of(np.concatenate(parts), luminance=0.0)
+    cameras = drain(viewpoints(octree, 3, (48, 36), lit=False))
+    assert len(cameras) == 3
+    assert min(seen_within(octree, camera, (2.4, 1.4, 0.1), (6.6, 4.6, 0.85)) for camera in cameras) > 0.04
+
+
+def ball(radius: float, sides: int = 24) -> np.ndarray:
+    """Triangles (t, 3, 3) of a sphere whose faces look outwards."""
+    up, around = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, sides), np.linspace(0, 2 * np.pi, sides))
+    points = radius * np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=2)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 3)
+
+
+@pytest.mark.parametrize("around", [[], [ball(60)]], ids=["open", "in a sky"])
+def test_a_small_thing_on_wide_ground_is_found(around: list[np.ndarray]) -> None:
+    """A closed sky shows its backs to its inside, and is no object."""
+    thing = [box((10, -9, 0), (14, -6, 3)), box((11, -8, 3), (13, -7, 5))]
+    octree = octree_of(np.concatenate([PLANE * 15, *thing, *around]), depth=8, luminance=0.0)
+    cameras = drain(viewpoints(octree, 2, (48, 36), lit=False))
+    assert max(seen_within(octree, camera, (9.5, -9.5, 0.5), (14.5, -5.5, 5.5)) for camera in cameras) > 0.02
