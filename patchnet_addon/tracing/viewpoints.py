@@ -23,7 +23,7 @@ FOV = float(np.radians(60.0))  # vertical
 MAX_VIEWPOINTS = 64
 _LEVEL = 6  # of cells for cameras, and around which detail is measured
 _SEEN_LEVEL = 4  # of cells counted as seen: two small pixels wide where the whole scene fills the picture
-_MAX_POSITIONS, _CORE_POSITIONS = 144, 48
+_MAX_POSITIONS, _CORE_POSITIONS = 192, 48
 _HEADINGS = 8
 _PITCH = float(np.radians(-12.0))  # a little down, on furniture more than on ceilings
 _ELEVATIONS = np.radians([15.0, 30.0, 45.0])  # of cameras around the scene
@@ -83,7 +83,7 @@ def _candidates(octree: Octree, core: np.ndarray, size_px: tuple[int, int]) -> l
 
     core: cells (n, 3) of level _LEVEL.
     """
-    positions = free_positions(octree)
+    positions = free_positions(octree, _MAX_POSITIONS - _CORE_POSITIONS)
     if len(core):
         reach = (np.ptp(core, axis=0) + 1.0) / 2
         box = np.stack([core.min(axis=0) - reach, core.max(axis=0) + 1 + reach]) / (1 << _level(octree))
