@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random scenes of `patchnet check-scenes`: their maker, the judge of their light, and the shrinker of wrong ones."""
