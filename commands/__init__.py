@@ -26,6 +26,7 @@ NAMES = {
     "info": "print what an octree, codes or weights file holds",
     "export": "write the voxels of an octree as .ply, .npz or .vdb",
     "verify-light": "compare the light in the voxels with Cycles",
+    "check-scenes": "compare the light of random scenes with Cycles",
     "bench": "measure against other programs",
     "lab": "research: train networks, compare strategies, draw figures",
 }

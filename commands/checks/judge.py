@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,11 +43,21 @@ class Verdict:
     short_db: float = 0.0
     check: LightCheck | None = None
 
+    @property
+    def kind(self) -> str:
+        """Kind of what is wrong: an error, or a picture that is too dark or too bright."""
+        if self.check is None:
+            return self.why
+        seen = self.check.cameras[0]
+        return "dark" if float(np.clip(seen.octree, 0.0, 1.0).mean()) < float(seen.cycles.mean()) else "bright"
 
-def judge(*, explained: bool = True) -> Verdict:
-    """Judge the open scene, which may be changed by that. explained: notes are considered."""
+
+def judge(make: Callable[[], None] | None = None, *, explained: bool = True) -> Verdict:
+    """Judge the open scene, which that may change. make: makes it first. explained: whether notes are considered."""
     check: LightCheck
     try:
+        if make is not None:
+            make()
         check = drain(verify_light(bpy.context, _settings()))
     except PatchNetError as error:
         return Verdict(SAID, str(error))

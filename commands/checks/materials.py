@@ -17,6 +17,10 @@ _NUMBERS = (
     ("Specular IOR Level", 0.0, 1.0), ("Transmission Weight", 0.0, 1.0), ("Coat Weight", 0.0, 1.0),
     ("Sheen Weight", 0.0, 1.0), ("Alpha", 0.0, 1.0), ("IOR", 1.1, 2.0),
 )  # fmt: skip
+_OUTPUTS = {
+    "NewGeometry": ("Backfacing",), "LayerWeight": ("Facing", "Fresnel"),
+    "LightPath": ("Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray"),
+}  # fmt: skip
 
 
 def plain_material(name: str, color: Sequence[float] = (0.5, 0.5, 0.5)) -> bpy.types.Material:
@@ -80,10 +84,16 @@ class Graph:
 
     def shader(self, depth: int) -> Any:
         """A surface shader: mostly the Principled BSDF or one of its kind, above that mixed and added ones."""
-        kinds = {"BsdfPrincipled": 6, "BsdfDiffuse": 4, "Emission": 1, "BsdfTransparent": 1, "BsdfTranslucent": 1}
+        kinds: dict[str, float] = {
+            "BsdfPrincipled": 6,
+            "BsdfDiffuse": 4,
+            "Emission": 1,
+            "BsdfTransparent": 1,
+            "BsdfTranslucent": 1,
+        }
         kinds |= {"BsdfGlossy": 0.5, "SubsurfaceScattering": 0.3, "BsdfSheen": 0.3, "BsdfGlass": 0.3}
         kinds |= {"MixShader": 3, "AddShader": 0.7} if depth else {}
-        kind = self._rng.choices(tuple(kinds), tuple(kinds.values()))[0]
+        kind = self._kind(kinds)
         node = self._node(kind)
         if kind == "BsdfPrincipled":
             self._principled(node)
@@ -112,30 +122,26 @@ class Graph:
 
     def color(self, depth: int) -> Any:
         """A colour: constant, of an image, texture or attribute, or computed from others."""
-        leaves = {"constant": 5, "image": 2, "texture": 2, "attribute": 1, "object": 0.5, "geometry": 0.5}
-        kinds = leaves | ({"ramp": 1, "mix": 1, "adjusted": 1, "combined": 0.5} if depth > 1 else {})
-        kind = self._rng.choices(tuple(kinds), tuple(kinds.values()))[0] if depth else "constant"
+        kinds: dict[str, float] = {
+            "constant": 5,
+            "image": 2,
+            "texture": 2,
+            "attribute": 1,
+            "object": 0.5,
+            "geometry": 0.5,
+        }
+        kinds |= {"ramp": 1, "mix": 1, "adjusted": 1, "combined": 0.5} if depth > 1 else {}
+        kind = self._kind(kinds) if depth else "constant"
         if kind == "constant":
             return (*(self._rng.uniform(0.05, 0.9) for _ in range(3)), 1.0)
         return getattr(self, f"_{kind}")(depth)
 
     def number(self, depth: int) -> Any:
         """A number from 0 to 1: constant, or of a node."""
-        kinds = {"constant": 4, "side": 0.7, "alpha": 1, "texture": 1, "attribute": 0.7, "math": 0.7, "object": 0.4}
-        kinds |= {"facing": 0.3, "path": 0.3}
-        kind = self._rng.choices(tuple(kinds), tuple(kinds.values()))[0] if depth else "constant"
+        kinds = {"constant": 4, "image": 1, "texture": 1, "attribute": 0.7, "object": 0.4, "math": 0.7}
+        kind = self._kind(kinds | {"NewGeometry": 0.7, "LayerWeight": 0.3, "LightPath": 0.3}) if depth else "constant"
         if kind == "constant":
             return self._rng.random()
-        if kind == "side":
-            return self._node("NewGeometry").outputs["Backfacing"]
-        if kind == "facing":
-            return self._node("LayerWeight").outputs[self._rng.choice(("Facing", "Fresnel"))]
-        if kind == "path":
-            return self._node("LightPath").outputs[
-                self._rng.choice(("Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray"))
-            ]
-        if kind == "alpha":
-            return self._image(0).node.outputs["Alpha"]
         if kind == "math":
             node = self._node(
                 "Math", operation=self._rng.choice(("ADD", "MULTIPLY", "SUBTRACT", "GREATER_THAN", "POWER"))
@@ -143,8 +149,12 @@ class Graph:
             for socket in node.inputs[:2]:
                 self.feed(socket, self.number(depth - 1))
             return node.outputs[0]
-        source = getattr(self, f"_{kind}")(0).node.outputs
-        return next(source[name] for name in ("Fac", "Factor", "Random", "Distance") if name in source)
+        node = self._node(kind) if kind in _OUTPUTS else getattr(self, f"_{kind}")(0).node
+        names = _OUTPUTS.get(kind) or ("Alpha", "Fac", "Factor", "Random", "Distance")
+        return self._rng.choice([output for output in node.outputs if output.name in names])
+
+    def _kind(self, kinds: dict[str, float]) -> str:
+        return self._rng.choices(tuple(kinds), tuple(kinds.values()))[0]
 
     def _coordinates(self, node: bpy.types.Node) -> None:
         """Coordinates of a texture: its default, a UV map by name, or others, scaled."""

@@ -103,6 +103,7 @@ CYCLES_BUDGET = Bounds("Cycles' budget", 0, 1, advice=_PIXEL_SHARE)
 CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MAX_PATHS, True)
 PLACED_CAMERAS = Bounds("Number of cameras to place", 1, 1000, True, "or give the names of the scene's cameras")
 RENDER_SAMPLES = Bounds("Render samples", 2, _MAX_PATHS, True)
+SHRUNK = Bounds("Number of scenes to shrink", 0, 10_000, True)
 DIFFERENCE = Bounds("End of the difference's legend", 1e-9, _LARGEST)
 
 # The cache.
