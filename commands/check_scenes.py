@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`patchnet check-scenes --seeds 1:100`: compare the light of random scenes with Cycles: each is right, said by
-a note to differ, or wrong. A seed gives the same scene each time; wrong ones are written with pictures.
+"""`patchnet check-scenes`: compare the light of random scenes with Cycles: each is right, said by a note to differ, or
+wrong. A seed gives the same scene each time; wrong ones are written with pictures.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def _nodes(material: bpy.types.Material) -> list[bpy.types.Node]:
 
 
 def _changes() -> Iterator[Callable[[], bool]]:
-    """Changes from coarse to fine; each returns whether it changed anything, or raises KeyError if its target is gone."""
+    """Changes from coarse to fine; each returns whether it changed anything; KeyError means that its target is gone."""
     items = [item.name for item in bpy.data.objects if item != bpy.context.scene.camera]
     yield from (partial(_remove_object, name) for name in items)
     yield _plain_world

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random scenes of `patchnet check-scenes`: seeds, verdicts, shrinking, and the light of scenes known to be right."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import pytest
+
+from patchnet import commands
+from patchnet.commands.checks import judge as judging
+from patchnet.commands.checks import shrink as shrinking
+from patchnet.commands.checks.judge import RIGHT, SAID, WRONG, Verdict, judge, shortfall
+from patchnet.commands.checks.random_scene import build_random_scene
+from patchnet.patchnet_addon.runtime.errors import SceneError
+
+KNOWN = {3: RIGHT, 5: RIGHT, 10: RIGHT, 12: RIGHT, 13: RIGHT, 14: RIGHT, 18: RIGHT, 24: RIGHT, 63: SAID}
+"""Verdicts on the seeds that every run of the tests judges; `patchnet check-scenes` judges others."""
+
+
+@pytest.mark.parametrize("seed", KNOWN)
+def test_light_of_known_seeds_is_right_or_said_to_differ(seed: int) -> None:
+    build_random_scene(seed)
+    verdict = judge()
+    assert verdict.word == KNOWN[seed], verdict.why
+    if verdict.check is not None:
+        (seen,) = verdict.check.cameras
+        assert shortfall(seen) == (verdict.short_db, False)
+        assert seen.octree.max() > 0.1 and shortfall(replace(seen, octree=0.8 * seen.octree))[1], "a fifth is missing"
+
+
+DESCRIBE = """
+import bpy
+from patchnet.commands.checks.random_scene import build_random_scene
+for seed in range(1, 9):
+    build_random_scene(seed)
+    for item in bpy.data.objects:
+        print("IS", item.name, item.type, item.matrix_world, [each.type for each in item.modifiers])
+    for material in bpy.data.materials:
+        print("IS", material.name, [(node.bl_idname, [link.to_socket.name for link in node.outputs[0].links])
+                                    for node in (material.node_tree.nodes if material.node_tree else ()) if node.outputs])
+import os, sys
+sys.stdout.flush()
+os._exit(0)
+"""
+
+
+def described(hash_seed: str) -> list[str]:
+    environment = os.environ | {"PYTHONHASHSEED": hash_seed}
+    done = subprocess.run([sys.executable, "-c", DESCRIBE], capture_output=True, text=True, env=environment, check=True)
+    return [line for line in done.stdout.splitlines() if line.startswith("IS")]
+
+
+def test_a_seed_gives_the_same_scene_in_every_process() -> None:
+    first = described("1")
+    assert len(first) > 40 and first == described("2")
+
+
+def shows_checker() -> bool:
+    paint = bpy.data.materials.get("Checked")
+    shown = paint and any(slot.material == paint for item in bpy.data.objects for slot in item.material_slots)
+    return bool(shown) and any(node.bl_idname == "ShaderNodeTexChecker" for node in paint.node_tree.nodes)
+
+
+def test_shrinking_leaves_what_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here the light of a checker on any object is wrong, as a judge without renders says."""
+    build_random_scene(2)
+    shown = next(item for item in bpy.data.objects if item.type == "MESH" and item.name != "Ground")
+    name = shown.name
+    shown.modifiers.new("Bevel", "BEVEL")
+    paint = bpy.data.materials.new("Checked")
+    if paint.node_tree is None:
+        paint.use_nodes = True
+    tree = paint.node_tree
+    checker = tree.nodes.new("ShaderNodeTexChecker")
+    tree.links.new(checker.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    shown.data.materials.clear()
+    shown.data.materials.append(paint)
+    shrinking.save_scene(tmp_path / "scene.blend")
+    monkeypatch.setattr(shrinking, "judge", lambda: Verdict(WRONG if shows_checker() else RIGHT, "checker"))
+    assert shrinking.shrink(tmp_path / "scene.blend", tmp_path / "small.blend").word == WRONG
+    assert shrinking.contents(tmp_path / "small.blend") == f"{name}; Camera; Checked (TexChecker)"
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.blend", "small.blend"}
+
+
+def test_the_command_goes_on_after_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        if bpy.context.scene.name == "Seed 2":
+            raise SceneError("This scene is said to be unusable")
+        raise IndexError("by accident")
+
+    monkeypatch.setattr(judging, "verify_light", fails)
+    assert commands.main(["check-scenes", "--seeds", "1:2", "--out", str(tmp_path / "out")]) == 0
+    first, second, total = capsys.readouterr().out.splitlines()[-3:]
+    assert "1 wrong IndexError('by accident') in test_random_scenes.py" in first
+    assert "2 said  This scene is said to be unusable" in second
+    assert total == "2 scenes: 0 right, 1 said, 1 wrong"
+    rows = json.loads((tmp_path / "out" / "report.json").read_text())["seeds"]
+    assert [(row["seed"], row["verdict"]) for row in rows] == [(1, WRONG), (2, SAID)]
+    assert (tmp_path / "out" / "seed-1" / "scene.blend").is_file()
+
+
+@pytest.mark.parametrize("seeds", ["5", "5:3", "a:b"])
+def test_seeds_are_two_numbers(seeds: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        commands.main(["check-scenes", "--seeds", seeds])
+    assert "is not two seeds in ascending order" in capsys.readouterr().err
