@@ -34,16 +34,16 @@ def test_light_of_known_seeds_is_right_or_said_to_differ(seed: int) -> None:
 
 
 DESCRIBE = """
+import os, sys
 import bpy
 from patchnet.commands.checks.random_scene import build_random_scene
+
 for seed in range(1, 9):
     build_random_scene(seed)
     for item in bpy.data.objects:
         print("IS", item.name, item.type, item.matrix_world, [each.type for each in item.modifiers])
-    for material in bpy.data.materials:
-        print("IS", material.name, [(node.bl_idname, [link.to_socket.name for link in node.outputs[0].links])
-                                    for node in (material.node_tree.nodes if material.node_tree else ()) if node.outputs])
-import os, sys
+    for tree in [material.node_tree for material in bpy.data.materials if material.node_tree]:
+        print("IS", [(link.from_node.bl_idname, link.to_socket.name) for link in tree.links])
 sys.stdout.flush()
 os._exit(0)
 """
