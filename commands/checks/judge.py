@@ -92,7 +92,8 @@ def shortfall(seen: CameraCheck) -> tuple[float, bool]:
     variance = 10.0 ** (-seen.report["reference_noise_db"] / 10.0) * (1.0 + RENDERED_PATHS / BAKED_PATHS)
     least_db = -10.0 * float(np.log10(10.0 ** (-LEAST_PSNR_DB / 10.0) + variance))
     ratio, mean = seen.report["mean_ratio_where_both_hit"], float(seen.cycles.mean())
-    allowed = RATIO * mean + _BLACK + _SIGMAS * float(np.sqrt(variance / seen.cycles.size))
+    black = _BLACK * seen.report["both_hit_share"]
+    allowed = RATIO * mean + black + _SIGMAS * float(np.sqrt(variance / seen.cycles.size))
     return least_db - seen.report["psnr_db"], ratio is not None and abs(ratio - 1.0) * mean > allowed
 
 
