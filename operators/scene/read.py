@@ -25,7 +25,7 @@ from .layer_names import layer_names
 from .light_links import LightLinks
 from .local_mesh import LocalMesh, read_local_mesh
 from .materials import MaterialReading, at_least_half_opaque, is_partly_transparent, read_material
-from .render_geometry import render_geometry, shown_instances, shows_itself, shows_mesh
+from .render_geometry import cut_out_objects, render_geometry, shown_instances, shows_itself, shows_mesh
 from .scene_mesh import MeshInstances, SceneMesh, with_opacities
 from .strands import STRANDS, Strands, finished, hair_modifiers, read_hair, read_strands
 
@@ -88,6 +88,8 @@ def _unlike_renders(depsgraph: bpy.types.Depsgraph, names: set[str]) -> list[str
     on = [name for name in kinds if getattr(scene.cycles, name)]
     if culled := named_list(item.name for item in items if any(getattr(item.cycles, name) for name in on)):
         said.append(f"Voxels show {culled} everywhere, also where Culling of Simplify leaves it out: turn that off")
+    if cutting := named_list(cut_out_objects(depsgraph.view_layer)):
+        said.append(f"Holdouts and shadow catchers {cutting} have no voxels: pictures show what is behind them")
     if behind := scene.background_set:
         said.append(
             f"Objects of the background scene '{behind.name}' are left out of the voxels, though Cycles shows them: "

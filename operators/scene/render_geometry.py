@@ -210,6 +210,16 @@ def _rendered_objects(layer: bpy.types.ViewLayer) -> frozenset[str]:
     return frozenset(names - unseen)
 
 
+def cut_out_objects(layer: bpy.types.ViewLayer) -> list[str]:
+    """Names of rendered objects that cut holes into pictures, or show only the shadows on them."""
+    return sorted(
+        each.name
+        for item in rendered_collections(layer)
+        for each in item.collection.objects
+        if not each.hide_render and (item.holdout or each.is_holdout or each.is_shadow_catcher)
+    )
+
+
 def _is_seen(item: bpy.types.Object) -> bool:
     """Test for objects that the camera sees, directly or instanced, and no shadow catchers."""
     return item.visible_camera and not item.is_shadow_catcher

@@ -258,6 +258,14 @@ def test_objects_of_a_background_scene_are_mentioned(small: bpy.types.Scene) -> 
     assert [camera.name for camera in choose_cameras(graph, (), (16, 16), BOUNDS)] == ["Eye"]
 
 
+def test_what_cuts_holes_is_named(small: bpy.types.Scene) -> None:
+    bpy.data.objects["Lath 1"].is_holdout = bpy.data.objects["Lath 3"].is_shadow_catcher = True
+    bpy.context.scene.collection.children.link(collection("Made", bpy.data.objects["Lath 2"]))
+    of_layer().holdout = True
+    graph = bpy.context.evaluated_depsgraph_get()
+    assert any("'Lath 1', 'Lath 2', 'Lath 3' have no voxels" in warning for warning in read_scene(graph).warnings)
+
+
 def test_cameras_of_one_name(small: bpy.types.Scene, tmp_path: Path) -> None:
     """The active one is looked through by default, and each by a name of its own."""
     eye = bpy.data.objects["Eye"]
