@@ -20,6 +20,7 @@ from .node_values import NodeValues
 _CLEAR = NumberTerm(0.0)
 _DEFAULT_COLOR: Rgb = (0.8, 0.8, 0.8)
 _BLACK: Rgb = (0.0, 0.0, 0.0)
+_GLOW_IS_MEAN = "the texture of its emission counts by its mean color"
 _Term = TypeVar("_Term", ColorTerm, NumberTerm)
 _MAX_EMISSION = 1e6  # W/m2; larger values are clamped as mistakes
 _HALF = 0.5  # least opacity of a solid surface
@@ -28,11 +29,15 @@ _PARTLY, _MUCH = (0.1, 0.9), 0.25  # partly transparent opacities, and the least
 
 @dataclass(frozen=True)
 class _Surface:
-    """Surface of a shader socket: opacity as Cycles' alpha; colours are those of the opaque part."""
+    """Surface of a shader socket: opacity as Cycles' alpha; colours are those of the opaque part.
+
+    glow: emission from a texture, of which `emission` is the mean; None without one, and where shaders are blended.
+    """
 
     base: ColorTerm = ColorTerm(_BLACK)  # noqa: RUF009
     alpha: NumberTerm = NumberTerm(1.0)  # noqa: RUF009
     emission: Rgb = _BLACK
+    glow: ColorTerm | None = None
     gloss: Gloss = Gloss()  # noqa: RUF009
 
 
@@ -72,7 +77,12 @@ def read_material(material: bpy.types.Material, images: ImageReader) -> Material
         surface, clear_side = walk.sides(Input(output.inputs["Surface"]))
         if material.displacement_method != "BUMP" and output.inputs["Displacement"].is_linked:
             walk.values.notes.append("its displacement is left out, unlike that of a Displace modifier")
-    result = _material(name, surface, walk.colors)
+    glow = surface.glow if surface.base == ColorTerm(_BLACK) else None
+    if glow is not None:  # its light is in proportion to the texture, as that of other surfaces to their base color
+        surface = replace(surface, base=glow)
+    elif surface.glow is not None:
+        walk.colors.notes.append(_GLOW_IS_MEAN)
+    result = replace(_material(name, surface, walk.colors), glows=glow is not None)
     result = replace(result, base_is_known=not walk.colors.notes, clear_side=clear_side)
     gloss = replace(surface.gloss, shines=max(surface.emission) > 0.0)
     return MaterialReading(result, _simplified(name, walk.values.notes), _simplified(name, walk.colors.notes), gloss)
@@ -194,7 +204,8 @@ class _Walk:
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(found)
         if node.type == "EMISSION":
-            return _Surface(emission=self._emission(found, "Color", "Strength"))
+            emission, glow = self._emission(found, "Color", "Strength")
+            return _Surface(emission=emission, glow=glow)
         if node.type == "HOLDOUT":
             return _Surface(alpha=_CLEAR)
         if node.type == "BSDF_TRANSPARENT":
@@ -220,11 +231,8 @@ class _Walk:
         alpha = self._number(self.values, output.input("Alpha"), "opacity", 1.0)
         if alpha.constant and alpha.offset <= 0.0:
             return _Surface(alpha=_CLEAR)
-        return _Surface(
-            base=self._base(output.input("Base Color")),
-            alpha=alpha,
-            emission=self._emission(output, "Emission Color", "Emission Strength"),
-        )
+        emission, glow = self._emission(output, "Emission Color", "Emission Strength")
+        return _Surface(self._base(output.input("Base Color")), alpha, emission, glow)
 
     def _base(self, at: Input) -> ColorTerm:
         return _understood(self.colors, lambda: self.colors.color(at), "its base color", ColorTerm(_DEFAULT_COLOR))
@@ -232,19 +240,18 @@ class _Walk:
     def _number(self, values: NodeValues, at: Input, what: str, default: float) -> NumberTerm:
         return _understood(values, lambda: values.number(at), f"its {what}", NumberTerm(default))
 
-    def _emission(self, output: Output, color: str, strength: str) -> Rgb:
+    def _emission(self, output: Output, color: str, strength: str) -> tuple[Rgb, ColorTerm | None]:
+        """Mean emission, and the term of one from a texture."""
         factor = self._number(self.colors, output.input(strength), "emission strength", 1.0)
         if not factor.constant:
             self.colors.notes.append("the texture of its emission strength is left out")
             factor = NumberTerm(factor.middle)
         if factor.offset <= 0.0:
-            return _BLACK
+            return _BLACK, None
         colors = self.colors
         term = _understood(colors, lambda: colors.color(output.input(color)), "its emission color", ColorTerm())
-        if term.texture is not None:
-            colors.notes.append("the texture of its emission counts by its mean color")
         r, g, b = (min(max(each * factor.offset, 0.0), _MAX_EMISSION) for each in colors.constant_color(term))
-        return r, g, b
+        return (r, g, b), None if term.texture is None else term.scaled((factor.offset,) * 3)
 
     def _mix(self, output: Output) -> _Surface:
         first, second = self.surface(output.input(1)), self.surface(output.input(2))
@@ -285,7 +292,10 @@ class _Walk:
                 base = base.scaled((share,) * 3)
             else:
                 self.colors.notes.append("the mixed shader of the smaller weight is left out")
-        return _Surface(base=base, emission=(r, g, b))
+        glow = first.glow if weight == 0.0 else second.glow if weight == 1.0 else None
+        if glow is None and (first.glow or second.glow):
+            self.colors.notes.append(_GLOW_IS_MEAN)
+        return _Surface(base=base, emission=(r, g, b), glow=glow)
 
     def _add(self, output: Output) -> _Surface:
         """Add two surfaces, each with weight 1, and what both let through."""
@@ -305,6 +315,8 @@ class _Walk:
                 base = ColorTerm((x, y, z))
             else:
                 self.colors.notes.append("one of its added shaders is left out")
+        if first.glow or second.glow:
+            self.colors.notes.append(_GLOW_IS_MEAN)
         return _Surface(base=base, alpha=alpha, emission=(r, g, b), gloss=gloss)
 
 

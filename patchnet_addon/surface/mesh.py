@@ -43,6 +43,7 @@ class Material:
     alpha_texture: Texture | None = None  # multiplied with alpha
     alpha_threshold: float | None = None  # opacity becomes 0 or 1 at this value; None: partial opacity
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    glows: bool = False  # it reflects nothing: base_color and base_texture are its emission, of which that is the mean
     uv_map: str = ""  # that its textures lie on; "" is the one that renders
     # Both coordinates are this number of the map: "R", "G", "B", "A", "Y", "MEAN", or "A1", which is 1 without a map.
     uv_channel: str = ""

@@ -61,7 +61,7 @@ class MaterialTable(NamedTuple):
     luminance: (M,) float32, without texture. base_color: (M, 3) float32, the colour of that luminance.
     opacity: (M,) float32, a factor on the texture's. threshold: (M,) float32, NaN for none.
     clear_side: (M,) int64, see-through side, -1 for none.
-    emission: (M,) float32. glow: (M, 3) float32, the colour of that luminance.
+    emission: (M,) float32, beside a base colour. glow: (M, 3) float32, the colour of that luminance.
     """
 
     chain: np.ndarray
@@ -104,6 +104,7 @@ class TextureTable:
         parts = [_parts(material) for material in materials]
         chain = np.array([chain_of(surface) for surface, _ in parts], np.int64)
         color_chain = np.array([-1 if other is None else chain_of(other) for _, other in parts], np.int64)
+        glow = np.array([(0.0,) * 3 if m.glows else m.emission for m in materials], np.float32).reshape(-1, 3)
         table = MaterialTable(
             chain=chain,
             color_chain=color_chain,
@@ -114,8 +115,8 @@ class TextureTable:
                 [np.nan if m.alpha_threshold is None else m.alpha_threshold for m in materials], np.float32
             ),
             clear_side=np.array([-1 if m.clear_side is None else m.clear_side for m in materials], np.int64),
-            emission=luminance(np.array([m.emission for m in materials])),
-            glow=np.array([m.emission for m in materials], np.float32),
+            emission=luminance(glow),
+            glow=glow,
         )
         return cls(_joined_chains(levels, styles, color), table)
 

@@ -63,7 +63,7 @@ def bake_light(job: BakeJob, each_round: EachRound | None = None) -> Steps[Surfa
     now: Round | None = first_round(len(chosen.surfels), light.max_samples)
     while now is not None:
         baked, found = yield from _round(job, baker, now, chosen.surfels[now.surfels], kept)
-        sums.add(now.surfels, _times_base(baked, chosen, now.surfels), now.samples)
+        sums.add(now.surfels, _in_proportion(baked, chosen, now.surfels), now.samples)
         reused += found
         cells = yield from computed(partial(chosen.grid.light, sums), Progress(0, 1, "Filtering light"))
         now = next_round(now, cells, light.noise_threshold, light.max_samples)
@@ -137,12 +137,18 @@ def _colors_of(job: BakeJob, baker: SurfelBaker, surfels: np.ndarray) -> Steps[n
     return found
 
 
-def _times_base(baked: np.ndarray, chosen: ChosenSurfels, surfels: np.ndarray) -> np.ndarray:
-    """Baked light (n, channels) of surfels (n,), of which that over a baked base colour is multiplied by it."""
-    mine = chosen.has_baked_color[chosen.surface.material[surfels]]
-    base = chosen.surface.base[surfels[mine]]
-    baked[mine, :-2] *= base
-    baked[mine, -1] *= base[:, 0]
+def _in_proportion(baked: np.ndarray, chosen: ChosenSurfels, surfels: np.ndarray) -> np.ndarray:
+    """Baked light (n, channels) of surfels (n,) in proportion to their base color.
+
+    Light over a baked color is multiplied by it. Surfels on the black of an emission texture do not count.
+    """
+    from ....patchnet_addon.surface.textures import LEAST_BASE
+
+    material, base = chosen.surface.material[surfels], chosen.surface.base[surfels]
+    mine = chosen.has_baked_color[material]
+    baked[mine, :-2] *= base[mine]
+    baked[mine, -1] *= base[mine, 0]
+    baked[chosen.glows[material] & (base[:, 0] <= LEAST_BASE)] = 0.0
     return baked
 
 

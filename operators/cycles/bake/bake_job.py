@@ -57,7 +57,8 @@ class BakeJob:
 class ChosenSurfels:
     """Surfels (N,) SURFEL with their surface and sheets, what cameras see, and the share of leaves that they do.
 
-    has_baked_color: (M,) bool, materials of which `colored` leaves are baked; None if there are none.
+    has_baked_color: (M,) bool, materials of which `colored` leaves are baked; None if there are none. glows: (M,) bool,
+    those whose base colors are emission.
     """
 
     surfels: np.ndarray
@@ -72,6 +73,7 @@ class ChosenSurfels:
     fine: float
     has_baked_color: np.ndarray
     colored: ColoredLeaves | None
+    glows: np.ndarray
 
 
 def choose(job: BakeJob) -> Steps[ChosenSurfels]:
@@ -104,12 +106,14 @@ def choose(job: BakeJob) -> Steps[ChosenSurfels]:
     surfaces = partial(surface_of_surfels, surfels, source, table, reflects, color=light.color)
     at = yield from computed(surfaces, Progress(0, 1, "Choosing surfels"))
     even = np.array([each.base_is_known and each.base_texture is None for each in source.materials], bool)
-    at = at._replace(is_filtered=(reflects | baked | even)[at.material])  # also emitters, if they are of one color
+    glows = np.array([each.glows for each in source.materials], bool)  # without noise, and black beside white
+    at = at._replace(is_filtered=((reflects & ~glows) | baked | even)[at.material])  # and emitters of one color
     colored = None
     if baked[at.material].any():
         colored = yield from colored_leaves(clipped, opacity, sheets, seen, eyes_of(cameras), baked)
     cells = partial(CellGrid, surfels, at, clipped.grid, filtered=light.denoise)
     grid = yield from computed(cells, Progress(0, 1, "Filtering light"))
     fine = len(seen.cells) / max(sum(len(keys) for keys in leaves.keys.values()), 1)
-    share = min(fine, 1.0)
-    return ChosenSurfels(surfels, at, grid, sheets, seen, leaves.nodes, table, reflects, through, share, baked, colored)
+    return ChosenSurfels(
+        surfels, at, grid, sheets, seen, leaves.nodes, table, reflects, through, min(fine, 1.0), baked, colored, glows
+    )
