@@ -14,6 +14,7 @@ from .images import srgb_to_linear
 from .layer_names import DEFAULT_COLOR, GENERATED
 
 _NORMAL_SCALE = 32767.0
+_MOST_TURNED = 0.02  # of the triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class LocalMesh:
         4 for colours.
     origin: hash of the sources of UVs and layers, if their last bits vary between evaluations; otherwise "".
     thickness: mean diameter of the strands or points that it represents, 0 for a mesh.
-    damaged: faces are left out, whose vertices are not finite numbers.
+    damaged: faces are left out, whose vertices are not finite numbers. turned: many normals point below the surface.
     """
 
     name: str
@@ -40,6 +41,7 @@ class LocalMesh:
     origin: str = ""
     thickness: float = 0.0
     damaged: bool = False
+    turned: bool = False
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -75,17 +77,25 @@ def read_local_mesh(
     slots = values_of(mesh.loop_triangles, "material_index", 1, np.int32).astype(np.int16)
     slots = slots if kept.all() else slots[kept]
     uv_layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    normals = _normals(mesh, loops, kept)
     return LocalMesh(
         name=name,
         vertices=vertices,
         triangles=triangles,
         uvs=_uvs(uv_layer)[loops] if uv_layer else None,
         slots=slots if slots.any() else None,
-        normals=_normals(mesh, loops, kept),
+        normals=normals,
         layers={key: values[loops] for key in sorted(layer_names) if (values := _layer(mesh, key)) is not None},
         origin=origin,
         damaged=not kept.all(),
+        turned="custom_normal" in mesh.attributes and normals is not None and _turned(vertices[triangles], normals),
     )
+
+
+def _turned(corners: np.ndarray, normals: np.ndarray) -> bool:
+    """Return whether more than _MOST_TURNED of the normals (T, 3, 3) point to the backs of triangles (T, 3, 3)."""
+    fronts = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return bool(((normals.sum(axis=1, dtype=np.float32) * fronts).sum(axis=1) < 0.0).mean() > _MOST_TURNED)
 
 
 def _used(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -141,6 +141,7 @@ class _Reader:
         self._placed: dict[tuple[object, ...], list[_Placed]] = {}
         self._left_out: dict[str, set[str]] = {}
         self._damaged: dict[str, set[str]] = {}
+        self._turned: set[str] = set()
         self._unread, self.unread_materials = Omissions(), Omissions()
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
@@ -180,6 +181,8 @@ class _Reader:
             return
         if key not in self._meshes:
             mesh = read()
+            if isinstance(mesh, LocalMesh) and mesh.turned:
+                self._turned.add(item.name)
             if mesh is not None and mesh.damaged:
                 kind = "Hair and points with coordinates" if isinstance(mesh, Strands) else "Faces with vertices"
                 self._damaged.setdefault(kind, set()).add(item.name)
@@ -217,6 +220,11 @@ class _Reader:
             f"{what} {_NOT_FINITE} are left out: repair {named_list(sorted(names))}"
             for what, names in self._damaged.items()
         ]
+        if turned := named_list(sorted(self._turned)):
+            damaged.append(
+                f"Custom normals of {turned} point below the surface, where their light is approximate: reset them "
+                "(Mesh > Normals > Reset Vectors)"
+            )
         return [
             *self._unread.sentences("Object", "left out"),
             *damaged,
