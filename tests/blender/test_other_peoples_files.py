@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from patchnet.operators.scene.read import read_scene
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.operators.verify_light import CheckSettings, verify_light
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -130,6 +131,14 @@ def test_screens_are_as_sharp_as_their_images(kind: str) -> None:
     lamp("SUN", 9.0).rotation_euler = (0.6, 0.2, 0.3)
     look_from((0.4, -2.4, 1.0), (0.0, 0.0, 0.6))
     assert_right(20.0)
+
+
+def test_custom_normals_below_the_surface_are_named() -> None:
+    right, wrong = box("Right", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), grey()), slab("Wrong")
+    right.data.normals_split_custom_set([each.vector for each in right.data.corner_normals])
+    wrong.data.normals_split_custom_set_from_vertices([(0.0, 0.0, 1.0)] * len(wrong.data.vertices))
+    (note,) = read_scene(bpy.context.evaluated_depsgraph_get()).warnings
+    assert note.startswith("Custom normals of 'Wrong' point below the surface")
 
 
 def settings() -> CheckSettings:
