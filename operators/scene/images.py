@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ...patchnet_addon.surface.chroma import REC709
+from ..scene_access.blender_version import ALPHA_MODES_ARE_OF_PIXELS
 from .node_terms import TextureUse
 
 CHANNELS = {"R": 0, "G": 1, "B": 2, "A": 3}
@@ -74,18 +75,16 @@ class ImageReader:
         else:
             alpha = np.ones((height, width, 1), np.float32)
         if image.alpha_mode in _ALPHA_COVERS and image.colorspace_settings.name not in _RAW_SPACES:
-            color = _covered(color, alpha, is_float=image.is_float, straight=straight)
+            multiplied = image.alpha_mode == "PREMUL" if ALPHA_MODES_ARE_OF_PIXELS else image.is_float
+            color = _covered(color, alpha, multiplied=multiplied, straight=straight)
         key = image.name_full, straight
         self._colors[key] = _linear(np.ascontiguousarray(color), image)
         self._channels[*key, "A"] = alpha
 
 
-def _covered(color: np.ndarray, alpha: np.ndarray, *, is_float: bool, straight: bool) -> np.ndarray:
-    """Colour times alpha, or straight: Blender stores float images multiplied, and 8 bit images straight, as encoded.
-
-    Cycles multiplies the encoded colours of the latter.
-    """
-    if is_float:
+def _covered(color: np.ndarray, alpha: np.ndarray, *, multiplied: bool, straight: bool) -> np.ndarray:
+    """Colour times alpha, or straight, of pixels that are `multiplied` or straight; encoded, as in Cycles."""
+    if multiplied:
         return color / np.where(alpha > 0.0, alpha, 1.0) if straight else color
     return color if straight else color * alpha
 
@@ -109,4 +108,6 @@ def _linear(color: np.ndarray, image: bpy.types.Image) -> np.ndarray:
     space = image.colorspace_settings.name
     if image.is_float or space in _RAW_SPACES or space.startswith("Linear"):
         return np.nan_to_num(color, posinf=0.0, neginf=0.0)
+    if color.max(initial=0.0) > 1.0:  # divided by alpha
+        return srgb_to_linear(np.maximum(color, 0.0))
     return _BYTE_TO_LINEAR[(np.clip(color, 0.0, 1.0) * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)]

@@ -33,6 +33,7 @@ def keep_hidden(texts: Sequence[str]) -> None:
         bpy.app.handlers.frame_change_post.append(lambda *_: hide_from_renders(texts))
 
 
+_WITHOUT_SURFACE = ("LIGHT", "LIGHT_PROBE", "CAMERA")
 _OF_VIEWPORTS = ("hide_viewport", ".show_viewport", ".levels", ".viewport_resolution")  # of objects, of modifiers
 
 
@@ -216,7 +217,9 @@ def cut_out_objects(layer: bpy.types.ViewLayer) -> list[str]:
         each.name
         for item in rendered_collections(layer)
         for each in item.collection.objects
-        if not each.hide_render and (item.holdout or each.is_holdout or each.is_shadow_catcher)
+        if not each.hide_render
+        and each.type not in _WITHOUT_SURFACE
+        and (item.holdout or each.is_holdout or each.is_shadow_catcher)
     )
 
 

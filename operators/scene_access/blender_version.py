@@ -12,6 +12,8 @@ import bpy
 NODES_ARE_OPTIONAL = bpy.app.version < (5, 0, 0)
 # Cycles draws polylines of hair straight, not as curves through their points.
 POLYLINES_ARE_STRAIGHT = bpy.app.version >= (5, 0, 0)
+# Cycles takes the pixels of an image for what its alpha mode says; before, for straight if they are bytes.
+ALPHA_MODES_ARE_OF_PIXELS = bpy.app.version >= (5, 0, 0)
 # Attributes of a mesh cannot have names of Cycles' own, such as "color": there they count as missing.
 CYCLES_NAMES_ARE_RESERVED = bpy.app.version < (5, 0, 0)
 
