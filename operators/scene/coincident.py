@@ -109,9 +109,9 @@ def _keys(corners: np.ndarray) -> np.ndarray:
 def _hash(rows: np.ndarray) -> np.ndarray:
     """Hash (N,) uint64 of the bits of rows (N, C)."""
     bits = np.ascontiguousarray(rows).view(np.uint32 if rows.dtype.itemsize == 4 else np.uint64)
-    total = np.zeros(len(rows), np.uint64)
+    total = np.full(len(rows), rows.dtype.itemsize, np.uint64)  # places and their hashes are mixed differently
     for column in bits.T:
-        total = (total ^ column) * _FACTORS[0]
+        total = (total ^ column) * _FACTORS[0] + _FACTORS[1]
         total ^= total >> np.uint64(29)
         total *= _FACTORS[1]
         total ^= total >> np.uint64(32)

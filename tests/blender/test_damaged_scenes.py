@@ -11,7 +11,7 @@ import pytest
 
 from patchnet.operators.cycles.bake import bake_materials
 from patchnet.operators.pipeline.lit_octree import LitOctree, build_lit_octree
-from patchnet.operators.scene import instance_values, light_links, local_mesh, read
+from patchnet.operators.scene import coincident, instance_values, light_links, local_mesh, read
 from patchnet.operators.scene.fingerprint import lights_hash
 from patchnet.operators.scene.read import read_scene
 from patchnet.operators.scene.scene_mesh import SceneMesh
@@ -194,6 +194,19 @@ def test_faces_on_each_other_are_named() -> None:
     link(mesh("Both sides", SQUARE * 2, [(0, 1, 2, 3), (7, 6, 5, 4)]), (0.0, 6.0, 0.0))
     (said,) = [text for text in read_all().warnings if "exactly on others" in text]
     assert "Faces of 'Mat', 'One', 'Other', 'Rug', 'Twice' lie" in said
+
+
+@pytest.mark.parametrize("side", [2, 3, 8])
+def test_faces_of_a_grid_are_distinct(side: int) -> None:
+    """Hashes of few and round coordinates differ, too."""
+    places = [(x / side, y / side, 0.0) for y in range(side + 1) for x in range(side + 1)]
+    cells = [(side + 1) * y + x for y in range(side) for x in range(side)]
+    link(mesh("Grid", places, [(cell, cell + 1, cell + side + 2, cell + side + 1) for cell in cells]))
+    assert read_all().warnings == []
+    corners = np.random.default_rng(2).permuted(np.tile(np.arange(27), (20000, 1)), axis=1)[:, :3]
+    corners = np.unique(np.take_along_axis(corners, (corners.argmin(1)[:, None] + np.arange(3)) % 3, 1), axis=0)
+    keys = coincident._keys((np.stack(np.unravel_index(corners, (3, 3, 3)), -1) - 1.0).astype(np.float32))
+    assert len(np.unique(keys)) == len(keys)
 
 
 def _names(values: tuple[Any, ...]) -> list[str]:
