@@ -85,6 +85,7 @@ class SurfelBaker:
         self._on_gpu = bakes_on_gpu(context, device)
         self._with_gloss = baked_with_gloss(source, light.gloss)
         self._color_is_baked = color_is_baked(source, light.gloss)
+        self._shines = np.array([max(material.emission) > 0.0 for material in source.materials], bool)
         self._shown = np.array([shows(material) for material in source.materials])
         used = [material for material in bpy.data.materials if material.name_full in source.material_names]
         self._needs_coordinates = needs_coordinates(used)
@@ -144,7 +145,7 @@ class SurfelBaker:
                     if what.through:
                         values[..., -1] = 0.0  # opacity counts once
                     if not colors:
-                        values[..., :-1] *= now.open[:, None, None]
+                        values[..., :-1] *= np.where(self._shines[now.materials], 1.0, now.open)[:, None, None]
                     baked[now.number] += values
                     self.paths_traced += samples * len(now)
         half = 0.5 * (baked[:, 0, 0] - baked[:, 1, 0])
