@@ -62,9 +62,9 @@ def test_rates_of_bake_and_renders(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_seconds_until_a_lit_picture(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["bench", "preview", "--scene", "room", "--camera", "Front", "--size", "48", "32", "--cycles-samples", "2"]
+    words = ["bench", "preview", "--scene", "room", "--camera", "Front", "--size", "64", "48", "--cycles-samples", "2"]
     assert main([*words, "--json"]) == 0
     values = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert 0.0 < values["ours"] <= values["whole_s"] and values["peer"] > 0.0
-    assert values["noise"]["last"] <= 1.1 * values["noise"]["first"] and values["paths_per_pixel"] > 1.0
-    assert values["camera"] == "Front" and values["size"] == [48, 32] and values["voxels"] > 1000
+    assert values["noise"]["last"] <= values["noise"]["first"] and values["paths_per_pixel"] > 1.0
+    assert values["camera"] == "Front" and values["size"] == [64, 48] and values["voxels"] > 1000

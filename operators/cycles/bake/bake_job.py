@@ -105,9 +105,12 @@ def choose(job: BakeJob) -> Steps[ChosenSurfels]:
     baked = color_is_baked(source, light.gloss)
     surfaces = partial(surface_of_surfels, surfels, source, table, reflects, color=light.color)
     at = yield from computed(surfaces, Progress(0, 1, "Choosing surfels"))
-    even = np.array([each.base_is_known and each.base_texture is None for each in source.materials], bool)
-    glows = np.array([each.glows for each in source.materials], bool)  # without noise, and black beside white
-    at = at._replace(is_filtered=((reflects & ~glows) | baked | even)[at.material])  # and emitters of one color
+    even = [
+        each.base_is_known and each.base_texture is None and max(each.base_color) > 0.0 for each in source.materials
+    ]
+    glows = np.array([each.glows for each in source.materials], bool)
+    # Emission has no noise, and may be black beside white; what reflects beside it has, if it is of one color.
+    at = at._replace(is_filtered=((reflects & ~glows) | baked | np.array(even, bool))[at.material])
     colored = None
     if baked[at.material].any():
         colored = yield from colored_leaves(clipped, opacity, sheets, seen, eyes_of(cameras), baked)
