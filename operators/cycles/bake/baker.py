@@ -137,10 +137,10 @@ class SurfelBaker:
                 part = triangles.only((triangles.links == number) & chosen[triangles.materials])
                 for now in self._calls(part, samples):
                     how = samples // PARTS, seed
-                    values = yield from self._parts(now, size, links, what, how, at)
+                    values = yield from self._call(now, size, links, what, how, at)
                     divided = self._color_is_baked[now.materials]
                     if what == _DIFFUSE and divided.any():
-                        base = yield from self._parts(now.only(divided), size, links, _COLORS, how, at)
+                        base = yield from self._call(now.only(divided), size, links, _COLORS, how, at)
                         values[divided] = _over(values[divided], base)
                     if what.through:
                         values[..., -1] = 0.0  # opacity counts once
@@ -150,20 +150,6 @@ class SurfelBaker:
                     self.paths_traced += samples * len(now)
         half = 0.5 * (baked[:, 0, 0] - baked[:, 1, 0])
         return np.concatenate([baked.mean(axis=1), half[:, None]], axis=1)
-
-    def _parts(
-        self,
-        part: SurfelTriangles,
-        size: tuple[int, int],
-        links: Links,
-        what: _Passes,
-        how: tuple[int, int],
-        at: Progress,
-    ) -> Steps[np.ndarray]:
-        """Light (n, PARTS, channels) of triangles, see `_call`."""
-        values = yield from self._call(part, size, links, what, how, at)
-        values = values.reshape(size[1] // BLOCK, BLOCK, size[0] // BLOCK, BLOCK, -1)[:, 0, :, :PARTS]
-        return np.asarray(values.reshape(-1, PARTS, self.channels - 1)[part.number])
 
     def _calls(self, part: SurfelTriangles, samples: int) -> Iterator[SurfelTriangles]:
         """Divide triangles into calls of at most `most_paths` paths and _MOST_TRIANGLES triangles.
@@ -183,7 +169,7 @@ class SurfelBaker:
         how: tuple[int, int],
         at: Progress,
     ) -> Steps[np.ndarray]:
-        """Light (width * height, channels) of the image's texels, after one bake. how: samples, seed."""
+        """Light (n, PARTS, channels) of triangles, after one bake into an image of a size. how: samples, seed."""
         names, count = self._source.material_names, len(self._source.materials)
         # Materials of fronts, then those of backs.
         used, mine = np.unique(part.materials + count * part.is_back, return_inverse=True)
@@ -209,7 +195,9 @@ class SurfelBaker:
                 yield from bake_as_job(self._context, target, at)
             else:
                 bake_now(self._context, target)
-            return _light_of(image, self.channels - 1)
+            light = _light_of(image, self.channels - 1)
+        texels = light.reshape(size[1] // BLOCK, BLOCK, size[0] // BLOCK, BLOCK, -1)[:, 0, :, :PARTS]
+        return np.asarray(texels.reshape(-1, PARTS, self.channels - 1)[part.number])
 
 
 def _over(light: np.ndarray, base: np.ndarray) -> np.ndarray:
