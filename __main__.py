@@ -30,8 +30,8 @@ def _is_lost_output(error: Exception) -> bool:
 
 
 def _run() -> int:
-    from .commands import main as run_command
     from .patchnet_addon.runtime.streams import keep_streams
+    from .training.commands import main as run_command
 
     keep_streams()
     return run_command()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Command line: `patchnet SUB-COMMAND`, one sub-command per file.
 
-A sub-command NAME is the module `commands/NAME.py`, `patchnet lab NAME` the module `commands/lab/NAME.py`; a hyphen in
-its name becomes an underscore. Its docstring is the help, and it has two functions:
+A sub-command NAME is the module `commands/NAME.py`; a hyphen in its name becomes an underscore. Its docstring is the
+help, and it has two functions:
 
     add_arguments(parser)    its arguments
     run(args) -> int         the work; the exit code
@@ -15,7 +15,8 @@ import importlib
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import NoReturn
+from types import MappingProxyType
+from typing import Any, NoReturn
 
 # Short helps, in the order of the help.
 NAMES = {
@@ -26,9 +27,6 @@ NAMES = {
     "info": "print what an octree, codes or weights file holds",
     "export": "write the voxels of an octree as .ply, .npz or .vdb",
     "verify-light": "compare the light in the voxels with Cycles",
-    "check-scenes": "compare the light of random scenes with Cycles",
-    "bench": "measure against other programs",
-    "lab": "research: train networks, compare strategies, draw figures",
 }
 
 EXIT_UNEXPECTED = 1
@@ -41,12 +39,14 @@ def main(
     names: Iterable[str] = NAMES,
     program: str = "patchnet",
     level: str = "WARNING",
+    more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> int:
     """Run the command line.
 
     argv: arguments without the program's name (those of the process). names: available sub-commands (all). level:
-    lowest level of log messages shown to users. Returns the exit code: 0 for success, 2 for bad input (one sentence on
-    stderr), 130 for Ctrl-C, 143 for SIGTERM, and with a JSON log 1 for an unexpected error, which is raised otherwise.
+    lowest level of log messages shown to users. more: short helps of sub-commands of other packages. Returns the exit
+    code: 0 for success, 2 for bad input (one sentence on stderr), 130 for Ctrl-C, 143 for SIGTERM, and with a JSON log
+    1 for an unexpected error, which is raised otherwise.
     """
     from ..patchnet_addon.runtime import log
     from ..patchnet_addon.runtime.errors import FileAccessError, PatchNetError
@@ -56,7 +56,7 @@ def main(
     words = sys.argv[1:] if argv is None else list(argv)
     try:
         log.set_up(_log_format(words), level)
-        args = make_parser(names, program).parse_args(words)
+        args = make_parser(names, program, more).parse_args(words)
         args.words = words
         log.start(args.command, arguments=words)
         with prompt_interrupt():
@@ -87,22 +87,26 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_ERROR)
 
 
-def make_parser(names: Iterable[str] = NAMES, program: str = "patchnet") -> argparse.ArgumentParser:
+def make_parser(
+    names: Iterable[str] = NAMES,
+    program: str = "patchnet",
+    more: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+) -> argparse.ArgumentParser:
     """Parser of the command line with these sub-commands; docs/make_commands.py reads it."""
     from .shared.arguments import add_version
 
     parser = _Parser(prog=program, description="See where a coarse view of a scene is wrong, and refine there first.")
     add_version(parser)
     add_log_format(parser)
-    add_commands(parser, "command", __name__, {name: NAMES[name] for name in names}, "SUB-COMMAND")
+    subparsers = parser.add_subparsers(dest="command", metavar="SUB-COMMAND", required=True)
+    add_commands(subparsers, __name__, {name: NAMES[name] for name in names})
+    for package, helps in more.items():
+        add_commands(subparsers, package, helps)
     return parser
 
 
-def add_commands(
-    parser: argparse.ArgumentParser, dest: str, package: str, helps: Mapping[str, str], metavar: str = "NAME"
-) -> dict[str, argparse.ArgumentParser]:
+def add_commands(subparsers: "argparse._SubParsersAction[Any]", package: str, helps: Mapping[str, str]) -> None:
     """Add a parser for each named module of a package, with its short help."""
-    subparsers = parser.add_subparsers(dest=dest, metavar=metavar, required=True)
     for name, text in helps.items():
         module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
         single = subparsers.add_parser(
@@ -112,7 +116,6 @@ def add_commands(
         if hasattr(module, "run"):
             single.set_defaults(run=module.run)
         module.add_arguments(single)
-    return subparsers.choices
 
 
 def add_log_format(parser: argparse.ArgumentParser) -> None:

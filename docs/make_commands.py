@@ -16,6 +16,7 @@ from pathlib import Path
 
 from patchnet.commands import make_parser
 from patchnet.commands.blender_command import NAMES as IN_BLENDER
+from patchnet.training.commands import RESEARCH
 
 PAGE = Path(__file__).with_name("commands.md")
 HEAD = """\
@@ -114,7 +115,7 @@ def section(name: str, parser: argparse.ArgumentParser, depth: int, also: str) -
 
 def page() -> str:
     """The whole page."""
-    parser = make_parser()
+    parser = make_parser(more=RESEARCH)
     lines = [HEAD, "| sub-command | what it does | in Blender |", "|---|---|---|"]
     for name, text in helps(parser).items():
         lines.append(f"| [`{name}`](#{name}) | {_as_cell(text)} | {'yes' if name in IN_BLENDER else 'no'} |")

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import argparse
 import platform
-from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ...patchnet_addon.network.devices import AUTO, read_device
 from ...patchnet_addon.runtime.bounds import Bounds
-from ...patchnet_addon.runtime.errors import OctreeFileError, OutputError, SettingError
-from ...patchnet_addon.runtime.file_kinds import BLEND, GLB, FileKind
+from ...patchnet_addon.runtime.errors import OutputError
 
 
 def add_number(
@@ -43,14 +41,6 @@ def add_device(parser: argparse._ActionsContainer, text: str) -> None:
     )
 
 
-def named_file(text: str) -> tuple[str, Path]:
-    """Parse "station=run/patchnet.safetensors" as a name and a file."""
-    name, equals, path = text.partition("=")
-    if not (name and equals and path):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a name and a file such as station=run/patchnet.safetensors")
-    return name, Path(path)
-
-
 def add_out(parser: argparse.ArgumentParser, text: str, **others: Any) -> None:
     """Add `--out`; an empty path, which would mean the working folder, is an error."""
     parser.add_argument("--out", type=_output, help=text, **others)
@@ -60,21 +50,6 @@ def _output(text: str) -> Path:
     if not text.strip():
         raise OutputError("--out is empty: give the path of the output, or . for the working folder")
     return Path(text)
-
-
-def check_octrees(paths: Iterable[Path]) -> None:
-    """Raise OctreeFileError for missing octree files before the work starts."""
-    for path in paths:
-        if not path.is_file():
-            raise OctreeFileError(f"{path} does not exist: name an octree file")
-
-
-def scene_kind(out: Path) -> FileKind:
-    """Kind of the scene file `out`; raises SettingError for another ending."""
-    for kind in (BLEND, GLB):
-        if out.suffix.lower() in kind.endings:
-            return kind
-    raise SettingError(f"--out {out} is not a scene file: use the ending .glb or .blend")
 
 
 _PACKAGES = ("bpy", "numpy", "numba", "torch")

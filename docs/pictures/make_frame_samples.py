@@ -20,7 +20,6 @@ import bpy  # noqa: TID251
 import numpy as np
 
 from patchnet.__main__ import leave
-from patchnet.commands.benches.walkthrough import fly_through_keys, open_scene_of, walk_cameras
 from patchnet.commands.shared.quiet import quiet_stdout
 from patchnet.operators.cycles.camera_render import render_reference
 from patchnet.operators.cycles.daylight import daylight, has_light
@@ -36,6 +35,7 @@ from patchnet.patchnet_addon.surface.textures import luminance
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample_pixels
 from patchnet.training.benchmarks import markdown_table
+from patchnet.training.commands.benches.walkthrough import fly_through_keys, open_scene_of, walk_cameras
 
 FRAMES, MEASURED = 250, (25, 125, 225)
 ERROR_SIZE, TRUTH = (240, 135), 256

@@ -103,33 +103,15 @@ CYCLES_BUDGET = Bounds("Cycles' budget", 0, 1, advice=_PIXEL_SHARE)
 CYCLES_SAMPLES = Bounds("Cycles samples", 1, _MAX_PATHS, True)
 PLACED_CAMERAS = Bounds("Number of cameras to place", 1, 1000, True, "or give the names of the scene's cameras")
 RENDER_SAMPLES = Bounds("Render samples", 2, _MAX_PATHS, True)
-SHRUNK = Bounds("Number of scenes to shrink", 0, 10_000, True)
 DIFFERENCE = Bounds("End of the difference's legend", 1e-9, _LARGEST)
 
 # The cache.
 KEPT_GIB = Bounds("Kept octrees (GiB)", 0, 2.0**20)
 
-# Training.
+# Networks, random numbers.
 SEED = Bounds("Seed", 0, MAX_SEED, True)
-DATASET_SAMPLES = Bounds("Samples", 1, 10**12, True)
-DATASET_VIEWS = Bounds("Views per voxel", 1, 4096, True)
-HELD_OUT = Bounds("Held-out share", 0, 0.99, advice="give a share of each scene")
-PASSES = Bounds("Sample passes", 1, 10**15, True)
-BATCH = Bounds("Batch", 1, 2**24, True)
-FRAME_PIXELS = Bounds("Pixels of a frame", 1, 10**9, True)
-CROP = Bounds("Side of crops in pixels", 1, 4096, True)
-LEARNING_RATE = Bounds("Learning rate", 1e-9, 10)
-LUMINANCE_WEIGHT = Bounds("Luminance weight", 0, 1e6)
 DECODER_WIDTH = Bounds("Decoder width", 6, 78, True, "choose a multiple of 6 in this range")
 ENCODER_WIDTH = Bounds("Encoder width", 64, 1024, True, "choose a multiple of 64 in this range")
-STOP_AFTER = Bounds("Steps", 1, 10**15, True)
-
-# Benchmarks.
-REPEATS = Bounds("Repeats", 1, 10_000, True)
-NODES = Bounds("Nodes", 1, 2**28, True)
-THREADS = Bounds("Threads", 1, 1024, True)
-TRACK_FRAMES = Bounds("Frames of a track", 1, 10**6, True)
-DECODED_PIXELS = Bounds("Decoded pixels", 1, 10**9, True)
 
 
 INT32_COUNT = 2**31  # non-negative int32 values

@@ -61,17 +61,19 @@ def arrays_in(path: Path) -> str:
     return str(own["kind"]) if own.get("format") == "patchnet" else ""
 
 
-def _begins(*beginnings: bytes) -> Callable[[Path], bool]:
-    return lambda path: _head(path, max(map(len, beginnings))).startswith(beginnings)
+def begins(*beginnings: bytes) -> Callable[[Path], bool]:
+    """Test whether a file begins with one of these."""
+    return lambda path: head(path, max(map(len, beginnings))).startswith(beginnings)
 
 
-def _head(path: Path, length: int) -> bytes:
+def head(path: Path, length: int) -> bytes:
+    """First `length` bytes of a file; raises OSError."""
     with path.open("rb") as file:
         return file.read(length)
 
 
 def _json(path: Path) -> Any:
-    return json.loads(_head(path, _MAX_TEXT_BYTES))
+    return json.loads(head(path, _MAX_TEXT_BYTES))
 
 
 def _is_report(path: Path) -> bool:
@@ -80,51 +82,28 @@ def _is_report(path: Path) -> bool:
 
 def _is_frame_record(path: Path) -> bool:
     """Test for a frame's record; a truncated one counts, so that it does not block its frame."""
-    head = _head(path, len(_RECORD_BEGINS))
-    return _RECORD_BEGINS.startswith(head) or {"frame", "content", "file", "files", "summary"} <= _json(path).keys()
-
-
-def _is_log(path: Path) -> bool:
-    first = json.loads(_head(path, 1 << 16).splitlines()[0]).keys()
-    return "step" in first and not first.isdisjoint(("coverage", "validation", "loss"))
+    beginning = head(path, len(_RECORD_BEGINS))
+    keys = {"frame", "content", "file", "files", "summary"}
+    return _RECORD_BEGINS.startswith(beginning) or keys <= _json(path).keys()
 
 
 def _is_blend(path: Path) -> bool:
-    head = _head(path, 7)
-    return head == b"BLENDER" or (path.suffix.lower() == ".blend" and head.startswith(_COMPRESSED))
+    beginning = head(path, 7)
+    return beginning == b"BLENDER" or (path.suffix.lower() == ".blend" and beginning.startswith(_COMPRESSED))
 
 
-def _members(path: Path) -> list[str]:
+def members(path: Path) -> list[str]:
+    """Names in a zip file; raises OSError and BadZipFile."""
     with zipfile.ZipFile(path) as archive:
         return archive.namelist()
 
 
-def _is_svg(path: Path) -> bool:
-    return b"<svg" in _head(path, 4096) or b"<!DOCTYPE svg" in _head(path, 4096)
-
-
-PNG = FileKind("a .png picture", (".png",), _begins(b"\x89PNG\r\n\x1a\n"))
-EXR = FileKind("an .exr picture", (".exr",), _begins(b"\x76\x2f\x31\x01"))
-SVG = FileKind("an .svg picture", (".svg",), _is_svg)
-PLY = FileKind("a .ply file", (".ply",), _begins(b"ply\n", b"ply\r"))
-VDB = FileKind("a .vdb file", (".vdb",), _begins(b" BDV\0\0\0\0"))
-NPZ = FileKind("an .npz file", (".npz",), lambda path: all(name.endswith(".npy") for name in _members(path)))
+PNG = FileKind("a .png picture", (".png",), begins(b"\x89PNG\r\n\x1a\n"))
+EXR = FileKind("an .exr picture", (".exr",), begins(b"\x76\x2f\x31\x01"))
+PLY = FileKind("a .ply file", (".ply",), begins(b"ply\n", b"ply\r"))
+VDB = FileKind("a .vdb file", (".vdb",), begins(b" BDV\0\0\0\0"))
+NPZ = FileKind("an .npz file", (".npz",), lambda path: all(name.endswith(".npy") for name in members(path)))
 BLEND = FileKind("a .blend file", (".blend",), _is_blend)
-GLB = FileKind("a .glb file", (".glb",), _begins(b"glTF"))
-SCENE_CREDITS = FileKind("credits of a scene", (".txt",), _begins(b"# Credits of a scene composed by patchnet"))
 OCTREE, CODES = arrays_kind("octree"), arrays_kind("codes")
-WEIGHTS, SAMPLES = arrays_kind("weights"), arrays_kind("samples")
 REPORT = FileKind("a report of PatchNet", (".json",), _is_report)
 FRAME_RECORD = FileKind("a frame's record of PatchNet", (".json",), _is_frame_record)
-CHECKPOINT = FileKind(
-    "a checkpoint of a training run", (".pt",), lambda path: any(name.endswith("/data.pkl") for name in _members(path))
-)
-TRAINING_LOG = FileKind("a log of a training run", (".jsonl",), _is_log)
-EVALUATION = FileKind("results of an evaluation", (".json",), _begins(b'{\n "settings": {\n  "frames": '))
-CYCLES_EVALUATION = FileKind(
-    "results of an evaluation against Cycles", (".json",), _begins(b'{\n "settings": {\n  "cameras": ')
-)
-EVALUATION_TABLES = FileKind("tables of an evaluation", (".md",), _begins(b"# Tables of an evaluation"))
-COSTS = FileKind("costs of an evaluation", (".json",), _begins(b'{"key": '))
-ERRORS = FileKind("errors of weights", (".json",), _begins(b'{\n "errors": {'))
-FIGURE_VALUES = FileKind("values of a figure of PatchNet", (".json",), _begins(b'{\n "figure": '))

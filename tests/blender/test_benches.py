@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from patchnet.commands import main
-from patchnet.commands.bench import text_of
-from patchnet.commands.benches.walkthrough import walk_cameras
 from patchnet.operators.render_engine.fly_through import frames_until_ahead
 from patchnet.patchnet_addon.tracing.camera import Camera
+from patchnet.training.commands import main
+from patchnet.training.commands.bench import text_of
+from patchnet.training.commands.benches.walkthrough import walk_cameras
 
 SMALL = ["--frames", "12", "--size", "48", "32", "--depth", "6", "--max-samples", "2", "--timed", "2"]
 FEW = ["--cycles-timed", "1", "--judged", "1", "--error-size", "24", "16", "--truth", "64"]

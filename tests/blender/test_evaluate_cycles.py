@@ -8,8 +8,6 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
-from patchnet.commands.lab.octree_light import as_in_octree, shown_as
 from patchnet.operators.cycles.camera_render import render_halves
 from patchnet.operators.scene.files import open_scene
 from patchnet.operators.scene.read import read_scene
@@ -21,6 +19,8 @@ from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.patchnet_addon.tracing.supersample import supersample
 from patchnet.tests.blender.scene_snapshot import assert_unchanged, scene_snapshot
 from patchnet.tests.blender.shaders import simple
+from patchnet.training import commands
+from patchnet.training.commands.lab.octree_light import as_in_octree, shown_as
 from patchnet.training.evaluation import poses
 from patchnet.training.evaluation.catalogue import CYCLES, FOLDER, SCENES, TEST, TWO_LIGHTS, Scene
 from patchnet.training.strategies.registry import EVALUATED

@@ -8,11 +8,11 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet import commands
-from patchnet.commands.lab.furnished.compose import compose_scene
-from patchnet.commands.lab.furnished.library import read_library
-from patchnet.commands.lab.furnished.models import library_meshes, repair_mesh, vertices_of
 from patchnet.tests.furniture_library import write_library
+from patchnet.training import commands
+from patchnet.training.commands.lab.furnished.compose import compose_scene
+from patchnet.training.commands.lab.furnished.library import read_library
+from patchnet.training.commands.lab.furnished.models import library_meshes, repair_mesh, vertices_of
 
 CREDITS = "scene.credits.txt"
 

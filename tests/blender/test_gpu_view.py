@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 import pytest
 
-from patchnet.commands.benches.gpu import compare_estimates, compare_with
 from patchnet.operators.gpu_view import card_octree, cards
 from patchnet.operators.gpu_view.card_octree import CardOctree, Samples
 from patchnet.operators.gpu_view.cards import BlenderDevice
@@ -48,6 +47,7 @@ from patchnet.tests.blender.gpu_context import with_gpu
 from patchnet.tests.engine.octree_samples import random_octree, with_sides
 from patchnet.tests.engine.yard_scene import yard_octree
 from patchnet.training.benchmarks.shells import shell_triangles
+from patchnet.training.commands.benches.gpu import compare_estimates, compare_with
 
 SIZE = 256, 256
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet import commands
 from patchnet.tests.blender.job_scene import QUICK, build, saved
+from patchnet.training import commands
 
 STAGES = ("Reading", "Finding", "Voxelizing", "Drawing", "Writing", "Looking")
 OCTREE = ["--depth", "4", "--light", "two-lights"]

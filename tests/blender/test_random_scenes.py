@@ -11,12 +11,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from patchnet import commands
-from patchnet.commands.checks import judge as judging
-from patchnet.commands.checks import shrink as shrinking
-from patchnet.commands.checks.judge import RIGHT, SAID, WRONG, Verdict, judge, shortfall
-from patchnet.commands.checks.random_scene import build_random_scene
 from patchnet.patchnet_addon.runtime.errors import SceneError
+from patchnet.training import commands
+from patchnet.training.commands.checks import judge as judging
+from patchnet.training.commands.checks import shrink as shrinking
+from patchnet.training.commands.checks.judge import RIGHT, SAID, WRONG, Verdict, judge, shortfall
+from patchnet.training.commands.checks.random_scene import build_random_scene
 
 KNOWN = dict.fromkeys((5, 10, 12, 13, 14, 64, 66, 75, 81), RIGHT) | dict.fromkeys((63, 76), SAID)
 """Verdicts on the seeds that every run of the tests judges; `patchnet check-scenes` judges others."""
@@ -38,7 +38,7 @@ def test_light_of_known_seeds_is_right_or_said_to_differ(seed: int) -> None:
 DESCRIBE = """
 import os, sys
 import bpy
-from patchnet.commands.checks.random_scene import build_random_scene
+from patchnet.training.commands.checks.random_scene import build_random_scene
 
 for seed in range(1, 9):
     build_random_scene(seed)

@@ -12,8 +12,6 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NOT_FOR_BLENDER = {"commands/bench.py", "commands/shared/training_run.py"}
-NO_FOLDERS_FOR_BLENDER = ("commands/benches/", "commands/lab/")
 # Both start Blender's own program or Python, to compile kernels.
 STARTERS = {"operators/jobs/compile_ahead.py", "operators/pipeline/kernels_beside.py"}
 WHEELS = [f"{name}-1-cp313-cp313-win_amd64.whl" for name in ("llvmlite", "numba")]
@@ -46,8 +44,7 @@ def names(plain: Path) -> set[str]:
 def test_all_code_of_blender_is_in_the_zip(names: set[str]) -> None:
     tree = {path for part in ("commands", "operators", "patchnet_addon") for path in (ROOT / part).rglob("*.py")}
     code = {path.relative_to(ROOT).as_posix() for path in tree}
-    wanted = {name for name in code - NOT_FOR_BLENDER if not name.startswith(NO_FOLDERS_FOR_BLENDER)}
-    assert {name for name in names if name.endswith(".py")} == wanted | {"__init__.py"}
+    assert {name for name in names if name.endswith(".py")} == code | {"__init__.py"}
     assert {"LICENSE", "blender_manifest.toml", "patchnet_addon/network/weights/patchnet.safetensors"} <= names
 
 

@@ -10,6 +10,7 @@ from patchnet import commands
 from patchnet.patchnet_addon.runtime.bounds import Bounds
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.frames import parse_frames
+from patchnet.training.commands import RESEARCH
 
 
 def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Action]]:
@@ -24,7 +25,7 @@ def actions(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.Act
 
 def numbers() -> Iterator[tuple[str, argparse.Action]]:
     """Those that take a number: their type is `Bounds.read`."""
-    for program, action in actions(commands.make_parser()):
+    for program, action in actions(commands.make_parser(more=RESEARCH)):
         assert action.type not in (int, float), f"{program} {action.option_strings} has no bounds"
         if isinstance(getattr(getattr(action.type, "func", None), "__self__", None), Bounds):
             yield f"{program} {action.option_strings[0]}", action

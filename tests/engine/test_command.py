@@ -14,6 +14,7 @@ import pytest
 from patchnet import commands
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.patchnet_addon.sampling.registry import STRATEGIES
+from patchnet.training import commands as all_commands
 
 
 @pytest.fixture
@@ -32,14 +33,14 @@ def test_help_of_both_entry_points(program: list[str]) -> None:
     done = subprocess.run([*command, "--help"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "usage: patchnet" in done.stdout
-    for name in commands.NAMES:
+    for name in (*commands.NAMES, *all_commands.NAMES):
         assert name in done.stdout
 
 
-@pytest.mark.parametrize("name", commands.NAMES)
+@pytest.mark.parametrize("name", [*commands.NAMES, *all_commands.NAMES])
 def test_help_of_every_sub_command(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
-        commands.main([name, "--help"])
+        all_commands.main([name, "--help"])
     assert stop.value.code == 0
     assert f"usage: patchnet {name}" in capsys.readouterr().out
 
@@ -53,7 +54,7 @@ def test_help_of_every_sub_command(name: str, capsys: pytest.CaptureFixture[str]
 )  # fmt: skip
 def test_wrong_words_are_one_sentence_and_exit_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
-        commands.main(argv)
+        all_commands.main(argv)
     assert stop.value.code == 2
     said = capsys.readouterr().err
     assert said.startswith("patchnet: error: ") and said.count("\n") == 1 and "--help` lists" in said

@@ -15,6 +15,7 @@ from patchnet.patchnet_addon.runtime.file_kinds import FileKind
 from patchnet.patchnet_addon.runtime.files import write_arrays
 from patchnet.patchnet_addon.runtime.outputs import check_outputs, check_room
 from patchnet.patchnet_addon.runtime.replace import replaced_file
+from patchnet.training import file_kinds as lab_kinds
 
 RECORD = {"frame": 1, "content": "", "file": "", "files": {}, "summary": {}}
 
@@ -43,19 +44,19 @@ def archive(member: str):
 MAKERS = {
     "octree": ("a.safetensors", file_kinds.OCTREE, arrays("octree")),
     "codes": ("a.safetensors", file_kinds.CODES, arrays("codes")),
-    "weights": ("a.safetensors", file_kinds.WEIGHTS, arrays("weights")),
-    "samples": ("a.samples.safetensors", file_kinds.SAMPLES, arrays("samples")),
+    "weights": ("a.safetensors", lab_kinds.WEIGHTS, arrays("weights")),
+    "samples": ("a.samples.safetensors", lab_kinds.SAMPLES, arrays("samples")),
     "png": ("a.png", file_kinds.PNG, beginning(b"\x89PNG\r\n\x1a\n")),
     "exr": ("a.exr", file_kinds.EXR, beginning(b"\x76\x2f\x31\x01")),
-    "svg": ("a.svg", file_kinds.SVG, text("<?xml version='1.0'?>\n<svg></svg>")),
+    "svg": ("a.svg", lab_kinds.SVG, text("<?xml version='1.0'?>\n<svg></svg>")),
     "ply": ("a.ply", file_kinds.PLY, text("ply\nformat ascii 1.0\n")),
     "vdb": ("a.vdb", file_kinds.VDB, beginning(b" BDV\0\0\0\0")),
     "npz": ("a.npz", file_kinds.NPZ, lambda path: np.savez(path, a=np.zeros(2))),
     "blend": ("a.blend", file_kinds.BLEND, beginning(b"\x28\xb5\x2f\xfd")),
     "report": ("report.json", file_kinds.REPORT, text(json.dumps({"versions": {"patchnet": "0.1.0"}}))),
     "record": ("frame.json", file_kinds.FRAME_RECORD, text(json.dumps(RECORD))),
-    "checkpoint": ("checkpoint.pt", file_kinds.CHECKPOINT, archive("checkpoint/data.pkl")),
-    "log": ("log.jsonl", file_kinds.TRAINING_LOG, text('{"step": 50, "coverage": 0.1}\n')),
+    "checkpoint": ("checkpoint.pt", lab_kinds.CHECKPOINT, archive("checkpoint/data.pkl")),
+    "log": ("log.jsonl", lab_kinds.TRAINING_LOG, text('{"step": 50, "coverage": 0.1}\n')),
 }
 FOREIGN = {
     "script": text("import os\n"),

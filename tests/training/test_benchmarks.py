@@ -8,15 +8,15 @@ import sys
 import numpy as np
 import pytest
 
-from patchnet.commands import main
-from patchnet.commands.bench import text_of
-from patchnet.commands.benches.egl_device import EglDevice
-from patchnet.commands.benches.frame import STAGES
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
 from patchnet.patchnet_addon.runtime.errors import PatchNetError
 from patchnet.tests.engine.octree_samples import random_octree, with_boxes, with_sides
 from patchnet.tests.torch_devices import DEVICES
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
+from patchnet.training.commands.bench import text_of
+from patchnet.training.commands.benches.egl_device import EglDevice
+from patchnet.training.commands.benches.frame import STAGES
 
 HAS_TORCH = importlib.util.find_spec("torch") is not None
 ENCODE = ["encode", "--nodes", "3000", "--repeats", "2"]

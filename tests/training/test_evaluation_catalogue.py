@@ -10,10 +10,11 @@ from types import SimpleNamespace
 import pytest
 
 from patchnet.commands import make_parser
-from patchnet.commands.lab.evaluate import _octrees
-from patchnet.commands.lab.scene_arguments import scenes_named
 from patchnet.patchnet_addon.octree.file import load_octree
 from patchnet.patchnet_addon.runtime.errors import SceneError, SettingError
+from patchnet.training.commands import RESEARCH
+from patchnet.training.commands.lab.evaluate import _octrees
+from patchnet.training.commands.lab.scene_arguments import scenes_named
 from patchnet.training.evaluation import catalogue
 from patchnet.training.evaluation.catalogue import (
     CYCLES,
@@ -62,7 +63,7 @@ def test_missing_composed_file_says_how_to_make_it(tmp_path: Path, monkeypatch: 
         made = f"make it by `patchnet lab {scene.composed} --out {tmp_path / scene.file}`"
         with pytest.raises(SceneError, match=re.escape(made)):
             scene.path()
-        make_parser(["lab"]).parse_args(["lab", *scene.composed.split(), "--out", scene.file])
+        make_parser(more=RESEARCH).parse_args(["lab", *scene.composed.split(), "--out", scene.file])
         (tmp_path / scene.file).touch()
         assert scene.is_there() and scene.path() == tmp_path / scene.file
 

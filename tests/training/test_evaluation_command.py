@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.sampling.staged_strategy import StagedStrategy
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
 

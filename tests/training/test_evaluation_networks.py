@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import OutputError, SettingError, WeightsFileError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
 from patchnet.training.evaluation.map_frames import FrameSettings, rendered_frames
 from patchnet.training.evaluation.networks import NAMES

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.network.weights import Weights, default_weights_path, save_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
 from patchnet.training.strategies.registry import EVALUATED
 

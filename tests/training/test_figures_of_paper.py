@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.network.weights import Weights, load_weights, save_weights
 from patchnet.patchnet_addon.octree.build import build_octree
 from patchnet.patchnet_addon.octree.file import load_octree, save_octree
@@ -16,6 +15,7 @@ from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.patchnet_addon.sampling.refine import refined_mask, refinement_order
 from patchnet.patchnet_addon.surface.mesh import TriangleMesh
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
 from patchnet.training.evaluation.catalogue import octree_path
 from patchnet.training.evaluation.codes import coded_octree
 from patchnet.training.evaluation.figures_of_paper import look_ahead as tables

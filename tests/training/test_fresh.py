@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.codes.patch_rays import render_patches
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash, save_octree
 from patchnet.tests.training.procedural import spheres_and_slats
 from patchnet.tests.training.test_batches import rays_of
+from patchnet.training.commands import main
 from patchnet.training.data.corpus import FreshCorpus, fresh_corpus_of
 from patchnet.training.data.dataset import Dataset
 from patchnet.training.data.samples import Samples, SampleSettings

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import octree_hash
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import save_drawn, spheres_and_slats
+from patchnet.training import commands
 from patchnet.training.data.dataset import Dataset, why_not_held_out
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.run.validation import validation_sets

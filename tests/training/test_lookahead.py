@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet import commands
 from patchnet.patchnet_addon.network.weights import load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.progress import drain
 from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.training import commands
 from patchnet.training.data.dataset import Dataset, load_dataset
 from patchnet.training.data.samples import SampleSettings, draw_samples
 from patchnet.training.settings import TrainSettings

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from patchnet.commands import main
-from patchnet.commands.lab.train_networks import KINDS, NetworkPlan, planned_networks
 from patchnet.patchnet_addon.octree.file import save_octree
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.training.procedural import spheres_and_slats
+from patchnet.training.commands import main
+from patchnet.training.commands.lab.train_networks import KINDS, NetworkPlan, planned_networks
 from patchnet.training.data.dataset import load_dataset
 from patchnet.training.encoders import load_weights
 

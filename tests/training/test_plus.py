@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.codes.encode import encode_octree
 from patchnet.patchnet_addon.network.weights import Weights, load_weights
 from patchnet.patchnet_addon.octree.file import save_octree
@@ -21,6 +20,7 @@ from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
 from patchnet.patchnet_addon.tracing.camera import Camera
 from patchnet.training.benchmarks.shells import octree_of_shells
+from patchnet.training.commands import main
 from patchnet.training.plus.frames import SYMMETRIES, PixelTable, symmetries
 
 torch = pytest.importorskip("torch")

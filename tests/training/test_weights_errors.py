@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patchnet.commands import main
 from patchnet.patchnet_addon.network.kinds import MIXTURE, PAPER
 from patchnet.patchnet_addon.network.weights import Weights, save_weights
 from patchnet.patchnet_addon.runtime.errors import SettingError
 from patchnet.tests.references.lookups import node_at
 from patchnet.tests.training.procedural import draw_slats
+from patchnet.training.commands import main
 from patchnet.training.data.augmentation import Augmentation
 from patchnet.training.data.dataset import load_dataset
 from patchnet.training.data.samples import SampleSettings

@@ -10,10 +10,10 @@ import numpy as np
 from ...patchnet_addon.octree.build import build_octree
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.bounds import NODES
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.surface.mesh import TriangleMesh
 from ...patchnet_addon.surface.shading import two_lights_shade
+from ..bounds import NODES
 
 MIN_SHELL_DEPTH = 7
 _STEP = 0.06  # distance of shells, as a share of the outermost radius

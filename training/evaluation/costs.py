@@ -18,7 +18,6 @@ import numpy as np
 
 from ...patchnet_addon.codes.coded_octree import CodedOctree
 from ...patchnet_addon.octree.octree import Octree
-from ...patchnet_addon.runtime.file_kinds import COSTS
 from ...patchnet_addon.runtime.progress import drain
 from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
@@ -31,6 +30,7 @@ from ...patchnet_addon.sampling.uniform import SIDES
 from ...patchnet_addon.tracing.camera import Camera
 from ...patchnet_addon.tracing.supersample import supersample, supersample_pixels
 from ..benchmarks.timing import timed
+from ..file_kinds import COSTS
 from .codes import SceneCodes
 from .curves import BUDGETS
 from .strategies import PatchNetwork

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ...patchnet_addon.image.heatmap import tint
-from ...patchnet_addon.runtime.file_kinds import PNG, SVG
+from ...patchnet_addon.runtime.file_kinds import PNG
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.sampling.ranking import Ranking
+from ..file_kinds import SVG
 
 _KINDS = {".png": PNG, ".svg": SVG}
 # Safe for color vision deficiency (Okabe and Ito).

@@ -16,12 +16,13 @@ import torch
 from torch import nn
 
 from ...patchnet_addon.runtime.errors import PatchNetError
-from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
-from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
+from ...patchnet_addon.runtime.file_kinds import arrays_kind
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.sampling.plus.features import HIGHEST, LOWEST, features_of
 from ...patchnet_addon.sampling.plus.forms import FORMS, Form, Plane
 from ...patchnet_addon.sampling.plus.weights import KIND, Estimators, Network, layer_sizes, save_estimators
+from ..file_kinds import TRAINING_LOG
+from ..file_kinds import WEIGHTS as WEIGHTS_KIND
 from ..run.run_files import LOG, WEIGHTS
 from ..run.run_log import Log
 from ..run.trainer import RunOptions

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from ...patchnet_addon.runtime.errors import FileFormatError, SettingError
-from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
-from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG, FileKind
-from ...patchnet_addon.runtime.file_kinds import WEIGHTS as WEIGHTS_KIND
+from ...patchnet_addon.runtime.file_kinds import FileKind
 from ...patchnet_addon.runtime.outputs import check_outputs
+from ..file_kinds import CHECKPOINT as CHECKPOINT_KIND
+from ..file_kinds import TRAINING_LOG
+from ..file_kinds import WEIGHTS as WEIGHTS_KIND
 
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"

@@ -10,8 +10,8 @@ from typing import Any
 import torch
 
 from ...patchnet_addon.runtime.errors import SettingError
-from ...patchnet_addon.runtime.file_kinds import TRAINING_LOG
 from ...patchnet_addon.runtime.replace import replaced_file
+from ..file_kinds import TRAINING_LOG
 from .run_files import log_lines
 
 BOARD = "tensorboard"  # folder beside the log

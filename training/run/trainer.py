@@ -17,16 +17,16 @@ import torch
 
 from ...patchnet_addon.network.devices import CPU, enough_memory, found_device
 from ...patchnet_addon.network.weights import Weights, save_weights
-from ...patchnet_addon.runtime.bounds import THREADS
 from ...patchnet_addon.runtime.errors import FileFormatError, OutputError, SettingError
-from ...patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ...patchnet_addon.runtime.interrupt import interrupts_wait
 from ...patchnet_addon.runtime.progress import Progress, Steps
 from ...patchnet_addon.runtime.quantities import counted
 from ...patchnet_addon.runtime.replace import replaced_path
 from ...patchnet_addon.runtime.threads import usable_cores
+from ..bounds import THREADS
 from ..data.corpus import Corpus, corpus_of, fresh_corpus_of
 from ..data.dataset import Dataset
+from ..file_kinds import CHECKPOINT as CHECKPOINT_KIND
 from ..settings import AUTO, BF16, OF_LENGTH, TrainSettings
 from . import torch_threads
 from .learner import Learner, Resumable, learning_rate, mean_errors

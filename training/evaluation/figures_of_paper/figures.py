@@ -12,9 +12,10 @@ from ....patchnet_addon.codes.coded_octree import CodedOctree
 from ....patchnet_addon.network.weights import Weights
 from ....patchnet_addon.octree.file import load_octree, octree_hash
 from ....patchnet_addon.runtime.errors import SettingError
-from ....patchnet_addon.runtime.file_kinds import FIGURE_VALUES, PNG, SVG, FileKind
+from ....patchnet_addon.runtime.file_kinds import PNG, FileKind
 from ....patchnet_addon.runtime.progress import Progress, Steps
 from ....patchnet_addon.runtime.replace import replaced_file
+from ...file_kinds import FIGURE_VALUES, SVG
 from ..catalogue import SCENES as CATALOGUE
 from ..catalogue import Scene
 from ..codes import coded_octree

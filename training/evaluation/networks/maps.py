@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....patchnet_addon.runtime.errors import WeightsFileError
-from ....patchnet_addon.runtime.file_kinds import CHECKPOINT as CHECKPOINT_KIND
-from ....patchnet_addon.runtime.file_kinds import TRAINING_LOG, arrays_kind
+from ....patchnet_addon.runtime.file_kinds import arrays_kind
 from ....patchnet_addon.runtime.files import content_hash, read_arrays, write_arrays
 from ....patchnet_addon.runtime.threads import thread_count
 from ....patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ....patchnet_addon.sampling.strategy import Strategy
+from ...file_kinds import CHECKPOINT as CHECKPOINT_KIND
+from ...file_kinds import TRAINING_LOG
 from ...run import torch_threads
 from ...run.run_files import CHECKPOINT, LOG
 from . import NAMES

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
-"""Benches of `patchnet bench`, one per file; `commands/bench.py` has their arguments."""

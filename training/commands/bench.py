@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`patchnet bench NAME`: measure PatchNet and other programs in the same run on the same input.
+
+A bench is a module of `benches/`, imported when it runs:
+
+    measure(args) -> dict    the measurement as JSON values, which `text_of` prints
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ...commands import add_log_format
+from ...commands.shared.arguments import add_device, add_number
+from ...commands.shared.job_arguments import add_settings, require_blender
+from ...commands.shared.views import add_views
+from ...patchnet_addon.network.encoders import MLP
+from ...patchnet_addon.runtime import bounds
+from .. import bounds as lab_bounds
+from ..benchmarks import markdown_table
+from ..settings import AUTO, BF16, FP32
+from .training_run import require_torch
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the benches, each with --json."""
+    benches = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
+    for name, (text, add) in BENCHES.items():
+        single = benches.add_parser(name, help=text, description=f"Measure {text}.")
+        add(single)
+        add_log_format(single)
+        single.add_argument("--json", action="store_true", help="print one line of JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and print; returns 0; raises PatchNetError."""
+    if args.bench in ("bake", "preview", "walkthrough"):
+        require_blender()
+    if args.bench == "train":
+        require_torch()
+    bench = import_module(f".benches.{args.bench}", __package__)
+    values = bench.measure(args)
+    print(json.dumps(values) if args.json else text_of(values))
+    return 0
+
+
+def text_of(values: Mapping[str, Any]) -> str:
+    """Report of a bench: one value per line, lists of rows as Markdown tables. Single runs are in the JSON only."""
+    lines, tables = [], []
+    for name, value in values.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = [_flat(row) for row in value]
+            tables.append("\n" + markdown_table(list(rows[0]), [list(row.values()) for row in rows]))
+        elif name not in ("name", "runs") and value is not None:
+            lines.append(f"{name}: {_shown(value)}")
+    return "\n".join([*lines, *tables])
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, str]:
+    """Cells of a row by column; nested values become columns of their own, such as card.trace."""
+    cells: dict[str, str] = {}
+    for name, value in row.items():
+        nested = {f"{name}.{key}": each for key, each in value.items()} if isinstance(value, dict) else {name: value}
+        cells |= {key: _shown(each) for key, each in nested.items()}
+    return cells
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_shown(each)}" for name, each in value.items())
+    if isinstance(value, list):
+        return f"[{', '.join(map(_shown, value))}]"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def _triangles(parser: argparse.ArgumentParser, repeats: int, peer: str) -> None:
+    parser.add_argument("--scene", type=Path, help="scene file, as for `patchnet run` (a bumpy sphere)")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 9)
+    text = f"PatchNet's threads; {peer} has one; one: processor seconds"
+    add_number(parser, "--threads", lab_bounds.THREADS, text, 1)
+    _repeats(parser, repeats)
+
+
+def _octree(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
+    parser.add_argument("file", type=Path, nargs="?", help="octree file (a generated one of --nodes nodes)")
+    add_number(parser, "--nodes", lab_bounds.NODES, "nodes of the octree that is made", nodes)
+    _repeats(parser, repeats)
+
+
+def _network(parser: argparse.ArgumentParser, nodes: int, repeats: int) -> None:
+    _octree(parser, nodes, repeats)
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+    add_number(parser, "--threads", lab_bounds.THREADS, "threads of PatchNet and torch; one: processor seconds", 1)
+
+
+def _repeats(parser: argparse.ArgumentParser, repeats: int) -> None:
+    add_number(parser, "--repeats", lab_bounds.REPEATS, "runs of each, the median counts", repeats)
+
+
+def _trace(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, nargs="?", help="octree file of the scene (voxelized at --depth)")
+    _triangles(parser, 5, "Embree")
+    add_views(parser)
+
+
+def _decode(parser: argparse.ArgumentParser) -> None:
+    _network(parser, 1_000_000, 9)
+    add_number(parser, "--pixels", lab_bounds.DECODED_PIXELS, "pixels with look-ahead, about", 150_000)
+
+
+def _frame(parser: argparse.ArgumentParser) -> None:
+    _octree(parser, 1_000_000, 5)
+    add_views(parser)
+    add_number(parser, "--threads", lab_bounds.THREADS, "threads (one for each core)")
+
+
+def _gpu(parser: argparse.ArgumentParser) -> None:
+    _frame(parser)
+    parser.add_argument("--weights", type=Path, help="weights file (those that are shipped)")
+
+
+def _bake(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", default="room", help="scene file; demo: the courtyard; room: a closed room (room)")
+    add_number(parser, "--depth", bounds.DEPTH, "octree depth", 7)
+    add_number(parser, "--samples", bounds.SAMPLES, "paths per surfel", 16)
+
+
+def _preview(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", default="demo", help="scene file; demo: the courtyard; room: a closed room (demo)")
+    parser.add_argument("--camera", default="active", help="the camera (active)")
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels of the picture", (192, 192))
+    add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, "samples per pixel of Cycles' still", 32)
+
+
+def _walk(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scene", default="room",
+        help="room; demo: the courtyard; sponza and other names of the catalogue, in PATCHNET_SCENES; or a scene file "
+        "(room)",
+    )  # fmt: skip
+    add_number(parser, "--frames", lab_bounds.TRACK_FRAMES, "frames of the walk", 250)
+    add_number(parser, "--size", bounds.VIEW_PX, "pixels of each", (320, 180))
+    parser.add_argument("--depth", default="auto", help="octree depth; auto: fine only where the cameras look (auto)")
+    add_settings(parser, "max_samples")
+    add_number(parser, "--timed", lab_bounds.REPEATS, "frames of PatchNet that are timed", 3)
+    add_number(parser, "--cycles-timed", lab_bounds.REPEATS, "frames of Cycles that are timed", 1)
+    text = "samples per pixel of Cycles' frames"
+    add_number(parser, "--cycles-samples", bounds.CYCLES_SAMPLES, text, (1, 2, 4, 8, 32), nargs="+", metavar="N")
+    add_number(parser, "--judged", lab_bounds.REPEATS, "frames whose errors are measured", 1)
+    add_number(parser, "--error-size", bounds.VIEW_PX, "pixels of these", (160, 90))
+    add_number(parser, "--truth", bounds.CYCLES_SAMPLES, "samples that they are judged by", 256)
+
+
+def _train(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "datasets", nargs="*", type=Path, metavar="DATASET",
+        help="sample files, or folders of them (drawn from an octree of --nodes nodes)",
+    )  # fmt: skip
+    add_device(parser, "what trains; auto: a GPU where torch has one (auto)")
+    add_number(parser, "--nodes", lab_bounds.NODES, "nodes of the octree that is made", 1_000_000)
+    add_number(parser, "--samples", lab_bounds.DATASET_SAMPLES, "samples that are drawn of it", 400_000)
+    add_number(parser, "--threads", lab_bounds.THREADS, "threads that train, or gather batches for a GPU (all cores)")
+    parser.add_argument(
+        "--precision", choices=(AUTO, BF16, FP32), default=AUTO,
+        help="precision of the encoder's products (auto: bf16 where the processor has it)",
+    )  # fmt: skip
+    add_number(parser, "--encoder-width", bounds.ENCODER_WIDTH, "values between the encoder's layers", MLP.width)
+    _repeats(parser, 9)
+
+
+BENCHES: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
+    "voxelize": ("octree against Open3D's voxel grid", lambda parser: _triangles(parser, 3, "Open3D")),
+    "trace": ("rays per second against Embree's, thread for thread", _trace),
+    "encode": ("the whole encoder against torch's", lambda parser: _network(parser, 600_000, 5)),
+    "decode": ("the whole decoder against torch's layers alone", _decode),
+    "gpu": ("rays and decoded pixels on a graphics card against the CPU's kernels", _gpu),
+    "frame": ("a frame, from camera to priority and picture, against four rays in each pixel", _frame),
+    "bake": ("the bake against camera renders: paths per second", _bake),
+    "preview": ("the first lit picture and the whole job against Cycles' still of the same view", _preview),
+    "walkthrough": (
+        "a fly-through, with the bake, against Cycles: who is ahead at equal error, from which frame on",
+        _walk,
+    ),
+    "train": ("training samples per second, on a GPU against the CPU", _train),
+}
