@@ -103,7 +103,7 @@ def _seconds(way: Callable[[Camera], np.ndarray], camera: Camera) -> float:
 
 def _by_priority(coded: CodedOctree, camera: Camera) -> np.ndarray:
     budget = JobSettings().view.budget
-    picture = AdaptivePicture(coded.octree, camera, STRATEGIES[DEFAULT], coded, budget=budget)
+    picture = AdaptivePicture(coded.octree, camera, STRATEGIES[DEFAULT], coded)
     drain(picture.trace())
     drain(picture.refine(budget, refined=JobSettings().view.refined_samples))
     return picture.colors

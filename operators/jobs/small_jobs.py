@@ -54,8 +54,6 @@ def main(name: str, folder: str, *search_path: str) -> None:
         if done != {"FINISHED"}:
             raise SystemExit(f"the job ended with {done}")
         render()
-    bpy.context.scene.patchnet.strategy = "patchnet-plus-staged"
-    render()
     with tempfile.TemporaryDirectory() as out:
         bpy.ops.patchnet.run_all(light="two-lights", out=str(Path(out) / "job"), **SMALL)
 

@@ -64,10 +64,9 @@ def render_frame(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph)
     octree, coded = pull(engine, making, 0.0, 0.3)
     importance = None if strokes is None else partial(strokes.weights, octree.grid, rect=rect)
     world = pull(engine, _world(engine, depsgraph, camera, octree), 0.3, 0.3)
-    budget = wanted.budget if wanted.spp is None else None
     if wanted.render_samples is None:
         picture = AdaptivePicture(
-            octree, camera, chosen, coded, importance, wanted.unrefined, budget, pixel_filter=pixel_filter
+            octree, camera, chosen, coded, importance, wanted.unrefined, pixel_filter=pixel_filter
         )
         refining = picture.refine(wanted.budget, spp=wanted.spp, refined=wanted.refined_samples)
     else:

@@ -263,9 +263,9 @@ def _picture(context: bpy.types.Context, result: SceneResult, camera: Camera, im
     values, pixel_filter = context.scene.patchnet, pixel_filter_of(context.scene)
     if values.render_samples:
         return AdaptivePicture(result.octree, camera, None, None, importance, pixel_filter=pixel_filter)
-    budget, chosen = None if values.spp else values.budget, strategy(values.strategy)
+    chosen = strategy(values.strategy)
     return AdaptivePicture(
-        result.octree, camera, chosen, result.coded, importance, values.unrefined, budget, pixel_filter=pixel_filter
+        result.octree, camera, chosen, result.coded, importance, values.unrefined, pixel_filter=pixel_filter
     )
 
 

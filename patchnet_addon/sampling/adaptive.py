@@ -24,7 +24,6 @@ from .predicted import PREVIEW
 from .ranking import Ranking, rank
 from .registry import STRATEGIES
 from .sample_counts import pixels_by_side
-from .staged_strategy import Looks, StagedStrategy
 from .strategy import Strategy
 from .trace import trace_view
 
@@ -65,19 +64,16 @@ class AdaptivePicture:
         coded: CodedOctree | None = None,
         importance: Importance | None = None,
         unrefined: str = PREVIEW,
-        budget: float | None = None,
         pixel_filter: PixelFilter = BOX_FILTER,
     ) -> None:
         """Prepare a picture; importance returns the weights that multiply the scores of a traced view; None: all 1.
 
         strategy: ranks pixels for `refine`; None for evenly sampled pictures.
-        unrefined: value of pixels with one ray, see `PixelBuffers`. budget: share of the active pixels to be refined,
-        for strategies in stages; None: no stages.
+        unrefined: value of pixels with one ray, see `PixelBuffers`.
         """
         self.octree, self.camera, self.strategy, self.coded = octree, camera, strategy, coded
         self._importance = importance
         self.unrefined = unrefined
-        self._budget = budget
         from .film import Film
 
         self._film = Film((camera.width_px, camera.height_px), pixel_filter)
@@ -93,7 +89,7 @@ class AdaptivePicture:
         Raises SettingError if the strategy or the value of unrefined pixels needs codes and there are none, and errors
         of the importance.
         """
-        pace, camera, bands, wanted = pace or Pace(), self.camera, [], self._looks()
+        pace, camera, bands, wanted = pace or Pace(), self.camera, [], self._wanted()
         row = 0
         while row < camera.height_px:
             yield Progress(row, camera.height_px, "Tracing the preview")
@@ -142,13 +138,11 @@ class AdaptivePicture:
         take = partial(self._take, pattern=EVEN)
         yield from in_batches([(side, pixels[self.samples[pixels] != side**2])], pace or Pace(), take)
 
-    def _looks(self) -> list[Strategy]:
+    def _wanted(self) -> list[Strategy]:
         """Strategies whose inputs a traced view needs."""
         first = self.strategy
         if first is None:
             return []
-        if isinstance(first, StagedStrategy) and self._budget is not None and self.unrefined == PREVIEW:
-            first = first.first_look()
         return [first] if self.coded is None else [first, STRATEGIES["patchnet"]]  # for coverage
 
     def _ranked(self, bands: list[PixelBuffers]) -> Steps[tuple[PixelBuffers, Ranking | None]]:
@@ -159,7 +153,7 @@ class AdaptivePicture:
             buffers = replace(buffers, importance=(yield from self._importance(buffers)))
         if self.strategy is None:
             return buffers, None
-        return buffers, rank(self.strategy, buffers, self._budget, Looks(self.octree, self.camera, self.coded))
+        return buffers, rank(self.strategy, buffers)
 
     def _show(self, start: int, band: PixelBuffers) -> None:
         self._film.show(start, first_rays(self.octree, band))

@@ -1,29 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strategies of the error estimator, one for each cost (methods 12), and the fastest in stages (methods 12.5).
-
-A plan of stages assigns forms of the estimator to pixels by their distance from the budget's cut.
-"""
+"""Strategies of the error estimator, one for each cost (methods 12)."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .pixel_buffers import PixelBuffers
 from .plus.forms import FORMS, Form
-from .staged_strategy import SUFFIX, Plan, Stage, in_stages
 from .strategy import BEHIND, CHILD_MASK, CUBE_SIDE, FINE, FINE_RAYS, NORMAL, PREDICTION, SCENE_LUMINANCE, Strategy
 
 if TYPE_CHECKING:
     from ..network.weights import Weights
-
-_NETWORK_FROM = 0.25  # budget: below it, rays behind and decoding cost more than the samples they save
-_AROUND_FROM = 0.07  # budget: below it, the largest differences of the finer ray come first in any order
-_ALL_FROM = 0.75  # budget: from here on nearly all pixels are near the cut or before it
-_EVERY_PIXEL = 0.0, math.inf
 
 _GEOMETRY = frozenset({NORMAL, CHILD_MASK, CUBE_SIDE, SCENE_LUMINANCE})
 NEEDS = _GEOMETRY | {PREDICTION, BEHIND, FINE, FINE_RAYS}  # of all forms
@@ -45,7 +34,7 @@ def estimators_warning(name: str, weights: Weights) -> str | None:
     """
     from .plus.weights import estimators_of
 
-    if name.removesuffix(SUFFIX) not in {strategy.name for strategy in STRATEGIES} or estimators_fit(weights):
+    if name not in {strategy.name for strategy in STRATEGIES} or estimators_fit(weights):
         return None
     learned = estimators_of(weights).metadata.get("patchnet")
     return (
@@ -81,24 +70,6 @@ def estimator_strategy(form: Form, predicted: Form | None, name: str, title: str
     )
 
 
-def plan_of(last: Form) -> Callable[[float], Plan]:
-    """Plan for a budget, with a last form of one finer ray or of four; it is the only one where the budget is large."""
-
-    def plan(budget: float) -> Plan:
-        if budget >= _ALL_FROM:
-            return Plan((Stage(last, *_EVERY_PIXEL),))
-        return _FOUR_RAYS if last.rays == 4 else _one_ray(last, budget)
-
-    return plan
-
-
-def _one_ray(last: Form, budget: float) -> Plan:
-    """Plan with one finer ray; `last`, which also traces behind the patch, takes part where it is worth its time."""
-    near = Stage(FORMS["fine-1"], 0.5, 1.3 + 5.0 * budget)
-    stages = (near, Stage(last, 0.7, 1.2)) if budget >= _NETWORK_FROM else (near,)
-    return Plan(stages, around=budget >= _AROUND_FROM)
-
-
 # The predicted picture needs the finer ray and the one behind anyway.
 STRATEGIES = (
     estimator_strategy(
@@ -123,8 +94,3 @@ STRATEGIES = (
         "Expected error by the network without further rays; choose it where every ray is expensive",
     ),
 )
-
-# Four finer rays for the pixels near the cut. The network adds less to them than decoding costs.
-_FOUR_RAYS = Plan((Stage(FORMS["fine-1"], *_EVERY_PIXEL), Stage(FORMS["fine-4"], 0.4, 1.8)), around=False)
-
-STAGED = in_stages(STRATEGIES[0], plan_of(FORMS["plus-4"]))

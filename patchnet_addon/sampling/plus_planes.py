@@ -14,18 +14,16 @@ from .plus.forms import FAR, SLOPE, Form, Plane
 from .plus.weights import Estimators
 
 
-def estimated_error(
-    buffers: PixelBuffers, estimators: Estimators, form: Form, chosen: np.ndarray | None = None
-) -> np.ndarray:
-    """Expected error (P,) float32 of the picture `form.shown` in the pixels `chosen` (P,) bool of a view; 0 elsewhere.
+def estimated_error(buffers: PixelBuffers, estimators: Estimators, form: Form) -> np.ndarray:
+    """Expected error (P,) float32 of the picture `form.shown` in the active pixels of a view; 0 elsewhere.
 
-    None: in all active pixels. The view must have the inputs of the form's planes.
+    The view must have the inputs of the form's planes.
     """
 
     def planes_of(first: int, last: int) -> np.ndarray:
         return view_planes(buffers, form.planes, first, last)
 
-    return estimate(planes_of, buffers.picture(buffers.active if chosen is None else chosen), estimators, form).ravel()
+    return estimate(planes_of, buffers.picture(buffers.active), estimators, form).ravel()
 
 
 def view_planes(buffers: PixelBuffers, planes: Sequence[Plane], first: int = 0, last: int | None = None) -> np.ndarray:

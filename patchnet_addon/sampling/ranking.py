@@ -11,7 +11,6 @@ from .errors import left_after
 from .pixel_buffers import PixelBuffers
 from .refine import priority, refinable, refined_count, refined_mask, refinement_order
 from .sample_counts import LITTLE, refined_counts, sample_counts
-from .staged_strategy import Looks, StagedStrategy
 from .strategy import Strategy
 
 
@@ -86,20 +85,9 @@ class Ranking:
         return float(before), float(after)
 
 
-def rank(strategy: Strategy, buffers: PixelBuffers, budget: float | None, looks: Looks | None = None) -> Ranking:
-    """Score and sort the pixels of a view.
-
-    budget: None refines no share, without stages. looks: computes missing inputs of chosen pixels for a strategy in
-    stages. Raises SettingError for a view without the strategy's inputs.
-    """
-    # Stages estimate errors of the preview.
-    if budget is not None and isinstance(strategy, StagedStrategy) and not buffers.shows_predicted:
-        if looks is None:
-            strategy.check(buffers)
-        score = strategy.scores_within(buffers, budget, looks)
-    else:
-        score = strategy.scores(buffers)
-    budget = budget or 0.0
+def rank(strategy: Strategy, buffers: PixelBuffers, budget: float = 0.0) -> Ranking:
+    """Score and sort the pixels of a view; raises SettingError for a view without the strategy's inputs."""
+    score = strategy.scores(buffers)
     order = refinement_order(buffers, score)
     mask = refined_mask(buffers, order, budget)
     return Ranking(strategy, buffers, budget, score, priority(buffers, score), order, mask)

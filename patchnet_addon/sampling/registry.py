@@ -12,7 +12,6 @@ STRATEGIES: dict[str, Strategy] = {
     strategy.name: strategy
     for strategy in (
         *patchnet_plus.STRATEGIES,
-        patchnet_plus.STAGED,
         patchnet_behind.STRATEGY,
         patchnet.STRATEGY,
         ss_variance.STRATEGY,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays of chosen pixels only, so that the cost grows with their number (methods 12.5).
+"""Rays of chosen pixels only, so that the cost grows with their number.
 
 Pixels of a block of the picture share a tile, as in whole pictures, so that a tile's rays visit few nodes. They hit the
 same voxels as those of whole pictures (`render.py`), bit for bit.
@@ -35,14 +35,12 @@ from .tile import (
 from .tile_walk import trace_tile
 
 
-def fine_rays(
-    octree: Octree, camera: Camera, pixels: np.ndarray | None = None, *, lookahead: int = DEFAULT_LOOKAHEAD
-) -> np.ndarray:
-    """Luminances (N, 4) float32 of 2x2 rays in each of the pixels (N,) with a finer footprint (`finer_than_pixel`).
+def fine_rays(octree: Octree, camera: Camera, *, lookahead: int = DEFAULT_LOOKAHEAD) -> np.ndarray:
+    """Luminances (P, 4) float32 of 2x2 rays in each pixel with a finer footprint (`finer_than_pixel`).
 
-    Lower row first, left to right; 0 for a miss. pixels: None for the whole picture.
+    Lower row first, left to right; 0 for a miss.
     """
-    pixels = np.arange(camera.pixel_count) if pixels is None else np.asarray(pixels, np.int64)
+    pixels = np.arange(camera.pixel_count)
     unit = camera_in_unit_cube(camera, octree.grid)
     footprint = finer_than_pixel(lookahead)
     finer = unit.finer(footprint)

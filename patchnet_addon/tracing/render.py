@@ -7,7 +7,7 @@ All pictures are (H * W,) with row 0 at the bottom, as Blender stores them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -90,11 +90,6 @@ class Hits:
     def hit(self) -> np.ndarray:
         """(P,) bool."""
         return self.node >= 0
-
-    def part(self, pixels: np.ndarray) -> Hits:
-        """Hits of pixels by index (N,), as a picture of one row."""
-        arrays = {name: value[pixels] for name, value in vars(self).items() if name in _OF_PIXELS}
-        return replace(self, width_px=len(pixels), height_px=1, **arrays)
 
     @property
     def up(self) -> np.ndarray:

@@ -103,27 +103,17 @@ def supersample_pixels(
     return _mean_of_rays(octree, False, camera, np.asarray(pixels, np.int64), side, finer)
 
 
-def behind_patches(
-    octree: Octree,
-    camera: Camera,
-    hits: Hits,
-    pixels: np.ndarray | None = None,
-    *,
-    lookahead: int = DEFAULT_LOOKAHEAD,
-) -> PixelMeans:
-    """What rays of pixels (N,) meet behind the patches of their hits (methods 3.12); nothing where they miss.
+def behind_patches(octree: Octree, camera: Camera, hits: Hits, *, lookahead: int = DEFAULT_LOOKAHEAD) -> PixelMeans:
+    """What rays of pixels meet behind the patches of their hits (methods 3.12); nothing where they miss.
 
-    pixels: None for the whole picture. The footprint is the pixel over `finer_than_pixel`. In an octree with pieces the
-    rays end on the surface.
+    The footprint is the pixel over `finer_than_pixel`. In an octree with pieces the rays end on the surface.
     """
-    pixels = np.arange(camera.pixel_count) if pixels is None else np.asarray(pixels, np.int64)
-    means = PixelMeans(*(np.zeros((len(pixels), *shape), np.float32) for shape in ((), (3,), ())))
-    there = np.flatnonzero(hits.hit[pixels])
-    hit = pixels[there]
+    means = PixelMeans(*(np.zeros((camera.pixel_count, *shape), np.float32) for shape in ((), (3,), ())))
+    hit = np.flatnonzero(hits.hit)
     finer = finer_than_pixel(lookahead)
     found = _mean_of_rays(octree, True, camera, hit, 1, finer, hits.patch_end[hit])
     for all_of, some in zip(means, found, strict=True):
-        all_of[there] = some
+        all_of[hit] = some
     return means
 
 

@@ -25,7 +25,6 @@ from patchnet.patchnet_addon.sampling.plus.weights import (
 )
 from patchnet.patchnet_addon.sampling.plus_planes import estimated_error, view_planes
 from patchnet.patchnet_addon.sampling.predicted import PREDICTED
-from patchnet.patchnet_addon.sampling.ranking import rank
 from patchnet.patchnet_addon.sampling.registry import DEFAULT, STRATEGIES
 from patchnet.patchnet_addon.sampling.strategy import Strategy
 from patchnet.patchnet_addon.sampling.trace import trace_view
@@ -188,5 +187,3 @@ def test_estimators_travel_in_the_weights_file(coded, tmp_path):
         found = STRATEGIES[name].scores(own)
         np.testing.assert_array_equal(found, estimated_error(plain, estimators, FORMS[form]))
         assert not np.array_equal(found, STRATEGIES[name].scores(plain))
-    staged = STRATEGIES["patchnet-plus-staged"]
-    assert not np.array_equal(rank(staged, own, 0.3).score, rank(staged, plain, 0.3).score)

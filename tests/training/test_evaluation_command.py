@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from patchnet.patchnet_addon.octree.file import save_octree
-from patchnet.patchnet_addon.sampling.staged_strategy import StagedStrategy
 from patchnet.training.benchmarks.shells import octree_of_shells
 from patchnet.training.commands import main
 from patchnet.training.evaluation import evaluate
@@ -51,7 +50,7 @@ def test_curves_of_every_strategy(results):
     for name, curve in values["mse"].items():
         assert len(curve) == 101 and curve[0] == pytest.approx(start) and curve[100] == pytest.approx(0, abs=1e-12)
         assert (np.array(curve) >= best - 1e-6 * start).all(), "nothing is below what knows the errors"
-        assert isinstance(EVALUATED[name], StagedStrategy) or (np.diff(curve) <= 1e-9 * start).all(), "errors fall"
+        assert (np.diff(curve) <= 1e-9 * start).all(), "errors fall"
         low, high = (np.array(values["intervals"][name][end]) for end in ("low", "high"))
         assert (low <= np.array(curve) + 1e-12).all() and (np.array(curve) <= high + 1e-12).all()
     assert values["rays_per_pixel"]["fine-rays-4"] == 5 and values["rays_per_pixel"]["patchnet"] == 1

@@ -23,7 +23,6 @@ from ...patchnet_addon.runtime.replace import replaced_file
 from ...patchnet_addon.runtime.threads import limit_threads
 from ...patchnet_addon.sampling.predicted import PREDICTED
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.staged_strategy import Looks, StagedStrategy
 from ...patchnet_addon.sampling.strategy import REFERENCE, Strategy
 from ...patchnet_addon.sampling.trace import trace_view
 from ...patchnet_addon.sampling.uniform import SIDES
@@ -32,14 +31,10 @@ from ...patchnet_addon.tracing.supersample import supersample, supersample_pixel
 from ..benchmarks.timing import timed
 from ..file_kinds import COSTS
 from .codes import SceneCodes
-from .curves import BUDGETS
 from .strategies import PatchNetwork
 
 REFERENCE_SIDE = 32
 _REFERENCE_PIXELS = 512  # pixels of a frame, enough for timing
-STAGED_BUDGET = 0.3
-_MEASURED = (0.0, 0.05, 0.06, 0.07, 0.1, 0.2, 0.24, 0.25, 0.3, 0.5, 0.7, 0.74, 0.75, 1.0)
-"""Measured budgets of staged strategies; costs between them are interpolated."""
 CYCLES_MS_PER_PIXEL = 0.2
 """Processor milliseconds of 64 Cycles paths in a pixel, at the rate of camera renders in `patchnet bench bake`: 0.3
 million paths per second."""
@@ -48,9 +43,8 @@ million paths per second."""
 Costs = dict[str, Any]
 """Costs on one thread, plain JSON values: medians over frames of processor milliseconds.
 
-ms_per_frame: by strategy; staged ones at STAGED_BUDGET. ms_by_budget: of staged strategies at each of BUDGETS.
-uniform_ms: of a picture with side x side rays in each pixel, by side. predicted_ms: of predicted pictures by name.
-reference_ms_per_pixel: of 32x32 rays in a refined pixel.
+ms_per_frame: by strategy. uniform_ms: of a picture with side x side rays in each pixel, by side. predicted_ms: of
+predicted pictures by name. reference_ms_per_pixel: of 32x32 rays in a refined pixel.
 """
 
 
@@ -68,17 +62,10 @@ def measure_costs(
             for key, seconds in timed(runs, repeats)[0].items():
                 times.setdefault(key, []).append(1e3 * seconds)
     ms = {key: median(each) for key, each in times.items()}
-    by_budget = {
-        name: np.interp(BUDGETS, _MEASURED, [ms[f"{name} {budget}"] for budget in _MEASURED]).tolist()
-        for name, strategy in strategies.items()
-        if isinstance(strategy, StagedStrategy)
-    }
-    at_budget = {name: curve[BUDGETS.tolist().index(STAGED_BUDGET)] for name, curve in by_budget.items()}
     pixels = [len(_spread_pixels(camera)) for camera in cameras]
     references = zip(times["reference of pixels"], pixels, strict=True)
     return {
-        "ms_per_frame": {name: ms[name] for name in strategies if name in ms} | at_budget,
-        "ms_by_budget": by_budget,
+        "ms_per_frame": {name: ms[name] for name in strategies if name in ms},
         "uniform_ms": {str(side): ms[f"uniform {side}"] for side in SIDES},
         "predicted_ms": {name: ms[f"picture {name}"] for name in names},
         "reference_ms_per_pixel": median(each / count for each, count in references),
@@ -91,13 +78,11 @@ def predicted_names(networks: Sequence[PatchNetwork]) -> list[str]:
 
 
 def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy]) -> dict[str, Callable[[], object]]:
-    """Measured work of a frame by name: strategies, staged ones at each budget; pictures; samples of the reference."""
+    """Measured work of a frame by name: strategies; pictures; samples of the reference."""
     coded, octree = codes.coded, codes.coded.octree
     runs: dict[str, Callable[[], object]] = {}
     for name, strategy in strategies.items():
-        if isinstance(strategy, StagedStrategy):
-            runs |= {f"{name} {budget}": partial(_rank_staged, coded, camera, strategy, budget) for budget in _MEASURED}
-        elif REFERENCE not in strategy.needs:
+        if REFERENCE not in strategy.needs:
             runs[name] = partial(_rank, codes.of(strategy), camera, strategy)
     for side in SIDES:
         runs[f"uniform {side}"] = partial(_supersample, octree, camera, side)
@@ -111,12 +96,6 @@ def _runs(codes: SceneCodes, camera: Camera, strategies: Mapping[str, Strategy])
 def _rank(coded: CodedOctree, camera: Camera, strategy: Strategy) -> None:
     buffers = drain(trace_view(coded.octree, camera, [strategy], coded=coded, reference=False))
     refinement_order(buffers, strategy.scores(buffers))
-
-
-def _rank_staged(coded: CodedOctree, camera: Camera, strategy: StagedStrategy, budget: float) -> None:
-    first = [strategy.first_look()]
-    buffers = drain(trace_view(coded.octree, camera, first, coded=coded, reference=False))
-    refinement_order(buffers, strategy.scores_within(buffers, budget, Looks(coded.octree, camera, coded)))
 
 
 def _supersample(octree: Octree, camera: Camera, side: int) -> None:
@@ -140,8 +119,8 @@ def total_ms(values: Mapping[str, Any], strategy: str, ms_per_pixel: float) -> n
     values: of a scene in the results. ms_per_pixel: cost of the samples of a refined pixel.
     """
     pixels = values["active_pixels"] / max(values["frames"], 1)
-    own = values.get("ms_by_budget", {}).get(strategy, values["ms_per_frame"][strategy])
-    return np.asarray(own) + np.asarray(values["budgets"]) * pixels * ms_per_pixel
+    samples: np.ndarray = np.asarray(values["budgets"]) * pixels * ms_per_pixel
+    return values["ms_per_frame"][strategy] + samples
 
 
 def write_costs(costs: Costs, path: Path, key: str) -> None:

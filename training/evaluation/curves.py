@@ -11,8 +11,6 @@ import numpy as np
 from ...patchnet_addon.sampling import errors, optimal
 from ...patchnet_addon.sampling.pixel_buffers import PixelBuffers
 from ...patchnet_addon.sampling.refine import refinement_order
-from ...patchnet_addon.sampling.staged_strategy import StagedStrategy
-from ...patchnet_addon.sampling.strategy import Strategy
 
 OPTIMAL = optimal.STRATEGY.name
 BUDGETS = np.arange(101) / 100  # methods 7.25
@@ -44,18 +42,6 @@ def frame_errors(buffers: PixelBuffers, orders: Mapping[str, np.ndarray]) -> np.
     budgets = BUDGETS.tolist()
     left = [errors.sum_left_after(buffers, order, budgets) for order in orders.values()]
     return np.array(left).reshape(len(orders), len(budgets))
-
-
-def rank_staged(left: np.ndarray, buffers: PixelBuffers, strategies: Mapping[str, Strategy]) -> None:
-    """Write the errors of staged strategies into `left` (S, 101), which has those of all by a single order.
-
-    Each budget has its own stages. The view must contain all inputs of the strategies.
-    """
-    for row, strategy in enumerate(strategies.values()):
-        if isinstance(strategy, StagedStrategy):
-            for index, budget in enumerate(BUDGETS.tolist()):
-                order = refinement_order(buffers, strategy.scores_within(buffers, budget))
-                left[row, index] = errors.sum_left_after(buffers, order, [budget])[0]
 
 
 def pooled_mse(tracks: Sequence[TrackErrors]) -> np.ndarray:

@@ -31,7 +31,6 @@ from .curves import (
     excess_area,
     frame_errors,
     frame_orders,
-    rank_staged,
 )
 from .panels import save_figure, show_picture, show_values
 
@@ -97,13 +96,11 @@ def measure_camera(
     assert buffers.reference is not None
     scores = {name: strategy.scores(buffers) for name, strategy in strategies.items()}
     errors = {OCTREE: frame_errors(buffers, frame_orders(buffers, scores))}
-    rank_staged(errors[OCTREE], buffers, strategies)
     bias, noise = {}, {}
     for name, truth in truths.items():
         seen = replace(buffers, reference=truth.luminance)
         known = {key: each.scores(seen) for key, each in strategies.items() if REFERENCE in each.needs}
         errors[name] = frame_errors(seen, frame_orders(seen, scores | known))
-        rank_staged(errors[name], seen, strategies)
         off = (buffers.reference.astype(np.float64) - truth.luminance) ** 2
         bias[name], noise[name] = float(off[buffers.active].sum()), float(truth.noise[buffers.active].sum())
     return CameraResult(camera, buffers, truths, errors, bias, noise)

@@ -24,8 +24,7 @@ _STYLES: dict[str, Style] = {
     "patchnet": ("#56b4e9", "-"), "patchnet-behind": (BLUE, "-"), "fusion": (PURPLE, "-"), "ss-variance": (ORANGE, "-"),
     "ws-lut": (GREEN, "-"), "fine-ray": ("#8c510a", "-"), "fine-ray-variance": ("#8c510a", "--"),
     "fine-rays-4": ("#cc79a7", "-"), "fine-rays-4-variance": ("#cc79a7", "--"), "patchnet-behind-exact": (BLUE, ":"),
-    "patchnet-exact": ("#56b4e9", ":"), "patchnet-plus-staged": ("black", ":"),
-    "patchnet-plus-1-staged": ("#b2182b", ":"), "witw20": ("#332288", ":"), "kkr18": ("#332288", "--"),
+    "patchnet-exact": ("#56b4e9", ":"), "witw20": ("#332288", ":"), "kkr18": ("#332288", "--"),
     "ss-unet": ("#332288", "-"),
 }  # fmt: skip
 # Of the first further networks; later ones are gray.

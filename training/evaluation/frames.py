@@ -24,7 +24,7 @@ from ...patchnet_addon.sampling.uniform import SIDES, uniform_error
 from ...patchnet_addon.tracing.camera import Camera
 from . import kept_arrays
 from .codes import EvaluationSettings, SceneCodes, scene_codes
-from .curves import BUDGETS, frame_errors, frame_orders, rank_staged
+from .curves import BUDGETS, frame_errors, frame_orders
 from .picture_metrics import lpips_weights, quality_of
 from .strategies import strategies_in_use
 
@@ -95,7 +95,6 @@ def evaluate_block(block: FrameBlock) -> None:
             scores = {name: each.scores(views[codes.of(each)]) for name, each in strategies.items()}
             orders = frame_orders(buffers, scores)
             left = frame_errors(buffers, orders)
-            rank_staged(left, buffers, strategies)
             # FLIP takes twice as long as the rest of a frame: only the first frame of a block is measured.
             quality = quality_of(buffers, orders, lpips_weights(block.settings.lpips), flips=number == 0)
             prediction = buffers.prediction

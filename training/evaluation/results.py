@@ -70,7 +70,7 @@ def _scene(scene: SceneResult, track: TrackErrors, draws: Bootstrap) -> dict[str
         "octree_hash": octree_hash(scene.coded.octree),
         "rays_per_pixel": {name: 1 + strategy.extra_rays for name, strategy in scene.strategies.items()},
         "group": {name: strategy.group for name, strategy in scene.strategies.items()},
-        **{name: costs[name] for name in ("ms_per_frame", "ms_by_budget", "reference_ms_per_pixel")},
+        **{name: costs[name] for name in ("ms_per_frame", "reference_ms_per_pixel")},
         "quality": _quality(frames.quality),
         "uniform": {
             str(side): {

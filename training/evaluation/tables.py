@@ -27,12 +27,10 @@ PAIRS = {
     "patchnet-plus-0": ("patchnet", VARIANCE, "ss-variance-hits", "plain-plus-0"),
     "patchnet-plus-1": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1"),
     "patchnet-plus": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4"),
-    "patchnet-plus-1-staged": ("fine-ray", "fine-ray-variance", "patchnet-behind", "fusion", "plain-plus-1-staged"),
-    "patchnet-plus-staged": ("fine-rays-4", "fine-rays-4-variance", "plain-plus-4-staged"),
 }  # strategies and their rivals at as many rays
 _CYCLES_SHOWN = (
-    VARIANCE, "patchnet-plus-0", "patchnet", "patchnet-plus-1", "patchnet-plus-1-staged", "patchnet-behind", "fusion",
-    "fine-ray", "fine-ray-variance", "patchnet-plus", "patchnet-plus-staged", "fine-rays-4", "optimal",
+    VARIANCE, "patchnet-plus-0", "patchnet", "patchnet-plus-1", "patchnet-behind", "fusion",
+    "fine-ray", "fine-ray-variance", "patchnet-plus", "fine-rays-4", "optimal",
 )  # fmt: skip
 Tables = list[tuple[str, pd.DataFrame]]
 """Titles and tables of text cells."""
@@ -168,24 +166,18 @@ def geometric_means(ratios: pd.DataFrame) -> pd.Series:
 
 
 def over_scenes(scenes: Mapping[str, Any], names: Sequence[str]) -> pd.DataFrame:
-    """Strategies over all scenes as text, grouped by rays, oracles last; milliseconds of staged ones are at BUDGET."""
+    """Strategies over all scenes as text, grouped by rays, oracles last."""
     first, areas = next(iter(scenes.values())), excess_areas(scenes, names)
     means = pd.DataFrame({f"{at}%": geometric_means(variance_ratios(scenes, at)) for at in BUDGETS}).loc[areas.index]
     table = _by_strategy(means.map(lambda mean: f"{mean:.2f}" if mean >= 0.1 else f"{mean:.3f}"), "{}")
     ends = zip(areas.min(axis=1), areas.max(axis=1), strict=True)
     table["excess area"] = [f"{least:.3f} to {most:.3f}" for least, most in ends]
     oracle = [first["group"][name] == "oracle" for name in names]
-    times = [[_ms(values, name) for values in scenes.values()] for name in names]
+    times = [[values["ms_per_frame"].get(name) for values in scenes.values()] for name in names]
     table["ms"] = ["" if no or None in each else f"{median(each):.1f}" for no, each in zip(oracle, times, strict=True)]
     rays = [first["rays_per_pixel"][name] - 1 for name in names]
     table.insert(0, "further rays", ["oracle" if no else str(each) for no, each in zip(oracle, rays, strict=True)])
     return table
-
-
-def _ms(values: Mapping[str, Any], name: str) -> Any:
-    """Milliseconds of a strategy's frame at BUDGET; None without a cost."""
-    staged = values["ms_by_budget"].get(name)
-    return staged[BUDGET] if staged else values["ms_per_frame"].get(name)
 
 
 def _scenes(scenes: Mapping[str, Any]) -> pd.DataFrame:

@@ -81,7 +81,7 @@ def _packed(estimators: Estimators, form: Form) -> _Network:
         place[form.shown],
         place[Plane.DEPTH],
         place[Plane.PER_PIXEL],
-        place.get(Plane.NORMAL_X, 0),  # unused without a network
+        place[Plane.NORMAL_X],
         np.concatenate([blocks.ravel() for blocks in hidden]),
         layers[-1][0].ravel(),
         skip,

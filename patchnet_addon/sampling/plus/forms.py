@@ -85,16 +85,14 @@ class Form:
     """Form of the estimator.
 
     name: of its network in files. network: whether PatchNet's prediction is an input. rays: finer rays per pixel among
-    its inputs, 0, 1 or 4 (2x2). behind: whether the luminance behind the patch is an input. surface: whether normals
-    and children of voxels are. shown: plane of the picture whose error it estimates, LUMINANCE or PREDICTED; luminance
-    differences are relative to its pixel.
+    its inputs, 0, 1 or 4 (2x2). behind: whether the luminance behind the patch is an input. shown: plane of the picture
+    whose error it estimates, LUMINANCE or PREDICTED; luminance differences are relative to its pixel.
     """
 
     name: str
     network: bool
     rays: int
     behind: bool
-    surface: bool = True
     shown: Plane = Plane.LUMINANCE
 
     @cached_property
@@ -106,8 +104,7 @@ class Form:
     @cached_property
     def planes(self) -> tuple[Plane, ...]:
         """Planes of the features, in rising order."""
-        found = {feature.plane for feature in self.features} | {self.shown, Plane.DEPTH, Plane.PER_PIXEL}
-        found |= set(NORMALS) if self.surface else set()
+        found = {feature.plane for feature in self.features} | {self.shown, Plane.DEPTH, Plane.PER_PIXEL, *NORMALS}
         return tuple(sorted(found))
 
     @cached_property
@@ -167,10 +164,9 @@ def _geometry(form: Form) -> Iterator[Feature]:
         yield Feature(Kind.VALUE, Plane.HIT, place)
     for place in AROUND:
         yield Feature(Kind.SLOPE, Plane.DEPTH, place)
-    if form.surface:
-        for place in AROUND:
-            yield Feature(Kind.ANGLE, Plane.NORMAL_X, place)
-    for plane in (Plane.COSINE, Plane.RATIO, Plane.CHILDREN) if form.surface else (Plane.RATIO,):
+    for place in AROUND:
+        yield Feature(Kind.ANGLE, Plane.NORMAL_X, place)
+    for plane in (Plane.COSINE, Plane.RATIO, Plane.CHILDREN):
         yield Feature(Kind.VALUE, plane, CENTRE)
     if form.network:
         yield Feature(Kind.VALUE, Plane.LOOK_AHEAD, CENTRE)
@@ -184,6 +180,5 @@ _ALL = (
     *(Form(f"plus-{rays}", True, rays, rays > 0) for rays in (0, 1, 4)),
     *(Form(f"plain-{rays}", False, rays, rays > 0) for rays in (0, 1, 4)),
     *(Form(f"predicted-{rays}", True, rays, True, shown=Plane.PREDICTED) for rays in (1, 4)),
-    *(Form(f"fine-{rays}", False, rays, False, surface=False) for rays in (1, 4)),
 )
 FORMS: dict[str, Form] = {form.name: form for form in _ALL}
