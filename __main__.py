@@ -4,7 +4,6 @@
 import os
 import sys
 import traceback
-from contextlib import suppress
 from typing import NoReturn
 
 
@@ -17,38 +16,36 @@ def main() -> NoReturn:
         code = 130
     except SystemExit as stop:  # argparse: help, or words that it does not know
         code = stop.code if isinstance(stop.code, int) else 1
-    except Exception as error:  # noqa: BLE001  it is shown in full, and the process ends as below
-        code = 2 if _is_lost_output(error) else 1
-        with suppress(OSError):
-            traceback.print_exc()
+    except BrokenPipeError:  # `| head`
+        code = 1
+    except Exception:  # noqa: BLE001  it is shown in full, and the process ends as below
+        traceback.print_exc()
+        code = 1
     leave(code)
 
 
-def _is_lost_output(error: Exception) -> bool:
-    """Return whether stdout or stderr could not be written, as on a full disk; see `streams.py`."""
-    return isinstance(error, OSError) and error.filename in ("stdout", "stderr")
-
-
 def _run() -> int:
-    from .patchnet_addon.runtime.streams import keep_streams
     from .training.commands import main as run_command
 
-    keep_streams()
     return run_command()
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with `code`.
+    """End the process with `code`, or with 1 if its output cannot be written.
 
     Blender as a Python module can wait forever while its library is unloaded: a thread of its own still waits on what
     is being destroyed. So once it is loaded, the process ends as soon as everything is written, and what Blender would
     have tidied up is.
     """
-    from .patchnet_addon.runtime.streams import finish_streams
+    from .patchnet_addon.runtime.streams import drop_output
 
-    if (error := finish_streams()) is not None and not code:
-        code = 2
-        print(f"patchnet: error: what was printed is lost ({error.strerror})", file=sys.stderr)
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()
+    except OSError as error:
+        code = code or 1
+        drop_output(error)
     if "bpy" not in sys.modules:
         sys.exit(code)
     import atexit
@@ -59,7 +56,6 @@ def leave(code: int) -> NoReturn:
     session_folder_goes()
     atexit._run_exitfuncs()
     remove_unfinished()
-    finish_streams()
     os._exit(code)
 
 

@@ -38,6 +38,7 @@ def unregister() -> None:
 
 def execute(words: Sequence[str]) -> int:
     """Run a sub-command with the arguments after `--command patchnet`."""
+    import sys
     import traceback
 
     import bpy
@@ -45,21 +46,25 @@ def execute(words: Sequence[str]) -> int:
     from ..operators.properties.preferences import apply_preferences, preferences
     from ..operators.scene_access.temporary import session_folder_goes
     from ..patchnet_addon.runtime.errors import PatchNetError
-    from ..patchnet_addon.runtime.streams import keep_streams
+    from ..patchnet_addon.runtime.streams import drop_output
     from . import EXIT_ERROR, EXIT_UNEXPECTED, main
     from .shared.lines import say_error
 
-    keep_streams()
     session_folder_goes()
     try:
         apply_preferences(bpy.context)
         level = preferences(bpy.context).log_level
-        return main([_blender_path(word) for word in words], names=NAMES, program=PROGRAM, level=level)
+        code = main([_blender_path(word) for word in words], names=NAMES, program=PROGRAM, level=level)
+        sys.stdout.flush()
+        return code
     except PatchNetError as error:
         say_error(f"error: {error}", EXIT_ERROR)
         return EXIT_ERROR
     except SystemExit as stop:  # by argparse: help, or unknown arguments
         return stop.code if isinstance(stop.code, int) else EXIT_UNEXPECTED
+    except BrokenPipeError as error:  # `| head`
+        drop_output(error)
+        return EXIT_UNEXPECTED
     except Exception:  # noqa: BLE001  no caller would report what it was
         traceback.print_exc()
         return EXIT_UNEXPECTED

@@ -20,7 +20,6 @@ from ...patchnet_addon.runtime.interrupt import TERMINATED, end_process, exit_co
 from ...patchnet_addon.runtime.log import unexpected
 from ...patchnet_addon.runtime.progress import Steps
 from ...patchnet_addon.runtime.quantities import counted
-from ...patchnet_addon.runtime.streams import keep_streams
 from ...patchnet_addon.runtime.worker import attended
 from ..properties.job import job_settings
 from ..properties.preferences import apply_preferences
@@ -108,7 +107,6 @@ class JobOperator(OperatorBase):
             return {"CANCELLED"}
         try:
             if bpy.app.background:
-                keep_streams()
                 session_folder_goes()
             with prompt_interrupt() if bpy.app.background else nullcontext():
                 while not self._outcome:

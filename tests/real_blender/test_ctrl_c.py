@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ctrl-C, SIGTERM and closed streams in a real Blender without a window."""
+"""Ctrl-C and SIGTERM in a real Blender without a window."""
 
-import shlex
 import signal
 import subprocess
 import time
@@ -9,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from patchnet.patchnet_addon.octree.file import load_octree
-from patchnet.tests.real_blender.executable import PATIENCE_S, ROOT, Blender
+from patchnet.tests.real_blender.executable import PATIENCE_S, Blender
 
 pytestmark = pytest.mark.usefixtures("ctrl_c")
 
@@ -59,16 +57,6 @@ def test_sigterm_ends_the_command(installed: Blender, courtyard: Path, out: Path
     assert process.returncode == 143
     assert "patchnet: interrupted" in rest and "Traceback" not in rest
     assert not [path.name for path in out.iterdir() if "terminated" in path.name]
-
-
-def test_closed_streams(installed: Blender, yard: Path, out: Path) -> None:
-    """Blender's own prints get into no file, and the work is done."""
-    words = ("octree", "--depth", "4", "--light", "two-lights", "--out", out / "closed.safetensors")
-    blender = shlex.join(map(str, (*installed.words(), "-b", yard, "--command", "patchnet", *words)))
-    command = ["sh", "-c", f"{blender} <&- >&- 2>&-"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    assert done.returncode == 0 and "Traceback" not in done.stdout + done.stderr, done.stdout + done.stderr
-    assert load_octree(out / "closed.safetensors").depth == 4
 
 
 def test_steps_of_ours_stop_and_blenders_own_handler_is_back_afterwards(installed: Blender, yard: Path) -> None:
