@@ -13,7 +13,6 @@ DATA = [
     "**/*.safetensors",
     "**/*.md",
     "**/*.json",
-    "**/*.npz",
     "**/*.toml",
     "**/*.sh",
     "**/*.glsl",

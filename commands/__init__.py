@@ -25,7 +25,7 @@ NAMES = {
     "demo": "build the demo courtyard and show what PatchNet does with it",
     "octree": "voxelize and light a scene",
     "info": "print what an octree, codes or weights file holds",
-    "export": "write the voxels of an octree as .ply, .npz or .vdb",
+    "export": "write the voxels of an octree as .ply, .vdb or .safetensors",
     "verify-light": "compare the light in the voxels with Cycles",
 }
 

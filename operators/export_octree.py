@@ -19,7 +19,6 @@ from .settings.job_settings import JobSettings
 _FORMATS = [
     (".ply", "Point Cloud (.ply)", "Centers, normals, colors, luminance and sides of the voxels"),
     (".vdb", "OpenVDB (.vdb)", "Grids of luminance and density; needs a Blender with the openvdb module"),
-    (".npz", "NumPy (.npz)", "Everything about the voxels as arrays"),
     (".safetensors", "Octree (.safetensors)", "The octree down to the level, as PatchNet reads it"),
 ]
 
@@ -32,7 +31,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
 
     filepath: StringProperty(
         name="File",
-        description="Ends in .ply, .vdb, .npz or .safetensors",
+        description="Ends in .ply, .vdb or .safetensors",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
@@ -91,7 +90,7 @@ class PATCHNET_OT_export_octree(LevelProperties, VoxelJob, bpy.types.Operator):
         level = setting(context, self, "level") or octree.depth
         path = absolute_path(self.filepath)
         if path is None:
-            raise SettingError("No file to write: choose a path that ends in .ply, .vdb, .npz or .safetensors")
+            raise SettingError("No file to write: choose a path that ends in .ply, .vdb or .safetensors")
         check_outputs({path: format_of(path).kind}, scene_inputs(), makes_folders=False)
         self._file = path
         count = yield from export_octree(octree, path, level)

@@ -13,9 +13,8 @@ from ..octree.file import save_octree
 from ..octree.octree import Octree
 from ..octree.voxel_cloud import check_level, voxel_counts
 from ..runtime.errors import SettingError
-from ..runtime.file_kinds import NPZ, OCTREE, PLY, VDB, FileKind
+from ..runtime.file_kinds import OCTREE, PLY, VDB, FileKind
 from ..runtime.progress import Progress, Steps
-from .npz import write_npz
 from .ply import write_ply
 from .vdb import write_vdb
 
@@ -62,7 +61,6 @@ class Format:
 FORMATS: dict[str, Format] = {
     ".ply": Format(PLY, write_ply),
     ".vdb": Format(VDB, write_vdb),
-    ".npz": Format(NPZ, write_npz),
     ".safetensors": Format(OCTREE, write_octree),
 }
 

@@ -32,9 +32,7 @@ from ..runtime.replace import replaced_path
 from .fine_light import fine_light_text
 
 _MODULES = ("openvdb", "pyopenvdb")  # the name since OpenVDB 12, and the older one
-NO_VDB = (
-    "This Python has no openvdb module, which .vdb needs: use Blender as blender.org ships it, or choose .ply or .npz"
-)
+NO_VDB = "This Python has no openvdb module, which .vdb needs: use Blender as blender.org ships it, or choose .ply"
 _BLOCK_LEVELS = 5  # cells are handed over in dense blocks of 2^5 along an axis
 _CHANNELS = {"luminance": 1, "density": 1, "color": 3}  # of each grid
 # OpenVDB drops cells with exactly the background's value; black surfaces must stay.

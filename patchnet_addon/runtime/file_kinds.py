@@ -92,17 +92,10 @@ def _is_blend(path: Path) -> bool:
     return beginning == b"BLENDER" or (path.suffix.lower() == ".blend" and beginning.startswith(_COMPRESSED))
 
 
-def members(path: Path) -> list[str]:
-    """Names in a zip file; raises OSError and BadZipFile."""
-    with zipfile.ZipFile(path) as archive:
-        return archive.namelist()
-
-
 PNG = FileKind("a .png picture", (".png",), begins(b"\x89PNG\r\n\x1a\n"))
 EXR = FileKind("an .exr picture", (".exr",), begins(b"\x76\x2f\x31\x01"))
 PLY = FileKind("a .ply file", (".ply",), begins(b"ply\n", b"ply\r"))
 VDB = FileKind("a .vdb file", (".vdb",), begins(b" BDV\0\0\0\0"))
-NPZ = FileKind("an .npz file", (".npz",), lambda path: all(name.endswith(".npy") for name in members(path)))
 BLEND = FileKind("a .blend file", (".blend",), _is_blend)
 OCTREE, CODES = arrays_kind("octree"), arrays_kind("codes")
 REPORT = FileKind("a report of PatchNet", (".json",), _is_report)

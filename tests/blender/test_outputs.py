@@ -105,7 +105,7 @@ def test_the_scenes_own_files_are_not_replaced(
         ("run_all(out='//report')", FOREIGN),
         ("bake_animation(frame_start=1, frame_end=2, out='//record')", FOREIGN),
         ("export_octree(filepath=FILES + '/mesh.ply')", FOREIGN),
-        ("export_octree(filepath=FILES + '/nowhere/a.npz')", "does not exist"),
+        ("export_octree(filepath=FILES + '/nowhere/a.ply')", "does not exist"),
     ],
 )
 def test_operators_refuse(

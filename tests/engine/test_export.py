@@ -4,7 +4,6 @@
 The .vdb tests need a module `openvdb` or `pyopenvdb`: Debian's package python3-openvdb has one for its own Python.
 """
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -69,26 +68,6 @@ def test_ply(either, level, tmp_path):
     np.testing.assert_allclose(linear, np.broadcast_to(color, linear.shape), atol=0.005)
 
 
-@pytest.mark.parametrize("level", [0, 4, 7])
-def test_npz(either, level, tmp_path):
-    path = tmp_path / "voxels.npz"
-    drain(export_octree(either, path, level))
-    cloud = voxel_cloud(either, level)
-    with np.load(path, allow_pickle=False) as read:
-        for name in ("centres_world", "side_world", "luminance", "normal", "area_world"):
-            np.testing.assert_allclose(read[name], getattr(cloud, name), rtol=1e-6, err_msg=name)
-        side = read["grid_side_world"] / 2.0 ** read["level"]
-        low = read["grid_origin_world"] + read["cells"] * side[:, None]
-        np.testing.assert_allclose(low + side[:, None] / 2, cloud.centres_world, atol=1e-9)
-        assert read["cells"].dtype == np.int32 and read["level"].dtype == np.uint8
-        assert (read["export_level"], read["grid_depth"], read["exposure"]) == (level, 7, 0.5)
-        assert json.loads(str(read["provenance"])) == {"scene": "Höhle"}
-        assert ("color" in read) == (either.chroma is not None)
-        if "color" in read:
-            np.testing.assert_array_equal(read["color"], cloud.color)
-            np.testing.assert_allclose(read["color"] @ (0.2126, 0.7152, 0.0722), cloud.luminance, atol=1e-6)
-
-
 def test_octree_file(octree, tmp_path):
     path = tmp_path / "octree.safetensors"
     drain(export_octree(octree, path))
@@ -134,7 +113,7 @@ def test_vdb_is_refused_without_its_module(octree, tmp_path):
 
 @pytest.mark.parametrize("name", ["voxels.xyz", "voxels"])
 def test_unknown_ending(octree, name, tmp_path):
-    with pytest.raises(SettingError, match=r"choose one of \.ply, \.vdb, \.npz, \.safetensors"):
+    with pytest.raises(SettingError, match=r"choose one of \.ply, \.vdb, \.safetensors"):
         drain(export_octree(octree, tmp_path / name))
 
 

@@ -51,7 +51,6 @@ MAKERS = {
     "svg": ("a.svg", lab_kinds.SVG, text("<?xml version='1.0'?>\n<svg></svg>")),
     "ply": ("a.ply", file_kinds.PLY, text("ply\nformat ascii 1.0\n")),
     "vdb": ("a.vdb", file_kinds.VDB, beginning(b" BDV\0\0\0\0")),
-    "npz": ("a.npz", file_kinds.NPZ, lambda path: np.savez(path, a=np.zeros(2))),
     "blend": ("a.blend", file_kinds.BLEND, beginning(b"\x28\xb5\x2f\xfd")),
     "report": ("report.json", file_kinds.REPORT, text(json.dumps({"versions": {"patchnet": "0.1.0"}}))),
     "record": ("frame.json", file_kinds.FRAME_RECORD, text(json.dumps(RECORD))),
