@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`patchnet export OCTREE`: write the voxels of one level of an octree file for other programs. The ending of --out
-selects the format: .ply is a point cloud, .safetensors is the octree down to the level, and .vdb holds the OpenVDB grids
-luminance and density, which needs the Python module openvdb. Light is the mean over all sides of a voxel; .safetensors
-keeps the sides.
+selects the format: .ply is a point cloud, .safetensors is the octree down to the level, and .vdb holds the OpenVDB
+grids luminance and density, which needs the Python module openvdb. Light is the mean over all sides of a voxel;
+.safetensors keeps the sides.
 """
 
 from __future__ import annotations

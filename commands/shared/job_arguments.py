@@ -66,10 +66,6 @@ def add_job_arguments(parser: argparse.ArgumentParser) -> None:
     costs = ", ".join(f"{item.name} ({item.cost})" for item in STRATEGIES.values())
     parser.add_argument("--strategy", default=DEFAULT, help=f"order of refinement ({DEFAULT}): {costs}")
     add_settings(parser, "unrefined", "background")
-    parser.add_argument(
-        "--mask", type=Path, metavar="IMAGE",
-        help="painted importance, scaled to each view: multiplies the priority; black pixels are never refined",
-    )  # fmt: skip
     add_settings(parser, "importance_image", "importance_group", "heatmap_maximum")
     parser.add_argument("--colormap", default="viridis", help="viridis or turbo (viridis)")
     add_settings(parser, "weights")
@@ -122,14 +118,10 @@ def job_settings(args: argparse.Namespace, out: Path) -> JobSettings:
 
 
 def _importance(args: argparse.Namespace) -> Importance | None:
-    """Source of painted importance, if given; raises SettingError for more than one."""
+    """Source of painted importance, if given; raises SettingError for both."""
     from ...operators.importance.painted import Importance
 
-    if args.mask is None and not args.mask_image and not args.mask_group:
-        return None
-    if args.mask is not None and not args.mask.is_file():  # raises before the bake
-        raise SettingError(f"The importance mask {args.mask} does not exist: check --mask")
-    return Importance(args.mask_image, None if args.mask is None else args.mask.absolute(), args.mask_group)
+    return Importance(args.mask_image, args.mask_group) if args.mask_image or args.mask_group else None
 
 
 def given_settings(args: argparse.Namespace) -> dict[str, Any]:

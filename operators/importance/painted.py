@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from ...patchnet_addon.runtime.errors import SettingError
 from ..schema.table import IMAGE, NOTHING
@@ -12,19 +11,18 @@ from ..schema.table import IMAGE, NOTHING
 
 @dataclass(frozen=True)
 class Importance:
-    """Source of importance, one of three.
+    """Source of importance, one of two.
 
     image: name of an image of the open file, painted in an Image Editor and stretched over each view.
-    file: a file of such an image. vertex_group: name of a group; objects without it weigh 0.
+    vertex_group: name of a group; objects without it weigh 0.
     """
 
     image: str = ""
-    file: Path | None = None
     vertex_group: str = ""
 
     def __post_init__(self) -> None:
-        if sum(map(bool, (self.image, self.file, self.vertex_group))) != 1:
-            raise SettingError("Importance needs one source: choose an image, its file, or a vertex group")
+        if bool(self.image) == bool(self.vertex_group):
+            raise SettingError("Importance needs one source: choose an image or a vertex group")
 
     @classmethod
     def chosen(cls, kind: str, image: str, vertex_group: str) -> Importance | None:

@@ -9,11 +9,11 @@ with the octree. Where a voxel holds painted and other surfaces, the painted one
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
+from mathutils.interpolate import poly_3d_calc
 
 from ...patchnet_addon.octree.grid import Grid
 from ...patchnet_addon.runtime.errors import SettingError
@@ -31,30 +31,13 @@ _HALF_DIAGONAL = 0.5 * 3.0**0.5 * 1.001  # in voxel sides, with a margin for rou
 
 
 def painted_image(name: str) -> np.ndarray:
-    """(h, w) float32 of an image of the open file, row 0 at the bottom; raises SettingError."""
+    """(h, w) float32 of an image of the open file, row 0 at the bottom: gray value of the stored pixels, times alpha.
+
+    Raises SettingError for an image that does not exist or has no pixels.
+    """
     image = bpy.data.images.get(name)
     if image is None:
         raise SettingError(f"Importance image '{name}' does not exist: choose another image")
-    return _values(image)
-
-
-def painted_file(path: Path) -> np.ndarray:
-    """(h, w) float32 of an image file, row 0 at the bottom; raises SettingError."""
-    if not path.is_file():
-        raise SettingError(f"The importance mask {path} does not exist: give the file of a painted image")
-    try:
-        image = bpy.data.images.load(str(path), check_existing=False)
-    except RuntimeError as cause:
-        raise SettingError(f"The importance mask {path} cannot be read as an image: give a .png or .exr") from cause
-    try:
-        image.colorspace_settings.name = "Non-Color"
-        return _values(image)
-    finally:
-        bpy.data.images.remove(image)
-
-
-def _values(image: bpy.types.Image) -> np.ndarray:
-    """Gray value of the stored pixels, times alpha."""
     width, height = image.size
     channels = image.channels
     if not width * height * channels:
@@ -96,8 +79,7 @@ def read_strokes(importance: Importance, scope: str, depsgraph: bpy.types.Depsgr
     if importance.vertex_group:
         with render_geometry(depsgraph):
             return Strokes(surface=PaintedSurface(depsgraph, scope, importance.vertex_group))
-    file = importance.file
-    return Strokes(picture=painted_image(importance.image) if file is None else painted_file(file))
+    return Strokes(picture=painted_image(importance.image))
 
 
 def pixel_importance(importance: Importance, scope: str, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
@@ -116,9 +98,7 @@ def importance_key(importance: Importance | None) -> str:
             if isinstance(item.data, bpy.types.Mesh) and importance.vertex_group in item.vertex_groups:
                 digest.array(item.name_full, group_weights(item, item.data, importance.vertex_group))
     else:
-        file = importance.file
-        values = painted_image(importance.image) if file is None else painted_file(file)
-        digest.array("picture", values)
+        digest.array("picture", painted_image(importance.image))
     return digest.hexdigest()
 
 
@@ -148,7 +128,7 @@ class PaintedSurface:
         if found is None:
             return 0.0
         corners = self._triangles[index]
-        return float(_barycentric(np.array(found), self._points[corners]) @ self._weights[corners])
+        return float(np.dot(poly_3d_calc(self._points[corners].tolist(), found), self._weights[corners]))
 
 
 def vertex_group_weights(surface: PaintedSurface, grid: Grid, buffers: PixelBuffers) -> Steps[np.ndarray]:
@@ -193,17 +173,3 @@ def _triangles(instance: bpy.types.DepsgraphObjectInstance, group: str) -> tuple
     matrix = np.array(instance.matrix_world, np.float64)
     world = points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return world, triangles.reshape(-1, 3), group_weights(item, mesh, group)
-
-
-def _barycentric(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(3,) shares of a point (3,) on a triangle (3, 3); a third each where the triangle has no area."""
-    edges = corners[1:] - corners[0]
-    gram = edges @ edges.T
-    determinant = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
-    if determinant <= 0.0:
-        return np.full(3, 1.0 / 3.0)
-    along = edges @ (point - corners[0])
-    second = (gram[1, 1] * along[0] - gram[0, 1] * along[1]) / determinant
-    third = (gram[0, 0] * along[1] - gram[0, 1] * along[0]) / determinant
-    shares = np.clip([1.0 - second - third, second, third], 0.0, 1.0)
-    return shares / shares.sum()

@@ -81,10 +81,8 @@ def job_files(folders: Iterable[str], cycles: CyclesSettings | None, *, referenc
 
 
 def job_inputs(settings: JobSettings) -> list[Path]:
-    """Input files of a job: those of the open scene, weights, and a painted mask."""
-    importance = settings.view.importance
-    masks = [importance.file] if importance is not None and importance.file is not None else []
-    return [*scene_inputs(), settings.network.weights or default_weights_path(), *masks]
+    """Input files of a job: those of the open scene, and weights."""
+    return [*scene_inputs(), settings.network.weights or default_weights_path()]
 
 
 def scene_inputs() -> Iterator[Path]:

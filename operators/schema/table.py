@@ -291,7 +291,8 @@ _VIEWS = (
     Setting(
         "importance_image", "Image", "Painted image", IMPORTANCE, Kind.TEXT, field_name="importance",
         counts=lambda values: values.importance == IMAGE,
-        argument="--mask-image", help="painted importance, by the name of an image of the .blend file", unit="NAME",
+        argument="--mask-image", unit="NAME",
+        help="painted importance, by the name of an image of the .blend file; black pixels are never refined",
     ),
     Setting(
         "importance_group", "Vertex Group", "Painted vertex group", IMPORTANCE, Kind.TEXT,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Importance by images, files and vertex groups, in operators and on the command line."""
+"""Importance by images and vertex groups, in operators and on the command line."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,6 @@ from patchnet.operators.importance.painted import Importance
 from patchnet.operators.importance.pixels import importance_key
 from patchnet.operators.pipeline.run import run_job
 from patchnet.operators.pipeline.views import View
-from patchnet.operators.scene_access.images import save_png
 from patchnet.operators.session.views import image_name
 from patchnet.operators.settings.job_settings import JobSettings
 from patchnet.patchnet_addon.runtime.progress import drain
@@ -116,14 +115,14 @@ def test_strokes_count_for_frames(tmp_path: Path) -> None:
 
 
 def test_command_line(weights: Path, tmp_path: Path) -> None:
+    mask = painted()
+    mask.pack()
+    mask.use_fake_user = True
     scene = saved(tmp_path / "scene.blend")
-    mask = np.zeros((HEIGHT, WIDTH), np.float32)
-    mask[:, : WIDTH // 2] = 1.0
-    save_png(tmp_path / "mask.png", mask)
     arguments = ["run", str(scene), "--light", "two-lights", "--weights", str(weights)]
     arguments += ["--depth", "7", "--size", str(WIDTH), str(HEIGHT), "--out", str(tmp_path / "out")]
-    assert main([*arguments, "--mask", str(tmp_path / "mask.png")]) == 0
+    assert main([*arguments, "--mask-image", "Mask"]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     (view,) = report["frames"]
     assert 0 < view["refinable_pixels"] < view["active_pixels"]
-    assert main([*arguments, "--mask", str(tmp_path / "none.png")]) == 2
+    assert main([*arguments, "--mask-image", "None"]) == 2

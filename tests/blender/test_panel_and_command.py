@@ -34,7 +34,6 @@ OF_ARGUMENT = {
     "--overwrite": {"skip_existing"},
 }
 ONLY_COMMAND = {
-    "--mask": "a file; in Blender it is opened as an image",
     "--colormap": "in the preferences, since it belongs to a user",
 }
 ONLY_PANEL = {
